@@ -1,7 +1,7 @@
-"""Least squares within bounds, for residuals that are evaluated many sets at once.
+"""Bounded least squares for residuals that are evaluated for many parameter sets at once.
 
-Gauss-Newton steps whose bounded linear problem scipy solves exactly (active set), so that a
-parameter may come to rest on its bound; several step lengths are tried in one evaluation.
+Gauss-Newton; scipy solves the bounded linear problem of each step exactly (active set), so a
+parameter can end at its bound. Several step lengths are tried in one evaluation.
 """
 
 from __future__ import annotations
@@ -15,46 +15,38 @@ from scipy.optimize import lsq_linear
 from benchtool.core.array_type import Array
 
 Residuals = Callable[[Array], Array]  # residuals(sets (n_sets, n)) -> (n_rows, n_sets)
-LENGTHS = (1.0, 0.5, 0.2, 0.05)  # parts of a step that are tried together
+STEP_LENGTHS = (1.0, 0.5, 0.2, 0.05)  # fractions of a Gauss-Newton step, evaluated together
 STEP = 0.05  # finite difference, in units of the parameters; they are scaled to tolerances
 
-PREDICTED_DECREASE_FACTOR = (
-    3.0  # a search may gain so many times what a neighbourhood promises; assumed
-)
+PREDICTED_DECREASE_FACTOR = 3.0  # largest gain over the gain of the linear model; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class BoundedRegion:
-    """Say where a minimum is looked for.
+    """Bounds and penalties of a minimization."""
 
-    Attributes:
-        lower, upper: (n,) bounds; equal ones hold a parameter.
-        penalty: (n,) weights of a quadratic penalty (p_i x_i)^2, one over a prior's width; 0 for
-            none.
-    """
+    lower: Array  # (n,) equal bounds fix a parameter
+    upper: Array  # (n,)
+    penalty: Array  # (n,) p of a quadratic penalty (p_i x_i)^2: 1 / prior width; 0 for none
 
-    lower: Array
-    upper: Array
-    penalty: Array
-
-    def clipped(self, at: Array) -> Array:
+    def clipped(self, values: Array) -> Array:
         """Return the nearest point within the bounds."""
-        moved: Array = np.clip(at, self.lower, self.upper)
-        return moved
+        clipped_values: Array = np.clip(values, self.lower, self.upper)
+        return clipped_values
 
-    def cost_of(self, sets: Array) -> Array:
+    def penalty_cost(self, sets: Array) -> Array:
         """Return the penalty of points (..., n)."""
         total: Array = (sets**2) @ self.penalty**2
         return total
 
-    def holds(self, at: Array) -> bool:
-        """Whether a point is within the bounds."""
-        return bool(np.all(at >= self.lower - 1e-9) and np.all(at <= self.upper + 1e-9))
+    def contains(self, values: Array) -> bool:
+        """Return True if a point is within the bounds."""
+        return bool(np.all(values >= self.lower - 1e-9) and np.all(values <= self.upper + 1e-9))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """Hold residuals about a point, without any penalty."""
+    """Linear model of residuals at a point, without penalties."""
 
     at: Array  # (n,) the point
     cost: float  # sum of squares there
@@ -63,7 +55,7 @@ class Linearisation:
 
     @classmethod
     def of(cls, at: Array, rows: Array, jacobian: Array) -> Linearisation:
-        """Return it from residuals (n_rows,) and their slopes (n_rows, n)."""
+        """Return the linearisation for residuals (n_rows,) and their Jacobian (n_rows, n)."""
         return cls(
             at=np.array(at),
             cost=float(rows @ rows),
@@ -72,7 +64,7 @@ class Linearisation:
         )
 
     def step(self, region: BoundedRegion) -> tuple[Array, float]:
-        """Return the best point of a region, as far as the neighbourhood shows, and its cost."""
+        """Return the minimum of the linear model within a region, and its cost."""
         weights = region.penalty**2
         curvature = self.curvature + np.diag(weights)
         gradient = self.gradient + weights * self.at
@@ -83,35 +75,36 @@ class Linearisation:
         move = np.clip(np.zeros(len(self.at)), low, high)
         if free.any():
             fixed = factor[:, ~free] @ move[~free]
-            found = lsq_linear(
+            solution = lsq_linear(
                 factor[:, free], target - fixed, (low[free], high[free]), method="bvls", tol=1e-10
             )
-            move[free] = np.clip(found.x, low[free], high[free])
-        gained = 2.0 * gradient @ move + move @ curvature @ move
-        return self.at + move, float(self.cost + region.cost_of(self.at) + gained)
+            move[free] = np.clip(solution.x, low[free], high[free])
+        change = 2.0 * gradient @ move + move @ curvature @ move
+        return self.at + move, float(self.cost + region.penalty_cost(self.at) + change)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MinimizationResult:
-    """Hold where a bounded search ended."""
+    """Result of a bounded search."""
 
     at: Array  # (n,) the point
     cost: float  # sum of squares there, penalties included
-    converged: bool  # whether the last step gained nothing that matters
+    converged: bool  # the last step gained less than the minimum gain
 
 
 def _root(curvature: Array) -> Array:
-    """Return R with R^T R = curvature, made safe where data say nothing."""
+    """Return R with R^T R = curvature plus a small ridge for undetermined parameters."""
     ridge = 1e-9 * np.trace(curvature) / len(curvature) + 1e-12
     root: Array = np.linalg.cholesky(curvature + ridge * np.eye(len(curvature))).T
     return root
 
 
 class BoundedSearch:
-    """Search minima of one sum of squares in many different regions.
+    """Minimizer of one sum of squares in many regions.
 
     Args:
-        linearised: neighbourhood of a point (n,).
+        costs: sums of squares of parameter sets (n_sets, n).
+        linearised: linearisation at a point (n,).
     """
 
     def __init__(
@@ -122,11 +115,7 @@ class BoundedSearch:
 
     @classmethod
     def of(cls, residuals: Residuals, limits: tuple[Array, Array]) -> BoundedSearch:
-        """Return the search for residuals, many sets at once.
-
-        Args:
-            limits: lower and upper (n,) that finite differences may not leave.
-        """
+        """Return the search for residuals; finite differences stay within limits (lower, upper)."""
 
         def costs(sets: Array) -> Array:
             rows = residuals(sets)
@@ -144,43 +133,44 @@ class BoundedSearch:
         enough: float = 0.1,
         above: float = np.inf,
     ) -> MinimizationResult:
-        """Return the minimum of a region that is reached from a point.
+        """Return the local minimum of a region for a start point.
 
         Args:
-            start: (n,) where to begin; moved into the region.
+            start: (n,) initial values; clipped to the region.
             region: bounds and penalties.
-            known: a neighbourhood to take the first step from; its point may lie outside.
-            most_steps: linearisations to make at most.
-            enough: stop when a step gains less than this in the sum of squares.
-            above: give up once a neighbourhood promises no cost below this, nor would with
-                `PREDICTED_DECREASE_FACTOR` times the gain.
+            known: linearisation of the first step; its point may lie outside the region.
+            most_steps: maximum number of linearisations.
+            enough: stop when a step reduces the sum of squares by less than this.
+            above: stop when the predicted cost, with `PREDICTED_DECREASE_FACTOR` times the
+                predicted gain, stays above this.
         """
-        here = known if known is not None else self.linearised(region.clipped(start))
-        best = MinimizationResult(here.at, here.cost + float(region.cost_of(here.at)), False)
-        if not region.holds(here.at):
-            best = MinimizationResult(here.at, np.inf, False)
+        local = known if known is not None else self.linearised(region.clipped(start))
+        penalty_cost = float(region.penalty_cost(local.at))
+        best = MinimizationResult(local.at, local.cost + penalty_cost, False)
+        if not region.contains(local.at):
+            best = MinimizationResult(local.at, np.inf, False)
         for step in range(1, most_steps + 1):
-            aim, promised = here.step(region)
-            if best.cost - PREDICTED_DECREASE_FACTOR * (best.cost - promised) > above:
+            target, predicted_cost = local.step(region)
+            if best.cost - PREDICTED_DECREASE_FACTOR * (best.cost - predicted_cost) > above:
                 return best
-            inside = region.clipped(here.at)
-            sets = np.array([inside + part * (aim - inside) for part in LENGTHS])
+            inside = region.clipped(local.at)
+            sets = np.array([inside + length * (target - inside) for length in STEP_LENGTHS])
             costs = self._costs(sets)
-            costs = np.where(np.isfinite(costs), costs, np.inf) + region.cost_of(sets)
-            winner = int(np.argmin(costs))
-            gain = best.cost - float(costs[winner])
+            costs = np.where(np.isfinite(costs), costs, np.inf) + region.penalty_cost(sets)
+            best_index = int(np.argmin(costs))
+            gain = best.cost - float(costs[best_index])
             if gain > 0.0:
-                best = MinimizationResult(sets[winner], float(costs[winner]), False)
+                best = MinimizationResult(sets[best_index], float(costs[best_index]), False)
             if not gain > enough:
                 return MinimizationResult(best.at, best.cost, bool(np.isfinite(best.cost)))
             if step < most_steps:
-                here = self.linearised(best.at)
+                local = self.linearised(best.at)
         return best
 
 
 def slopes(residuals: Residuals, at: Array, upper: Array) -> tuple[Array, Array]:
-    """Return residuals (n_rows,) and their slopes (n_rows, n) at a point, no step above `upper`."""
+    """Return residuals (n_rows,) and their Jacobian (n_rows, n); no step exceeds `upper`."""
     steps = np.where(at + STEP <= upper, STEP, -STEP)
     rows = residuals(np.vstack([at, at + np.diag(steps)]))
     jacobian = (rows[:, 1:] - rows[:, :1]) / steps
-    return rows[:, 0], np.where(np.isfinite(jacobian), jacobian, 0.0)  # no value, no slope
+    return rows[:, 0], np.where(np.isfinite(jacobian), jacobian, 0.0)  # not finite: slope 0

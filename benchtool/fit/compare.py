@@ -1,4 +1,4 @@
-"""Compare models by how well they predict points that they were not fitted to."""
+"""Cross-validation of models."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from benchtool.fit.solve import row_jacobian
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
-    """Hold how one model did.
+    """Cross-validation score of one model.
 
     Attributes:
-        held_out_log_score: mean log density of held-out points, larger is better; nan when a
-            training set could not be fitted.
+        held_out_log_score: mean log density of held-out points, larger is better; nan if the fit
+            of a training set failed.
         aic, bic: of the fit to all points (Akaike 1974; Schwarz 1978).
     """
 
@@ -33,30 +33,30 @@ class Score:
     held_out_log_score_se: float  # its standard error over settings
     behind_best: float  # sum over points of log density lost against the best model
     behind_best_se: float  # its standard error over settings
-    held_out_rms: float  # of held-out residuals, in the unit of what was observed
+    held_out_rms: float  # of held-out residuals, in the unit of the observations
     aic: float
     bic: float
     chi2_per_dof: float  # of the fit to all points
-    parameters: int  # how many are free
+    parameters: int  # number of free parameters
 
     @property
     def clearly_behind(self) -> bool:
-        """Whether the loss against the best is more than twice its standard error."""
+        """True if the loss against the best exceeds twice its standard error."""
         return self.behind_best > 2.0 * self.behind_best_se
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Hold the scores of all models, the best first, and what was held out."""
+    """Cross-validation scores of all models, best first."""
 
     scores: tuple[Score, ...]  # (k,)
-    folds: int  # how many
-    settings: int  # how many settings the points fall into
+    folds: int  # number of folds
+    settings: int  # number of settings
     seed: int  # of the folds
 
     @property
     def sentence(self) -> str:
-        """Say which model predicts best, and whether the next is clearly behind."""
+        """Return one sentence that compares the best model with the others."""
         best, *others = self.scores
         sentence = f"{best.model} predicts held-out points best"
         if not others:
@@ -70,32 +70,28 @@ class Comparison:
 
 
 def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Comparison:
-    """Fit each problem to all folds but one and score the one, for every fold.
+    """Return cross-validation scores of problems of the same points, one for each model.
 
-    Points of one setting are held out together (`Problem.groups`), so that repeats of a point do
-    not show a model what it should predict. The density of a held-out point carries its standard
-    error (with the fitted noise) and the uncertainty of the fitted parameters. It is conditional on
-    the training points: what their residuals say of errors that they share with it (a reference, a
-    zero) is taken off, with what they leave open. The marginal density would count one such error
-    again at every point, and a sum of those is no model's probability of anything.
-
-    Args:
-        problems: of the same points, one for each model.
+    Points of one setting are held out together (`Problem.groups`), so that repeats of a point are
+    not in the training set. The predictive variance of a held-out point contains its standard error
+    (with the fitted noise) and the uncertainty of the fitted parameters. The density is conditional
+    on the training residuals, because points share errors (a reference, a zero): a sum of marginal
+    log densities would count a shared error once for every point.
     """
     if not problems:
-        raise InputError("there is no model to compare; give at least one")
+        raise InputError("no model to compare; name at least one")
     first = problems[0]
     for problem in problems[1:]:
         if not np.array_equal(problem.observed, first.observed):
             raise InputError(
-                f"models {first.model!r} and {problem.model!r} were not given the same points; "
-                f"compare them on one selection"
+                f"models {first.model!r} and {problem.model!r} have different points; "
+                f"use the same row selection for both"
             )
     groups = np.arange(len(first)) if first.groups is None else first.groups
     settings = np.unique(groups)
     if len(settings) < 3:
         raise InputError(
-            f"points fall into {pluralize(len(settings), 'setting')}, holding out needs 3; "
+            f"{pluralize(len(settings), 'setting')} are too few for cross-validation; minimum: 3; "
             f"measure at more plate distances or compare by chi2"
         )
     count = min(folds, len(settings))
@@ -105,64 +101,65 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
     sums = [density.sum() if np.all(np.isfinite(density)) else -np.inf for density, _ in held_out]
     best = int(np.argmax(sums))
     scores = [
-        _score(problem, density, left, held_out[best][0], groups)
-        for problem, (density, left) in zip(problems, held_out, strict=True)
+        _score(problem, density, residuals, held_out[best][0], groups)
+        for problem, (density, residuals) in zip(problems, held_out, strict=True)
     ]
-    order = np.argsort([-s for s in sums], kind="stable")
-    return Comparison(tuple(scores[i] for i in order), count, len(settings), seed)
+    order = np.argsort([-log_score for log_score in sums], kind="stable")
+    return Comparison(tuple(scores[index] for index in order), count, len(settings), seed)
 
 
 def _held_out(problem: Problem, fold: IntArray, count: int) -> tuple[Array, Array]:
-    """Return log density and residual (m,) of every point when it was held out."""
-    density, left = np.full(len(problem), np.nan), np.full(len(problem), np.nan)
-    for number in range(count):
-        test = np.flatnonzero(fold == number)
-        training = problem.subset(np.flatnonzero(fold != number))
+    """Return log density and residual (m,) of every point as a held-out point."""
+    density, residuals = np.full(len(problem), np.nan), np.full(len(problem), np.nan)
+    for fold_number in range(count):
+        test = np.flatnonzero(fold == fold_number)
+        training = problem.subset(np.flatnonzero(fold != fold_number))
         try:
             result = fit_least_squares(training)
         except EstimationError:
             continue
-        density[test], left[test] = predicted(problem.subset(test), training, result)
-    return density, left
+        density[test], residuals[test] = predicted(problem.subset(test), training, result)
+    return density, residuals
 
 
 def predicted(problem: Problem, training: Problem, result: FitResult) -> tuple[Array, Array]:
-    """Return log density and residual (m,) of points under a result fitted to the training points.
+    """Return predictive log density and residual (m,) of points for a fit to training points.
 
     Both are conditional on the training points (Rasmussen and Williams, Gaussian Processes for
-    Machine Learning, 2006, eqs. 2.38 and 2.42 with the draws that points share in place of a
-    process).
+    Machine Learning, 2006, eqs. 2.38 and 2.42; the shared errors take the place of the process).
     """
     shape, noise = problem.split(result.values)
     lower, upper = problem.shape_bounds
-    # One matrix takes training rows to what they say of the shared draws at these points.
+    # The gain matrix maps whitened training residuals to the shared errors at these points.
     whitening = training.whitening(noise)
-    known = whitening(training.shared(noise))
+    whitened_shared = whitening(training.shared(noise))
     shared = problem.shared(noise)
-    pull = shared @ known.T
-    left = problem.residuals(result.values) - pull @ whitening(training.residuals(result.values))
+    gain = shared @ whitened_shared.T
+    training_rows = whitening(training.residuals(result.values))
+    residuals = problem.residuals(result.values) - gain @ training_rows
     with np.errstate(all="ignore"):
-        way = select_method(problem.predict, shape, len(problem), lower, upper)
-        slopes = _slopes(problem, way, shape) - pull @ whitening(_slopes(training, way, shape))
-    own = problem.sigma(noise) ** 2
-    own = own + np.maximum(np.sum(shared**2, axis=1) - np.sum(pull**2, axis=1), 0.0)
+        method = select_method(problem.predict, shape, len(problem), lower, upper)
+        training_slopes = whitening(_slopes(training, method, shape))
+        slopes = _slopes(problem, method, shape) - gain @ training_slopes
+    shared_variance = np.maximum(np.sum(shared**2, axis=1) - np.sum(gain**2, axis=1), 0.0)
+    error_variance = problem.sigma(noise) ** 2 + shared_variance
     covariance = result.covariance[np.ix_(problem.shape_index, problem.shape_index)]
-    open_ones = ~np.isfinite(np.diag(covariance))
-    # A parameter that training left open says nothing of points where it does not act; where it
-    # does act, the point cannot be predicted, and a wide density says so.
-    covariance = np.where(np.outer(open_ones, open_ones) & np.isinf(covariance), 0.0, covariance)
-    for i in np.flatnonzero(open_ones):
+    is_open = ~np.isfinite(np.diag(covariance))
+    # A parameter that the training set does not determine gets a wide variance: it has no
+    # influence on points where its slope is 0 and widens the density of all others.
+    covariance = np.where(np.outer(is_open, is_open) & np.isinf(covariance), 0.0, covariance)
+    for i in np.flatnonzero(is_open):
         covariance[i, i] = max(shape[i] ** 2, 1.0)
-    variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-    sd = np.sqrt(own + np.maximum(variance, 0.0))
-    return normal_log_density(left / sd, sd), left
+    parameter_variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
+    sd = np.sqrt(error_variance + np.maximum(parameter_variance, 0.0))
+    return normal_log_density(residuals / sd, sd), residuals
 
 
-def _slopes(problem: Problem, way: Way, shape: Array) -> Array:
+def _slopes(problem: Problem, method: Way, shape: Array) -> Array:
     """Return d prediction / d shape (m, n_shape)."""
-    m = len(problem)
-    plain = Whitening(np.ones(m), np.empty((m, 0)))
-    return row_jacobian(problem, way)(shape, plain)[:m]
+    n_points = len(problem)
+    identity = Whitening(np.ones(n_points), np.empty((n_points, 0)))
+    return row_jacobian(problem, method)(shape, identity)[:n_points]
 
 
 def _score(

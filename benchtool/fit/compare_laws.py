@@ -1,11 +1,11 @@
-"""Laws of thrust against distance side by side, scored on distances that they were not fitted to.
+"""Cross-validation of ground-effect laws over plate distances.
 
-Every law takes the place of the model's own, the rest of the model as it is, and is fitted to all
-distances but one; the one left out scores it by the log density of its points. Laws are set against
-the best by the loss at each distance in pairs. Training sets share nearly all their distances, so
-that the losses are not independent: the variance of their mean is s^2 (1/J + 1/(J - 1)) for J
-distances, the correction of Nadeau and Bengio 2003 (Machine Learning 52, 239) for one in J held
-out, and a loss counts where it exceeds Student's t on J - 1 degrees of freedom at 95 %.
+Each law replaces the law of the model and is fitted to all distances but one; its score is the log
+density of the points at the held-out distance. Scores are compared with the best law in pairs, one
+loss a distance. Training sets share nearly all distances, so the losses are not independent: the
+variance of their mean is s^2 (1/J + 1/(J - 1)) for J distances, the correction of Nadeau and Bengio
+2003 (Machine Learning 52, 239) for one of J held out. A loss is significant if it exceeds Student's
+t on J - 1 degrees of freedom at 95 %.
 """
 
 from __future__ import annotations
@@ -31,53 +31,54 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
 SAME_DISTANCE = 0.02  # relative; above the scatter of a stage; assumed
-MIN_DISTANCES = 4  # fewer leave no degrees of freedom for a law of two numbers beside k
+MIN_DISTANCES = 4  # fewer leave no degrees of freedom for k and a law of two parameters
 
 NO_PLATE_Z_OVER_R = 1e3  # no plate beyond it: such points determine k and are not held out
-MAX_KNOTS = 8  # knots of a table through the data, at most two fewer than distances; assumed
+MAX_KNOTS = 8  # knots of a tabulated law, at most two fewer than distances; assumed
 
-UNLIKELY = 0.01  # chance below which losses everywhere are none; small: folds share distances
+SIGNIFICANCE = 0.01  # p-value of Wilcoxon's test; small, because folds share distances
 
 
 def compare_laws(
-    model: Model, problem_of: Callable[[Model], Problem], z_over_R: Array
+    model: Model, build_problem: Callable[[Model], Problem], z_over_R: Array
 ) -> LawComparison:
-    """Fit every law that applies in place of the model's own, and score it on held-out distances.
+    """Return the scores of all applicable laws on held-out distances.
 
     Args:
-        model: with what is free beside its law (k, plate offset, K_b).
-        problem_of: returns the problem of a model on the data.
-        z_over_R: (m,) least distance of each point of the problem.
+        model: model whose law is replaced; its other free parameters (k, plate offset, K_b) are
+            fitted with each law.
+        build_problem: returns the problem of a model on the data.
+        z_over_R: (m,) smallest distance of each point of the problem.
 
     Raises:
         InputError: too few distances.
     """
     group = distance_groups(z_over_R)
-    places = [float(z_over_R[group == number].mean()) for number in range(group.max() + 1)]
-    if len(places) < MIN_DISTANCES:
+    distances = [float(z_over_R[group == number].mean()) for number in range(group.max() + 1)]
+    if len(distances) < MIN_DISTANCES:
         raise InputError(
-            f"the points lie at {len(places)} distances of the plate, and comparing laws needs "
+            f"{len(distances)} plate distances are too few to compare laws; minimum: "
             f"{MIN_DISTANCES}; measure at more distances, or compare models by name"
         )
-    far_known = bool(np.any(group < 0)) or not model.parameters["k"].free
-    found = [
-        _fitted(one, model, problem_of, places, far_known=far_known)
-        for one in candidate_laws(model)
+    is_oge_known = bool(np.any(group < 0)) or not model.parameters["k"].free
+    laws = [
+        _fit_law(candidate, model, build_problem, distances, is_oge_known=is_oge_known)
+        for candidate in candidate_laws(model)
     ]
-    left = [tried for tried in found if not tried.refused]
-    # Where the data refuse every law, the question is which comes nearest.
-    found = [_held_out(one, group, places) if not (one.refused and left) else one for one in found]
-    best = max(found, key=lambda tried: (not tried.refused, tried.score))
-    scores = [_judged(tried, best, len(places)) for tried in found]
+    accepted = [trial for trial in laws if not trial.refused]
+    # If all laws are rejected, all are scored to find the nearest.
+    laws = [t if t.refused and accepted else _cross_validate(t, group, distances) for t in laws]
+    best = max(laws, key=lambda trial: (not trial.refused, trial.score))
+    scores = [_score_law(trial, best, len(distances)) for trial in laws]
     order = sorted(
-        range(len(found)),
-        key=lambda i: (scores[i].verdict == "not applied", -found[i].score, scores[i].chi2_per_dof),
+        range(len(laws)),
+        key=lambda i: (scores[i].verdict == "not applied", -laws[i].score, scores[i].chi2_per_dof),
     )
-    return LawComparison(scores=tuple(scores[i] for i in order), distances=tuple(places))
+    return LawComparison(scores=tuple(scores[i] for i in order), distances=tuple(distances))
 
 
 def distance_groups(z_over_R: Array) -> IntArray:
-    """Return the number of each point's distance (m,), nearest first; -1 with the plate gone."""
+    """Return the distance index of each point (m,), nearest first; -1 without a plate."""
     group = np.full(len(z_over_R), -1, np.intp)
     number, first = -1, -np.inf
     for i in np.argsort(z_over_R, kind="stable"):
@@ -90,41 +91,41 @@ def distance_groups(z_over_R: Array) -> IntArray:
 
 
 def candidate_laws(model: Model) -> Iterator[tuple[Effect, tuple[str, ...]]]:
-    """Return the laws that a comparison tries, each with those that it is by another parameter.
+    """Yield the laws to compare, each with its equivalents (same law, other parameters).
 
-    The model's own law stands for all that are one with it. A law of a whole vehicle is another
-    one where there are several discs, because neighbours and body then go without a term.
+    The law of the model represents its equivalents. With several discs a law of a whole vehicle is
+    not equivalent to a law of one rotor, because it replaces the terms of neighbours and body.
     """
-    own = model.law
+    own_law = model.law
     laws = {effect.name: effect for effect in thrust_laws(model.rig.plate.surface)}
-    if own is not None:
-        laws[own.name] = own
+    if own_law is not None:
+        laws[own_law.name] = own_law
     kinds: dict[tuple[str, bool], list[Effect]] = {}
     for effect in laws.values():
         kinds.setdefault(_kind(effect, model.rig.n_discs), []).append(effect)
     for (name, _), members in kinds.items():
-        chosen = next((one for one in members if one.name == name), members[0])
-        chosen = own if own in members and own is not None else chosen
-        yield chosen, tuple(one.name for one in members if one is not chosen)
+        chosen = next((effect for effect in members if effect.name == name), members[0])
+        chosen = own_law if own_law in members and own_law is not None else chosen
+        yield chosen, tuple(effect.name for effect in members if effect is not chosen)
 
 
 def _kind(effect: Effect, n_discs: int) -> tuple[str, bool]:
-    law = _stated(effect)
+    law = _distance_law(effect)
     return law.same_as or effect.name, law.whole_vehicle and n_discs > 1
 
 
-def _stated(effect: Effect) -> DistanceLaw:
+def _distance_law(effect: Effect) -> DistanceLaw:
     assert effect.distance_law is not None
     return effect.distance_law
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Tried:
+class _Trial:
     law: str
     one_with: tuple[str, ...]
     refused: str = ""
     applied: bool = True
-    problem: Problem | None = None  # starting at the fit to all distances
+    problem: Problem | None = None  # initial values from the fit to all distances
     whole: FitResult | None = None  # that fit
     density: Array | None = None  # (J,) summed log density of each held-out distance
     rms: float = np.nan
@@ -134,111 +135,111 @@ class _Tried:
         return -np.inf if self.density is None else float(self.density.sum())
 
 
-def _fitted(
-    one: tuple[Effect, tuple[str, ...]],
+def _fit_law(
+    candidate: tuple[Effect, tuple[str, ...]],
     model: Model,
-    problem_of: Callable[[Model], Problem],
-    places: list[float],
+    build_problem: Callable[[Model], Problem],
+    distances: list[float],
     *,
-    far_known: bool,
-) -> _Tried:
-    """Return a law fitted to all distances, or why it is refused."""
-    effect, same = one
-    tried = _Tried(law=effect.name, one_with=same)
-    nearest = _stated(effect).nearest_z_over_R
-    if places[0] < nearest * (1.0 - 1e-9):
-        reason = f"points at z/R {places[0]:.3g}, valid from {nearest:g}"
+    is_oge_known: bool,
+) -> _Trial:
+    """Return a law fitted to all distances, or the reason for its rejection."""
+    effect, equivalent_laws = candidate
+    tried = _Trial(law=effect.name, one_with=equivalent_laws)
+    nearest = _distance_law(effect).nearest_z_over_R
+    if distances[0] < nearest * (1.0 - 1e-9):
+        reason = f"points at z/R {distances[0]:.3g}, valid from {nearest:g}"
         return replace(tried, refused=reason, applied=False)
     try:
-        start = initial_values(with_law(model, effect, places, far_known=far_known), effect, places)
-        problem = problem_of(start)
+        start = with_law(model, effect, distances, is_oge_known=is_oge_known)
+        problem = build_problem(initial_values(start, effect, distances))
         whole = fit_least_squares(problem)
     except EstimationError as error:
         return replace(tried, refused=str(error))
-    judged = refusal((with_diagnosis(problem, whole),))
-    refused = "" if judged is None else whole.outcome.message
-    if isinstance(judged, ModelRejected):
-        refused = f"rejected by chi2/dof {whole.chi2_per_dof:.3g}"
-    return replace(tried, refused=refused, problem=problem.at(whole.values), whole=whole)
+    rejection = refusal((with_diagnosis(problem, whole),))
+    reason = "" if rejection is None else whole.outcome.message
+    if isinstance(rejection, ModelRejected):
+        reason = f"rejected by chi2/dof {whole.chi2_per_dof:.3g}"
+    return replace(tried, refused=reason, problem=problem.at(whole.values), whole=whole)
 
 
-def initial_values(model: Model, effect: Effect, places: list[float]) -> Model:
-    """Return the model with its law as strong as keeps its singular distance off the data.
+def initial_values(model: Model, effect: Effect, distances: list[float]) -> Model:
+    """Return the model with a law strength whose singular distance is below all data.
 
-    From beyond it a search does not come back.
+    A search that starts beyond the singular distance does not converge.
     """
-    law = _stated(effect)
+    law = _distance_law(effect)
     strength = next(item.name for item in effect.parameters if item.neutral is not None)
     name = f"{effect.name}.{strength}"
-    item = model.parameters[name]
-    if law.singular is None or not item.free:
+    parameter = model.parameters[name]
+    if law.singular is None or not parameter.free:
         return model
-    values = {own.name: own.value for own in effect.parameters}
-    while law.singular(values) > 0.8 * places[0]:
+    values = {item.name: item.value for item in effect.parameters}
+    while law.singular(values) > 0.8 * distances[0]:
         values[strength] *= 0.5
     return model.with_values(
-        model.parameters.with_replaced(name, item.with_value(values[strength]))
+        model.parameters.with_replaced(name, parameter.with_value(values[strength]))
     )
 
 
-def _held_out(tried: _Tried, group: IntArray, places: list[float]) -> _Tried:
-    """Return the law with its scores at distances that it was not fitted to."""
+def _cross_validate(tried: _Trial, group: IntArray, distances: list[float]) -> _Trial:
+    """Return the trial with its scores at held-out distances."""
     problem = tried.problem
     if problem is None:
         return tried
-    density, squares = np.zeros(len(places)), 0.0
-    for number, place in enumerate(places):
+    density, squares = np.zeros(len(distances)), 0.0
+    for number, distance in enumerate(distances):
         test = np.flatnonzero(group == number)
         training = problem.subset(np.flatnonzero(group != number))
         try:
             result = fit_least_squares(training)
-            logs, left = predicted(problem.subset(test), training, result)
+            logs, residuals = predicted(problem.subset(test), training, result)
         except EstimationError as error:
-            return replace(tried, refused=f"without z/R {place:.3g}: {error}")
+            return replace(tried, refused=f"without z/R {distance:.3g}: {error}")
         density[number] = logs.sum()
-        squares += float(left @ left)
+        squares += float(residuals @ residuals)
     rms = float(np.sqrt(squares / np.count_nonzero(group >= 0)))
     return replace(tried, density=density, rms=rms)
 
 
 def with_law(
-    model: Model, effect: Effect, places: list[float], *, far_known: bool = False
+    model: Model, effect: Effect, distances: list[float], *, is_oge_known: bool = False
 ) -> Model:
-    """Return the model with another law in place of its own and that law's numbers free.
+    """Return the model with another law and the parameters of that law free.
 
-    The model's own law stays as it is. Under another one R is the rotor's, because a law's numbers
-    hold what an effective radius would; a table gets its knots from the distances.
+    The law of the model itself is left unchanged. Under another law R is the rotor radius, because
+    the law's parameters cover an effective radius; a tabulated law gets knots from the distances.
 
     Args:
-        model: with the law that it came with.
+        model: model with its original law.
         effect: the other law.
-        places: z/R of the distances, increasing.
-        far_known: whether the thrust far away is known, so that a table may reach beyond the
-            farthest distance; where k follows from the same points it ends there.
+        distances: z/R, increasing.
+        is_oge_known: the thrust out of ground effect is known independently, so that a tabulated
+            law gets a knot beyond the largest distance.
     """
     if effect is model.law:
         return model
-    law = _stated(effect)
+    law = _distance_law(effect)
     if effect.knots_setting and effect.configure is not None:
-        n = int(np.clip(len(places) - 2, 2, MAX_KNOTS))
-        inner = np.unique(np.linspace(0, len(places) - 1, n).round().astype(int))
-        knots = [*(places[i] for i in inner), *([1.5 * places[-1]] if far_known else [])]
+        n = int(np.clip(len(distances) - 2, 2, MAX_KNOTS))
+        indices = np.unique(np.linspace(0, len(distances) - 1, n).round().astype(int))
+        knots = [*(distances[i] for i in indices), *([1.5 * distances[-1]] if is_oge_known else [])]
         effect = effect.configure({effect.knots_setting: knots})
-        law = _stated(effect)
+        law = _distance_law(effect)
     if law.whole_vehicle and model.rig.n_discs > 1:
         for other in model.effects:
             if other.hooks.denominator is not None and other.distance_law is None:
                 model = model.without(other.name)
     commanded = law.basis == "equal commanded thrust"
     for other in model.effects if commanded else ():
-        if other.hooks.response is not None:  # blades answer to a law at equal power
+        if other.hooks.response is not None:  # blade response applies to laws at equal power only
             model = model.without(other.name)
     model = model.with_fixed("R_m", model.rig.propulsion.radius_m).with_law(effect)
     model = with_blades_of_rig(model)
     return model.with_free(*(f"{effect.name}.{name}" for name in law.compared))
 
 
-def _judged(tried: _Tried, best: _Tried, distances: int) -> LawScore:
+def _score_law(tried: _Trial, best: _Trial, distances: int) -> LawScore:
     behind, se, lost = np.nan, np.nan, np.empty(0)
     if tried.density is not None and best.density is not None:
         lost = best.density - tried.density
@@ -253,7 +254,7 @@ def _judged(tried: _Tried, best: _Tried, distances: int) -> LawScore:
         verdict = "best"
     elif behind > stdtrit(distances - 1, 0.975) * se or _lost_everywhere(tried, best):
         verdict = "behind"
-    whole, own = tried.whole, f"{tried.law}."
+    whole, prefix = tried.whole, f"{tried.law}."
     return LawScore(
         law=tried.law,
         verdict=verdict,
@@ -263,7 +264,7 @@ def _judged(tried: _Tried, best: _Tried, distances: int) -> LawScore:
         values=", ".join(
             f"{item.name.rpartition('.')[2]} {item.value:.4g}"
             for item in (() if whole is None else whole.estimates)
-            if item.name.startswith((own, "R_m"))
+            if item.name.startswith((prefix, "R_m"))
         ),
         chi2_per_dof=np.nan if whole is None else whole.chi2_per_dof,
         behind=behind,
@@ -273,14 +274,16 @@ def _judged(tried: _Tried, best: _Tried, distances: int) -> LawScore:
     )
 
 
-def _lost_everywhere(tried: _Tried, best: _Tried) -> bool:
-    """Whether a law loses at so many distances that chance seldom does it (Wilcoxon's test).
+def _lost_everywhere(tried: _Trial, best: _Trial) -> bool:
+    """Return True if a law loses at significantly many distances (Wilcoxon's test).
 
-    One distance that a law misses by far makes the standard error as large as the mean loss.
+    A large loss at one distance makes the standard error of the mean as large as the mean itself.
     """
     from scipy.stats import wilcoxon
 
     assert tried.density is not None
     assert best.density is not None
     lost = best.density - tried.density
-    return bool(wilcoxon(lost, alternative="greater").pvalue < UNLIKELY) if lost.any() else False
+    if not lost.any():
+        return False
+    return bool(wilcoxon(lost, alternative="greater").pvalue < SIGNIFICANCE)

@@ -1,4 +1,4 @@
-"""The rig that data are held against: their own, or the one that the user names; never assumed."""
+"""Rig of the data: recorded with them or named by the user, never assumed."""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ from benchtool.physics.model_file import model_names
 
 
 def rig_for_data(data: Sequence[str], model: str, named: str | None = None) -> Rig | None:
-    """Return the rig of data: their own, else the one named; None for that of a user's model file.
+    """Return the recorded rig, else the named one; None means the rig of a user's model file.
 
-    A shipped model fits any rig, so the one in its file says nothing about the data. A rig that is
-    named may add blades and motors to one that does not say what they are.
+    A library model fits any rig, so the rig in its file is not evidence about the data. A named rig
+    can add blade and motor data that the recorded rig lacks.
 
     Raises:
-        InputError: data of two rigs, of another rig than the one named, or of none that is known.
+        InputError: data of two rigs, of another rig than the named one, or of an unknown rig.
     """
-    own = load_rig_for_data(data)
+    recorded_rig = load_rig_for_data(data)
     if named is not None:
-        given = load_rig_by_name(named)
-        if own is not None and (different := differences(own, given)):
+        named_rig = load_rig_by_name(named)
+        if recorded_rig is not None and (mismatches := differences(recorded_rig, named_rig)):
             raise InputError(
-                f"--rig {named} is not the rig that the data were recorded on ({different[0]}), "
-                f"and theirs is taken; leave --rig out"
+                f"--rig {named} is not the rig that the data were recorded on ({mismatches[0]}); "
+                f"omit --rig"
             )
-        return given if own is None else with_blades_of(own, given)
-    if own is None and data and model in model_names():
+        return named_rig if recorded_rig is None else with_blades_of(recorded_rig, named_rig)
+    if recorded_rig is None and data and model in model_names():
         for path in data:
-            data_hash(path)  # what is no file is reported as that
+            data_hash(path)  # raises for a missing file
         raise InputError(
-            f"{data[0]} does not say which rig it was measured on, and model {model!r} fits any: "
-            f"name it with --rig, a shipped one ({', '.join(rig_names())}) or the TOML file of "
-            f"your own"
+            f"{data[0]} does not say which rig it was measured on, and model {model!r} fits any "
+            f"rig; name it with --rig: a library rig ({', '.join(rig_names())}) or your TOML file"
         )
-    return own
+    return recorded_rig

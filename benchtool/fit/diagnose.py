@@ -1,4 +1,4 @@
-"""What is wrong with a fit, in sentences: confusion, misfit, structure, outliers."""
+"""Diagnosis of a fit in sentences: confused parameters, misfit, structured residuals, outliers."""
 
 from __future__ import annotations
 
@@ -24,66 +24,66 @@ from benchtool.fit.solve import row_jacobian, solve
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
-UNLIKELY = 1e-3  # a chance below this is reported
-# Up to so many stated errors, what is left over may be scatter that they leave out (between visits,
-# say), where a free noise parameter takes it up and no setting is repeated; assumed.
-SCATTER = 4.0
-# From so many stated errors on a model lacks something, and so does one that settings miss so many
-# times as much as repeats scatter; assumed: scatter between visits is seldom more.
+SIGNIFICANCE = 1e-3  # smaller p-values are reported
+# Largest residual over stated error that can be scatter missing from the stated errors (for example
+# between visits), given a free noise parameter and no repeated setting; assumed.
+MAX_UNSTATED_SCATTER = 4.0
+# Residual over stated error, and misfit over the scatter of repeats, above which a model lacks
+# something; assumed: scatter between visits is seldom larger.
 MAX_SCATTER_RATIO = 2.0
 MAX_NAMED_POINTS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """Hold what a fit's residuals and derivatives say.
+    """Diagnosis of a fit from its residuals and derivatives.
 
     Attributes:
-        verdict: on chi2 at the stated errors; "no_verdict" where they are unknown, "scatter" where
-            a free noise parameter took up a little more than they state.
+        verdict: from chi2 at the stated errors; "no_verdict" if they are unknown, "scatter" if a
+            free noise parameter explains a moderate excess.
     """
 
     verdict: Verdict
-    chance: float  # of a chi2 at least this large, were model and stated errors right
+    chance: float  # p-value of chi2 for a correct model and correct stated errors
     confusions: tuple[Confusion, ...]  # parameters that this data cannot separate
-    outliers: tuple[int, ...]  # (k,) points far out
-    sentences: tuple[str, ...]  # all of it that a user should read
+    outliers: tuple[int, ...]  # (k,) point indices
+    sentences: tuple[str, ...]  # messages for the user
 
 
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
-    """Look at a result of a problem, from either estimator."""
+    """Return the diagnosis of a least-squares or emcee result."""
     shape, noise = problem.split(result.values)
-    loss: Loss = next(one for one in LOSSES if one == result.facts.get("loss", "linear"))
+    loss: Loss = next(name for name in LOSSES if name == result.facts.get("loss", "linear"))
     whitening = problem.whitening(noise)
     rows = whitening(problem.residuals(result.values))
-    if loss != "linear":  # what is left in a point's own error, so that each outlier is one point
+    if loss != "linear":  # residuals without shared errors, so that each outlier is one point
         rows = -solve(problem, whitening, shape, loss=loss).rows[: len(problem)]
     rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
-    # Under a robust loss chi2 stands for fewer degrees of freedom (`robust_chi2`).
-    share = 1.0 if loss == "linear" else MAD_EFFICIENCY
-    chance = float("nan")
+    # Under a robust loss chi2 has fewer effective degrees of freedom (`robust_chi2`).
+    dof_share = 1.0 if loss == "linear" else MAD_EFFICIENCY
+    p_value = float("nan")
     if result.dof > 0:
-        chance = float(chdtrc(share * result.dof, share * result.chi2))
-    verdict, lack = _verdict(problem, result, chance), Pattern(0.0, 1.0)
+        p_value = float(chdtrc(dof_share * result.dof, dof_share * result.chi2))
+    verdict, misfit = _verdict(problem, result, p_value), Pattern(0.0, 1.0)
     if verdict == "scatter" and loss == "linear":
-        lack = lack_of_fit(problem, result)
-        if lack.size > MAX_SCATTER_RATIO and lack.chance < UNLIKELY:
+        misfit = lack_of_fit(problem, result)
+        if misfit.size > MAX_SCATTER_RATIO and misfit.chance < SIGNIFICANCE:
             verdict = "rejected"
-    # Outliers are far out against the scatter that is there, be it the stated one or not.
-    spread = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
-    far = tuple(int(i) for i in outliers(rows_alone / spread))
-    confused = confusions(problem, result)
+    # Outliers are relative to the observed scatter if it exceeds the stated one.
+    scatter = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
+    far_points = tuple(int(i) for i in outliers(rows_alone / scatter))
+    found_confusions = confusions(problem, result)
     sentences = (
-        *(str(item) for item in confused),
-        *_of_verdict(verdict, result, chance, lack.size),
-        *_of_structure(problem, rows),
-        *_of_outliers(problem, rows_alone / spread, far),
+        *(str(item) for item in found_confusions),
+        *_verdict_messages(verdict, result, p_value, misfit.size),
+        *_structure_messages(problem, rows),
+        *_outlier_messages(problem, rows_alone / scatter, far_points),
     )
-    return Diagnosis(verdict, chance, confused, far, sentences)
+    return Diagnosis(verdict, p_value, found_confusions, far_points, sentences)
 
 
 def _columns(problem: Problem) -> dict[str, Array]:
-    """Return the covariates, and the order of the points where it is not one of them."""
+    """Return the covariates, and the order of the points unless a covariate equals it."""
     order = np.arange(len(problem), dtype=float)
     same = [abs(trend_along(column, order).size) for column in problem.covariates.values()]
     return {**({} if max(same, default=0.0) > 0.9 else {"order": order}), **problem.covariates}
@@ -91,24 +91,24 @@ def _columns(problem: Problem) -> dict[str, Array]:
 
 def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
     """Return the result with the diagnosis among its warnings and facts."""
-    found = diagnose(problem, result)
+    diagnosis = diagnose(problem, result)
     return replace(
         result,
-        warnings=(*result.warnings, *found.sentences),
+        warnings=(*result.warnings, *diagnosis.sentences),
         facts={
             **result.facts,
-            "verdict": found.verdict,
-            "chi2_chance": found.chance,
-            "outliers": len(found.outliers),
+            "verdict": diagnosis.verdict,
+            "chi2_chance": diagnosis.chance,
+            "outliers": len(diagnosis.outliers),
         },
     )
 
 
 def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
-    """Return why results are no answer (`EstimationError`) or reject their model; None otherwise.
+    """Return the error of failed results or of a rejected model; None if they are valid.
 
-    A model is rejected where the chance of its chi2 at the stated errors is below `UNLIKELY`, or,
-    with a noise parameter free, where points scatter more than `SCATTER` times as much as stated.
+    A model is rejected if the p-value of its chi2 at the stated errors is below `SIGNIFICANCE`.
+    With a free noise parameter, points must also scatter over `MAX_UNSTATED_SCATTER` stated errors.
     """
     for result in results:
         status, message = result.outcome.status, f"{result.method}: {result.outcome.message}"
@@ -122,85 +122,86 @@ def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
     return ModelRejected(
         f"the data reject model {first.model!r}: points scatter {times_as_much(first)} as much as "
         f"their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
-        f"what it lacks is known: {_remedy(first)}"
+        f"the missing effect is known: {_remedy(first)}"
     )
 
 
 def _remedy(result: FitResult) -> str:
-    """Return what to do about a model that lacks something."""
+    """Return the remedy for a model that lacks an effect."""
     if result.facts.get("data") == "ratios":  # benchtool explain takes thrusts in N
         return "compare laws with --compare laws, or add an effect to the model"
     return "ask benchtool explain"
 
 
-def _verdict(problem: Problem, result: FitResult, chance: float) -> Verdict:
+def _verdict(problem: Problem, result: FitResult, p_value: float) -> Verdict:
     relative = problem.noise_name == NOISE_SCALE and np.all(problem.standard_error == 1.0)
-    if relative or not np.isfinite(chance):
+    if relative or not np.isfinite(p_value):
         return "no_verdict"
-    if chance < UNLIKELY:
-        taken_up = problem.noise_name is not None and result.chi2_per_dof < SCATTER**2
-        return "scatter" if taken_up else "rejected"
-    return "errors_too_large" if chance > 1.0 - UNLIKELY else "consistent"
+    if p_value < SIGNIFICANCE:
+        is_moderate = result.chi2_per_dof < MAX_UNSTATED_SCATTER**2
+        return "scatter" if problem.noise_name is not None and is_moderate else "rejected"
+    return "errors_too_large" if p_value > 1.0 - SIGNIFICANCE else "consistent"
 
 
-def _of_verdict(verdict: Verdict, result: FitResult, chance: float, lack: float) -> tuple[str, ...]:
+def _verdict_messages(
+    verdict: Verdict, result: FitResult, chance: float, misfit_ratio: float
+) -> tuple[str, ...]:
     message = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
-    noise_is_free = any(item.name.startswith("noise.") for item in result.estimates)
-    much = f"points scatter {times_as_much(result)} as much as their stated errors"
-    narrow = (
+    noise_is_free = any(estimate.name.startswith("noise.") for estimate in result.estimates)
+    scatter_text = f"points scatter {times_as_much(result)} as much as their stated errors"
+    narrow_text = (
         f"the model lacks something and the intervals are too narrow; {_remedy(result)} before "
         f"these numbers are used"
     )
     if verdict == "rejected":
         advice = "add an effect"
         if not noise_is_free:
-            advice += ", or free noise.scale if the errors leave scatter out"
-        if lack:
-            advice = f"settings miss it {lack:.2g} times as much as repeats scatter: {narrow}"
+            advice += ", or free noise.scale if the stated errors are too small"
+        if misfit_ratio:
+            advice = f"its misfit is {misfit_ratio:.2g} times the scatter of repeats: {narrow_text}"
         elif has_misfit(result):
-            advice = f"{much}: {narrow}"
+            advice = f"{scatter_text}: {narrow_text}"
         return (
             f"{message}: model {result.model!r} is rejected at the stated standard errors (chance "
             f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); {advice}",
         )
     if verdict == "scatter":
-        carried = (
-            "the fitted noise carries that into the intervals, which is right for scatter between "
+        noise_text = (
+            "the fitted noise widens the intervals accordingly, which is right for scatter between "
             "visits and wrong for a missing effect: look at the residuals"
         )
-        return (f"{message}: {much}; {narrow if has_misfit(result) else carried}",)
+        return (f"{message}: {scatter_text}; {narrow_text if has_misfit(result) else noise_text}",)
     if verdict == "errors_too_large":
-        advice = "state them anew" if noise_is_free else "free noise.scale or state them anew"
-        for item in result.estimates:
-            if item.name == NOISE_SCALE:
-                advice = f"the intervals take {item.value:.2g} times those ({NOISE_SCALE})"
+        advice = "correct them" if noise_is_free else "free noise.scale or correct them"
+        for estimate in result.estimates:
+            if estimate.name == NOISE_SCALE:
+                advice = f"the intervals use {estimate.value:.2g} times these ({NOISE_SCALE})"
         return (f"{message}: the stated standard errors are larger than the scatter; {advice}",)
     return ()
 
 
 def times_as_much(result: FitResult) -> str:
-    """Return how many times as much as their stated errors the points scatter, in words."""
+    """Return the ratio of scatter to stated errors as text."""
     return f"{np.sqrt(result.chi2_per_dof):.2g} times"
 
 
 def has_misfit(result: FitResult) -> bool:
-    """Whether so much is left over that the model lacks something and intervals are too narrow."""
+    """Return True if the residuals are so large that the model lacks an effect."""
     return result.chi2_per_dof > MAX_SCATTER_RATIO**2
 
 
 class Pattern(NamedTuple):
-    """What residuals do along a column, and the chance that noise alone does as much."""
+    """Test statistic of residuals along a column, and its p-value."""
 
     size: float
     chance: float
-    expected: float = 0.0  # of noise
+    expected: float = 0.0  # size expected for noise
 
 
 def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
-    """Return how many times as much settings miss the model as repeats scatter, or are stated to.
+    """Return the ratio of the misfit of settings to the scatter of repeats (at least as stated).
 
-    A level of its own for every setting takes the misfit off chi2 and leaves the scatter; the
-    chance is that of the F test of both.
+    One free level per setting separates the misfit from the scatter; F test of both.
     """
     shape, _ = problem.split(result.values)
     groups = problem.groups
@@ -208,13 +209,13 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
         return Pattern(0.0, 1.0)
     whitening = problem.whitening(problem.stated_noise)
     rows = problem.rows(shape, whitening)
-    way = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
+    method = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
     levels = np.zeros((len(rows), len(settings)))
     levels[: len(problem)] = whitening(1.0 * (groups[:, None] == settings))
-    free = np.hstack([row_jacobian(problem, way)(shape, whitening), levels])
-    free = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-    taken, _, rank, _ = np.linalg.lstsq(free, rows, rcond=1e-6)
-    dof, misfit = len(rows) - int(rank), float(rows @ free @ taken)
+    columns = np.hstack([row_jacobian(problem, method)(shape, whitening), levels])
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    coefficients, _, rank, _ = np.linalg.lstsq(columns, rows, rcond=1e-6)
+    dof, misfit = len(rows) - int(rank), float(rows @ columns @ coefficients)
     if not 0 < dof < problem.dof:
         return Pattern(0.0, 1.0)
     scatter = max((float(rows @ rows) - misfit) / dof, 1.0)
@@ -225,8 +226,8 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
 def bend_along(order: Array, rows: Array) -> Pattern:
     """Return the curvature of weighted residuals (m,) over a column (m,): above 0 for a U.
 
-    It is that of a parabola through them, over the half width of the column; the chance is that of
-    Student's t for its last coefficient. Counting runs cannot see a U in ten points; this can.
+    Quadratic coefficient of a parabola, per half width of the column, with Student's t test. The
+    runs test cannot detect a U in ten points.
     """
     width = 0.5 * np.ptp(order) if len(order) else 0.0
     if len(rows) < 5 or width == 0.0 or len(np.unique(order)) < 4:
@@ -234,10 +235,10 @@ def bend_along(order: Array, rows: Array) -> Pattern:
     x = (order - order.min()) / width - 1.0
     powers = np.stack([np.ones_like(x), x, x * x], axis=1)
     inverse = np.linalg.pinv(powers.T @ powers)
-    found = inverse @ (powers.T @ rows)
-    left = rows - powers @ found
+    coefficients = inverse @ (powers.T @ rows)
+    residuals = rows - powers @ coefficients
     dof = len(rows) - 3
-    size, sd = float(found[2]), float(np.sqrt(left @ left / dof * inverse[2, 2]))
+    size, sd = float(coefficients[2]), float(np.sqrt(residuals @ residuals / dof * inverse[2, 2]))
     if sd <= 1e-12 * abs(size):
         return Pattern(size, 0.0 if abs(size) > 1e-9 else 1.0)
     return Pattern(size, 2.0 * float(stdtr(dof, -abs(size) / sd)))
@@ -246,12 +247,11 @@ def bend_along(order: Array, rows: Array) -> Pattern:
 def runs_along(order: Array, rows: Array) -> Pattern:
     """Count runs of equal sign of weighted residuals (m,) along a column (m,).
 
-    Fewer than chance gives mean a missed curve. Points of equal column value stand for one, by
-    their mean. The chance is that of so few runs (Wald and Wolfowitz, Ann. Math. Stat. 11, 1940),
-    normal approximation.
+    Too few runs indicate a missing curve. Points of equal column value are averaged. Runs test of
+    Wald and Wolfowitz (Ann. Math. Stat. 11, 1940), normal approximation.
     """
-    values, place = np.unique(order, return_inverse=True)
-    positive = np.bincount(place, rows) > 0.0
+    values, position = np.unique(order, return_inverse=True)
+    positive = np.bincount(position, rows) > 0.0
     up, down = int(positive.sum()), int((~positive).sum())
     n = len(values)
     runs = 1 + int((positive[1:] != positive[:-1]).sum()) if n else 0
@@ -273,64 +273,61 @@ def trend_along(order: Array, rows: Array) -> Pattern:
 
 
 def outliers(rows: Array) -> NDArray[np.intp]:
-    """Return points (k,) so far out that fewer than 0.05 of their kind were expected (Chauvenet).
-
-    The worst comes first.
-    """
+    """Return outliers (k,), worst first: fewer than 0.05 points expected beyond (Chauvenet)."""
     chance = 2.0 * ndtr(-np.abs(rows)) * len(rows)
     far = np.flatnonzero(chance < 0.05)
     return far[np.argsort(-np.abs(rows[far]))].astype(np.intp)
 
 
-def _of_structure(problem: Problem, rows: Array) -> list[str]:
-    curved, curves, slopes = [], [], []
+def _structure_messages(problem: Problem, rows: Array) -> list[str]:
+    bends, sign_runs, slopes = [], [], []
     for name, column in _columns(problem).items():
         hint = partial(_hint, problem, name)
-        bend, runs = bend_along(column, rows), runs_along(column, rows)
-        trend = trend_along(column, rows)
-        if bend.chance < UNLIKELY:
-            shape, ends, between = ("a U", "below", "above")
-            if bend.size <= 0.0:
-                shape, ends, between = ("an arch", "above", "below")
-            curved.append(
+        bend_pattern, runs_pattern = bend_along(column, rows), runs_along(column, rows)
+        trend_pattern = trend_along(column, rows)
+        if bend_pattern.chance < SIGNIFICANCE:
+            shape, ends, middle = ("a U", "below", "above")
+            if bend_pattern.size <= 0.0:
+                shape, ends, middle = ("an arch", "above", "below")
+            bends.append(
                 f"residuals form {shape} over {name}: the model is {ends} the points at both ends "
-                f"and {between} them between, so it misses a curve in {name}; {hint()}"
+                f"and {middle} them between, so it misses a curve in {name}; {hint()}"
             )
-        elif runs.chance < UNLIKELY:
-            curves.append(
-                f"residuals keep their sign along {name}: {runs.size} runs where "
-                f"{runs.expected:.0f} are expected; the model misses a curve in {name}"
+        elif runs_pattern.chance < SIGNIFICANCE:
+            sign_runs.append(
+                f"residuals keep their sign along {name}: {runs_pattern.size} runs where "
+                f"{runs_pattern.expected:.0f} are expected; the model misses a curve in {name}"
             )
-        if trend.chance < UNLIKELY:
+        if trend_pattern.chance < SIGNIFICANCE:
             slopes.append(
-                f"residuals {'rise' if trend.size > 0 else 'fall'} with {name} "
-                f"(rank correlation {trend.size:+.2f}); {hint()}"
+                f"residuals {'rise' if trend_pattern.size > 0 else 'fall'} with {name} "
+                f"(rank correlation {trend_pattern.size:+.2f}); {hint()}"
             )
-    return curved + curves + slopes
+    return bends + sign_runs + slopes
 
 
-CLOCK = ("order", "time_s", "elapsed_s")  # columns that go with time; repeated anchors show trends
+CLOCK = ("order", "time_s", "elapsed_s")  # time-like columns; repeated anchor points show trends
 
 
 def _hint(problem: Problem, column: str) -> str:
-    """Say what to do about a trend; what is free already, or cannot act here, is not named."""
-    words = [
+    """Return the remedy for a trend: effects that are active on these data and not yet free."""
+    effects = [
         f"the {effect.name.replace('_', ' ')}"
         for effect in problem.missing(column)
         if f"{effect.name}.{effect.parameters[0].name}" not in problem.free_names
     ]
-    advice = [f"free {' or '.join(words)}"] if words else []
+    advice = [f"free {' or '.join(effects)}"] if effects else []
     if column in CLOCK:
         advice.append("look at the anchor points")
     return ", or ".join(advice) or "look for an effect that depends on it"
 
 
-def _of_outliers(problem: Problem, rows: Array, far: tuple[int, ...]) -> tuple[str, ...]:
-    if not far:
+def _outlier_messages(problem: Problem, rows: Array, points: tuple[int, ...]) -> tuple[str, ...]:
+    if not points:
         return ()
-    named = ", ".join(f"{problem.label(i)}: {rows[i]:+.3g} sd" for i in far[:MAX_NAMED_POINTS])
-    more = f" and {len(far) - MAX_NAMED_POINTS} more" if len(far) > MAX_NAMED_POINTS else ""
+    listed = ", ".join(f"{problem.label(i)}: {rows[i]:+.3g} sd" for i in points[:MAX_NAMED_POINTS])
+    more = f" and {len(points) - MAX_NAMED_POINTS} more" if len(points) > MAX_NAMED_POINTS else ""
     return (
-        f"far out: {len(far)} of {pluralize(len(rows), 'point')} ({named}{more}); look there in "
-        f"the run, or fit with a robust loss",
+        f"outliers: {len(points)} of {pluralize(len(rows), 'point')} ({listed}{more}); check "
+        f"these points in the run, or fit with a robust loss",
     )

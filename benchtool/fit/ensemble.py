@@ -1,4 +1,4 @@
-"""Sample a problem's posterior with emcee: four ensembles, run until they agree."""
+"""Posterior sampling with emcee: four ensembles, run until they agree."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from benchtool.fit.sampling import (
     start_walkers,
 )
 
-Progress = Callable[[int, int], None]  # progress(steps done, steps expected): called now and then
+Progress = Callable[[int, int], None]  # progress(steps done, steps expected)
 ENSEMBLES = 4
 FIRST_STEPS = 400
 REPORT_EVERY = 100
-BURN_IN_SHARE = 0.25  # part of the steps left out at the beginning
+BURN_IN_SHARE = 0.25  # share of the steps discarded as burn-in
 
 MAX_DRAWS = 20_000
 
-BOUND_REACH, BOUND_SHARE = 0.1, 0.01  # reached: this share of draws within so many sd of a bound
+BOUND_REACH, BOUND_SHARE = 0.1, 0.01  # at bound: this share of draws is within BOUND_REACH sd
 
 
 def fit_ensemble(
@@ -45,38 +45,36 @@ def fit_ensemble(
 ) -> FitResult:
     """Sample the posterior until four independently started ensembles agree.
 
-    The number of steps follows from the autocorrelation time. A result whose outcome is
-    `not_converged` says what to change.
+    The number of steps follows from the autocorrelation time. The outcome `not_converged` contains
+    a remedy. Samples (n_samples, n_free) are ordered by step, then ensemble, then walker, so that
+    they reshape to (-1, facts["ensembles"], facts["walkers"], n_free).
 
     Args:
-        walkers: of each ensemble; even, at least twice the free parameters.
-        max_steps: of each walker.
-        seed: of starts and moves.
-
-    Returns:
-        The result; its samples (n_samples, n_free) are ordered by step, then ensemble, then
-        walker, so that they reshape to (-1, facts["ensembles"], facts["walkers"], n_free).
+        walkers: walkers of each ensemble; even, at least twice the free parameters plus 2.
+        max_steps: maximum steps of each walker.
+        seed: seed of initial positions and moves.
     """
-    n = len(problem.free_names)
-    if walkers % 2 or walkers < 2 * n + 2:
+    n_free = len(problem.free_names)
+    if walkers % 2 or walkers < 2 * n_free + 2:
         raise InputError(
-            f"{walkers} walkers for {n} free parameters; give an even number from {2 * n + 2} on"
+            f"{walkers} walkers are invalid for {n_free} free parameters; allowed: even numbers "
+            f"from {2 * n_free + 2}"
         )
     rng = np.random.default_rng(seed)
     try:
-        near = fit_least_squares(problem)
+        least_squares = fit_least_squares(problem)
     except EstimationError:
-        near = None
+        least_squares = None
     probability = log_probability(problem)
     with np.errstate(all="ignore"):
-        start = start_walkers(problem, near, probability, ENSEMBLES, walkers, rng)
+        start = start_walkers(problem, least_squares, probability, ENSEMBLES, walkers, rng)
         moves = [
             (IslandDifference(ENSEMBLES), 0.5),
-            (proposal_around_least_squares(problem, near), 0.5),
+            (proposal_around_least_squares(problem, least_squares), 0.5),
         ]
         sampler = build_sampler(probability, start, moves, int(rng.integers(2**32)))
-        chains, verdict = sample_until_converged(sampler, start, walkers, max_steps, progress)
-    return _result(problem, near, sampler, chains, verdict, walkers, seed, max_steps)
+        chains, convergence = sample_until_converged(sampler, start, walkers, max_steps, progress)
+    return _result(problem, least_squares, sampler, chains, convergence, walkers, seed, max_steps)
 
 
 def build_sampler(
@@ -104,7 +102,7 @@ def advance(
 def sample_until_converged(
     sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress
 ) -> tuple[Array, Convergence]:
-    """Return chains (steps, ensembles, walkers, n) of agreement, or of the most steps, judged."""
+    """Return chains (steps, ensembles, walkers, n) and their convergence, or that at max_steps."""
     done, target = 0, min(FIRST_STEPS, max_steps)
     state: Any = start
     while True:
@@ -113,11 +111,11 @@ def sample_until_converged(
         done = target
         chain = sampler.get_chain()[int(BURN_IN_SHARE * done) :]
         chains = chain.reshape(chain.shape[0], ENSEMBLES, walkers, chain.shape[2])
-        verdict = convergence_of(chains)
-        if verdict.reached or done >= max_steps:
-            return chains, verdict
-        wanted = 1.05 * TAU_LENGTHS / (1.0 - BURN_IN_SHARE) * verdict.slowest_tau_steps
-        target = int(min(max(wanted, 1.3 * done), max_steps, 4.0 * done))
+        convergence = convergence_of(chains)
+        if convergence.reached or done >= max_steps:
+            return chains, convergence
+        needed_steps = 1.05 * TAU_LENGTHS / (1.0 - BURN_IN_SHARE) * convergence.slowest_tau_steps
+        target = int(min(max(needed_steps, 1.3 * done), max_steps, 4.0 * done))
 
 
 def _report(progress: Progress, before: int, whole: int, step: int) -> None:
@@ -126,30 +124,31 @@ def _report(progress: Progress, before: int, whole: int, step: int) -> None:
 
 def _result(
     problem: Problem,
-    near: FitResult | None,
+    least_squares: FitResult | None,
     sampler: Any,
     chains: Array,
-    verdict: Convergence,
+    convergence: Convergence,
     walkers: int,
     seed: int,
     max_steps: int,
 ) -> FitResult:
-    n = chains.shape[3]
-    tau = verdict.slowest_tau_steps
-    per_step = ENSEMBLES * walkers
+    n_free = chains.shape[3]
+    tau = convergence.slowest_tau_steps
+    draws_per_step = ENSEMBLES * walkers
     thin = max(1, int(tau / 5.0) if np.isfinite(tau) else 1)
-    draws = chains[::thin].reshape(-1, n)
-    drawn = chains[:: max(thin, -(-chains.shape[0] * per_step // MAX_DRAWS))].reshape(-1, n)
+    draws = chains[::thin].reshape(-1, n_free)
+    stride = max(thin, -(-chains.shape[0] * draws_per_step // MAX_DRAWS))
+    samples = chains[::stride].reshape(-1, n_free)
     estimates = tuple(
         from_draws(name, problem.parameters[name], draws[:, i], _bound(problem, name, draws[:, i]))
         for i, name in enumerate(problem.free_names)
     )
     log_probs = sampler.get_log_prob(flat=True)
     best = sampler.get_chain(flat=True)[int(np.argmax(log_probs))]
-    if near is not None and np.all(np.isfinite(near.values)):
+    if least_squares is not None and np.all(np.isfinite(least_squares.values)):
         with np.errstate(all="ignore"):
-            if log_probability(problem)(near.values[None, :])[0] >= np.max(log_probs):
-                best = near.values
+            if log_probability(problem)(least_squares.values[None, :])[0] >= np.max(log_probs):
+                best = least_squares.values
     chi2, log_likelihood = problem.quality(best)
     steps = int(sampler.iteration)
     return FitResult(
@@ -161,14 +160,15 @@ def _result(
         chi2=chi2,
         dof=problem.dof,
         log_likelihood=log_likelihood,
-        outcome=_outcome(problem, verdict, steps, max_steps, per_step),
+        outcome=_outcome(problem, convergence, steps, max_steps, draws_per_step),
         warnings=tuple(
-            f"the posterior of {item.name} {item.bound} {_at(problem, item)} and is cut there, and "
-            f"other numbers lean on it: widen the bound or fix the parameter"
-            for item in estimates
-            if item.bound
+            f"the posterior of {estimate.name} {estimate.bound} "
+            f"{_format_bound(problem, estimate)} and is truncated, which biases other estimates: "
+            f"widen the bound or fix the parameter"
+            for estimate in estimates
+            if estimate.bound
         ),
-        samples=np.ascontiguousarray(drawn),
+        samples=np.ascontiguousarray(samples),
         facts={
             **problem.facts,
             "points": len(problem),
@@ -177,73 +177,75 @@ def _result(
             "ensembles": ENSEMBLES,
             "walkers": walkers,
             "steps": steps,
-            "steps_kept": verdict.steps,
+            "steps_kept": convergence.steps,
             "tau_steps": tau,
-            "rhat": float(np.max(verdict.rhat)),
+            "rhat": float(np.max(convergence.rhat)),
             "acceptance": float(np.mean(sampler.acceptance_fraction)),
         },
     )
 
 
 def _bound(problem: Problem, name: str, draws: Array) -> str:
-    """Return which bound a posterior (n,) piles up against, in words; empty where none."""
-    item = problem.parameters[name]
-    near = BOUND_REACH * float(np.std(draws))
-    for side, bound in (("lower", item.lower), ("upper", item.upper)):
-        if np.mean(np.abs(draws - bound) < near) > BOUND_SHARE:
+    """Return text that names the bound where a posterior (n,) accumulates, else ""."""
+    parameter = problem.parameters[name]
+    margin = BOUND_REACH * float(np.std(draws))
+    for side, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
+        if np.mean(np.abs(draws - bound) < margin) > BOUND_SHARE:
             return f"reaches its {side} bound"
     return ""
 
 
-def _at(problem: Problem, estimate: Estimate) -> str:
+def _format_bound(problem: Problem, estimate: Estimate) -> str:
     """Return the bound that an estimate reaches, with its unit."""
-    item = problem.parameters[estimate.name]
-    bound = item.lower if "lower" in estimate.bound else item.upper
-    return f"{bound:g} {item.unit}".removesuffix(" 1")
+    parameter = problem.parameters[estimate.name]
+    bound = parameter.lower if "lower" in estimate.bound else parameter.upper
+    return f"{bound:g} {parameter.unit}".removesuffix(" 1")
 
 
 def _outcome(
-    problem: Problem, verdict: Convergence, steps: int, max_steps: int, per_step: int
+    problem: Problem, convergence: Convergence, steps: int, max_steps: int, draws_per_step: int
 ) -> Outcome:
-    evaluations = steps * per_step
-    if verdict.reached:
+    evaluations = steps * draws_per_step
+    if convergence.reached:
         return Outcome(
             "converged",
-            f"{ENSEMBLES} ensembles agree (R-hat {np.max(verdict.rhat):.4f}) over {verdict.steps} "
-            f"steps of {verdict.slowest_tau_steps:.0f} autocorrelation steps each",
+            f"{ENSEMBLES} ensembles agree (R-hat {np.max(convergence.rhat):.4f}) over "
+            f"{convergence.steps} steps; autocorrelation time: "
+            f"{convergence.slowest_tau_steps:.0f} steps",
             evaluations,
         )
-    worst = problem.free_names[int(np.argmax(verdict.rhat))]
-    if not verdict.mixed:
+    worst = problem.free_names[int(np.argmax(convergence.rhat))]
+    if not convergence.mixed:
         reason = (
             f"after {steps} steps the ensembles still disagree about {worst} (R-hat "
-            f"{np.max(verdict.rhat):.3f}, limit {RHAT_LIMIT})"
+            f"{np.max(convergence.rhat):.3f}, limit {RHAT_LIMIT})"
         )
     else:
-        slowest = problem.free_names[int(np.argmax(verdict.tau_steps))]
+        slowest = problem.free_names[int(np.argmax(convergence.tau_steps))]
         reason = (
-            f"{verdict.steps} kept steps are {verdict.steps / verdict.slowest_tau_steps:.0f} "
-            f"autocorrelation times of {slowest}, {TAU_LENGTHS} are needed"
+            f"{convergence.steps} steps after burn-in are "
+            f"{convergence.steps / convergence.slowest_tau_steps:.0f} autocorrelation times of "
+            f"{slowest}; minimum: {TAU_LENGTHS}"
         )
     return Outcome(
         "not_converged",
-        f"{reason}; allow more than {max_steps} steps, or fix a parameter or state a prior where "
-        f"least squares says that parameters cannot be separated",
+        f"{reason}; allow more than {max_steps} steps, or fix a parameter or state a prior for "
+        f"parameters that least squares reports as inseparable",
         evaluations,
     )
 
 
-TAU_LENGTHS = 50  # a chain must be this many autocorrelation times long (emcee's own advice)
+TAU_LENGTHS = 50  # minimum chain length in autocorrelation times (recommended by emcee)
 RHAT_LIMIT = 1.01  # largest split R-hat (Vehtari et al., Bayesian Analysis 16, 2021, section 4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Convergence:
-    """Hold what the chains say."""
+    """Convergence diagnostics of chains."""
 
     tau_steps: Array  # (n,) integrated autocorrelation time of each parameter
     rhat: Array  # (n,) split R-hat over the ensembles
-    steps: int  # steps after the discarded ones, which both were taken from
+    steps: int  # steps after burn-in
 
     @property
     def slowest_tau_steps(self) -> float:
@@ -253,25 +255,25 @@ class Convergence:
 
     @property
     def long_enough(self) -> bool:
-        """Whether the steps are `TAU_LENGTHS` autocorrelation times."""
+        """True if the chains have `TAU_LENGTHS` autocorrelation times."""
         return self.steps >= TAU_LENGTHS * self.slowest_tau_steps
 
     @property
     def mixed(self) -> bool:
-        """Whether the ensembles agree."""
+        """True if the ensembles agree."""
         return bool(np.all(self.rhat < RHAT_LIMIT))
 
     @property
     def reached(self) -> bool:
-        """Whether both tests are met."""
+        """True if both criteria are met."""
         return self.long_enough and self.mixed
 
 
 def split_rhat(chains: Array) -> Array:
     """Return split R-hat (n,) of chains (steps, ensembles, walkers, n).
 
-    Each ensemble is cut into an early and a late half, pooled over its walkers: walkers of one
-    ensemble move together and are not chains of their own.
+    Each ensemble is split into an early and a late half, pooled over its walkers: the walkers of an
+    ensemble are not independent chains.
     """
     steps, ensembles, walkers, n = chains.shape
     half = steps // 2
@@ -286,7 +288,7 @@ def split_rhat(chains: Array) -> Array:
 
 
 def convergence_of(chains: Array) -> Convergence:
-    """Judge chains (steps, ensembles, walkers, n)."""
+    """Return convergence diagnostics of chains (steps, ensembles, walkers, n)."""
     steps, ensembles, walkers, n = chains.shape
     with np.errstate(all="ignore"):
         tau = integrated_time(chains.reshape(steps, ensembles * walkers, n), tol=0, quiet=True)

@@ -1,4 +1,4 @@
-"""From files to what a fit takes: points, conditions, errors, and what was left out."""
+"""Input data of a fit: points, conditions, errors and excluded points."""
 
 from __future__ import annotations
 
@@ -35,86 +35,82 @@ from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
-REFERENCE_Z_OVER_R = (
-    9.0  # beyond it eq. (4) leaves below one per cent; tables in papers end at 5 to 6
-)
+REFERENCE_Z_OVER_R = 9.0  # ground effect of eq. (4) is below 1 %; tables in papers end at 5 to 6
 MAX_POINTS = 10_000  # their shared errors take 12 GB of memory; assumed
-RATIO_BASIS: Basis = "equal_rpm2"  # the basis of ratios that a table gives without forces
-NO_PLATE_Z_OVER_R = (
-    1e6  # beyond it stands `OUT_OF_GROUND_EFFECT_M`: a recording without a plate, which is fine
-)
+RATIO_BASIS: Basis = "equal_rpm2"  # basis of ratios in a table without forces
+NO_PLATE_Z_OVER_R = 1e6  # recordings without a plate are beyond it (`OUT_OF_GROUND_EFFECT_M`)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitData:
-    """Hold the points of a fit.
+    """Points of a fit.
 
     Attributes:
-        groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
-        error_sources: what points share, over all n.
-        reference: (n,) what each point of a ratio was divided by: the plate where it was parked.
-        load_cells: calibrations that the points went through.
+        groups: (n,) setting number of each point; None if the data do not number settings.
+        error_sources: errors shared by points, over all n.
+        reference: (n,) reference conditions of each ratio: the parked plate.
+        load_cells: load cell calibrations of the points.
     """
 
-    points: Recording  # all that were read (n rows)
+    points: Recording  # all points (n rows)
     conditions: Conditions  # of all points
     observed: Array  # (n,) thrust in N, or the ratio of the recipe's basis
     standard_error: Array  # (n,) of each point alone; 1 where none is stated
     errors: str  # "within" visits, from their samples; "stated" by a table; or "none"
-    used: NDArray[np.bool_]  # (n,) False for points that the fit leaves out
-    left_out: tuple[str, ...]  # sentences that say which points and why
+    used: NDArray[np.bool_]  # (n,) False for excluded points
+    left_out: tuple[str, ...]  # messages: excluded points and reasons
     z_over_R: Array  # (n,) least distance over the rig's radius
     groups: NDArray[np.intp] | None
     hashes: Mapping[str, str]  # SHA-256 by data path
     reference: Conditions | None = None
     error_sources: tuple[ErrorSource, ...] = ()
     load_cells: LoadCells = field(default_factory=LoadCells)
-    visits: Visits  # what the points have in common (n)
+    visits: Visits  # visits of the points (n)
     by_thrust: Array | None = None  # (n, n) change of each ratio by each thrust: 1/N
 
     def bench_errors(self, model: Model) -> tuple[ErrorSource, ...]:
         """Return the errors of the bench on every observation (n,), at a model's values."""
-        found = bench_errors(model, self.conditions, self.visits)
+        sources = bench_errors(model, self.conditions, self.visits)
         if self.by_thrust is None:
-            return found
-        changed = ((one, self.by_thrust @ one.columns) for one in found)
-        # A scale of all thrusts is none of their ratios.
+            return sources
+        changed_sources = ((source, self.by_thrust @ source.columns) for source in sources)
+        # A scale error common to all thrusts cancels in their ratios.
         return tuple(
-            replace(one, columns=columns)
-            for one, columns in changed
+            replace(source, columns=columns)
+            for source, columns in changed_sources
             if np.abs(columns[self.used]).max() > SHOWS
         )
 
     @property
     def rows(self) -> NDArray[np.intp]:
-        """Positions of the used points."""
+        """Indices of the used points."""
         return np.flatnonzero(self.used)
 
 
 def recipe_model(recipe: Recipe, permit: CodePermit = check_code_allowed) -> LoadedModel:
-    """Return the recipe's model on its data's rig, parameters freed and fixed as it says.
+    """Return the recipe's model on the rig of its data, with parameters freed and fixed.
 
     Raises:
-        InputError: no rig known (`rig_for_data`), or a model that holds numbers of another one.
+        InputError: the rig is unknown (`rig_for_data`), or the model belongs to another rig.
     """
     rig = rig_for_data(recipe.data, recipe.model, recipe.rig)
     loaded = load_model(recipe.model, rig, permit=permit)
     if recipe.columns is not None and not all(map(is_run, recipe.data)):
         columns = {**loaded.columns, **read_column_map(recipe.columns)}
         loaded = replace(loaded, columns=columns)
-    named: set[str] = set()
-    for typed in (*recipe.free, *recipe.fix, *recipe.hold):
-        name = resolve_name(typed, loaded.model.parameters)
-        if name in named:
-            raise InputError(f"{name} is named twice; free it, or fix it at one value")
-        named.add(name)
+    names: set[str] = set()
+    for entry in (*recipe.free, *recipe.fix, *recipe.hold):
+        name = resolve_name(entry, loaded.model.parameters)
+        if name in names:
+            raise InputError(f"duplicate parameter {name}; free it, or fix it at one value")
+        names.add(name)
     model = loaded.model.with_free(*recipe.free)
     for name, value in recipe.fix.items():
         model = model.with_fixed(name, value)
     for name in recipe.hold:
         model = model.with_fixed(name)
     if recipe.basis != "joint":
-        # A ratio does not know the thrust coefficient.
+        # The thrust coefficient cancels in a ratio.
         model = model.with_fixed("k")
     return replace(loaded, model=model)
 
@@ -123,33 +119,33 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     """Read the recipe's data for its model.
 
     Raises:
-        InputError: data that lack what the basis needs, or of which nothing is left.
+        InputError: data that lack a channel the basis needs, or have no usable point.
     """
     hashes = _hashes(recipe.data)
-    of_tables = {
+    table_options = {
         "columns": recipe.columns,
         "calibration": recipe.calibration,
         "where": recipe.where,
     }
-    given = [f"--{name}" for name, value in of_tables.items() if value]
-    if given and all(map(is_run, recipe.data)):
+    table_arguments = [f"--{name}" for name, value in table_options.items() if value]
+    if table_arguments and all(map(is_run, recipe.data)):
         raise InputError(
-            f"{' and '.join(given)} can be given for a CSV table only: {recipe.data[0]} is a run, "
-            f"whose columns and calibration are its own and whose points all count; leave it out"
+            f"{' and '.join(table_arguments)} can be given for a CSV table only: {recipe.data[0]} "
+            f"is a run, which defines its columns, calibration and points; omit the option"
         )
-    parts = [_read_one(path, recipe, loaded) for path in recipe.data]
+    parts = [_read_file(path, recipe, loaded) for path in recipe.data]
     rig = loaded.model.rig
     parts = [add_zero_drift(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
-    points = _joined(parts)
+    points = _concatenate(parts)
     has_ratios = "thrust_N" not in points and "thrust_ratio" in points
     if has_ratios and recipe.basis != RATIO_BASIS:
         raise InputError(
-            f"the data hold ratios of thrust and no thrust_N; fit them with --basis {RATIO_BASIS}"
+            f"the data contain thrust ratios and no thrust_N; fit them with --basis {RATIO_BASIS}"
         )
     if "thrust_N" not in points and not has_ratios:
         raise InputError(
             f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
-            f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
+            f"the model: thrust_N = {{ column = 'column name', unit = 'gf' }}"
         )
     if len(points) > MAX_POINTS:
         raise InputError(
@@ -165,28 +161,28 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if recipe.basis == "joint":
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
     elif has_ratios:
-        observed, found_error = points.column("thrust_ratio"), ratio_error(points)
-        errors = "none" if found_error is None else "stated"
-        error = np.ones(len(points)) if found_error is None else found_error
+        observed, table_error = points.column("thrust_ratio"), ratio_error(points)
+        errors = "none" if table_error is None else "stated"
+        error = np.ones(len(points)) if table_error is None else table_error
         turning = np.sum(conditions.speed_rad_s**2, axis=0)
         by_thrust = np.diag(1.0 / (model.parameters["k"].value * turning))
         reference = conditions.out_of_ground_effect()
     else:
         # Each run is divided by its own references.
-        found = [ratios(part, recipe.basis, model.rig) for part in parts]
-        observed = np.concatenate([one.value for one in found])
-        error = np.concatenate([one.standard_error for one in found])
-        sources = concatenate_sources([one.error_sources for one in found])
-        share = block_diag(*(one.share for one in found))
-        by_thrust = block_diag(*(one.by_thrust for one in found))
+        run_ratios = [ratios(part, recipe.basis, model.rig) for part in parts]
+        observed = np.concatenate([ratio.value for ratio in run_ratios])
+        error = np.concatenate([ratio.standard_error for ratio in run_ratios])
+        sources = concatenate_sources([ratio.error_sources for ratio in run_ratios])
+        share = block_diag(*(ratio.share for ratio in run_ratios))
+        by_thrust = block_diag(*(ratio.by_thrust for ratio in run_ratios))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
-        most = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
+        max_thrust_N = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
         raise InputError(
-            f"no rotor turns in {pluralize(len(points), 'point')} while thrust reaches {most:.3g} "
-            "N: "
-            f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
+            f"no rotor turns in {pluralize(len(points), 'point')} while thrust reaches "
+            f"{max_thrust_N:.3g} N: "
+            f"the speed channel is dead, or the speed is in another column; map that one to rpm1"
         )
     turning = np.any(conditions.speed_rad_s > 0.0, axis=0)
     if recipe.basis == "joint" and (negative := observed[turning] < 0.0).mean() > 0.5:
@@ -198,7 +194,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     z_over_R = model.z_over_R(conditions)
     nearest = recipe.min_z_over_R
     nearest = model.nearest_z_over_R if nearest is None else nearest
-    used, left_out = _selected(observed, error, conditions.known, z_over_R, nearest)
+    used, left_out = _select_points(observed, error, conditions.known, z_over_R, nearest)
     if used.any() and z_over_R[used].min() >= NO_PLATE_Z_OVER_R and model.parameters["R_m"].free:
         left_out += (
             "no point has a plate distance, so that R_m cannot be determined; fit the thrust curve "
@@ -207,7 +203,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     groups = None
     if recipe.basis != "joint" and not has_ratios:
         parked_m = np.concatenate([_parked_m(part) for part in parts])
-        # A load cell drifts between a visit and its references, and reads its tare error in both.
+        # The load cell drifts between a visit and its references; the tare error is in both.
         reference = Conditions.of(
             model.rig,
             speed_rad_s=conditions.speed_rad_s,
@@ -216,7 +212,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
             elapsed_s=share @ np.nan_to_num(conditions.elapsed_s),
             time_s=share @ np.nan_to_num(conditions.time_s),
         )
-        # A reference over itself is 1 by arithmetic and says nothing.
+        # A reference over itself is 1 and carries no information.
         used = used & (points.column("kind") != word_to_code("kind", "reference"))
     if "setting" in points and np.isfinite(points.column("setting")).all():
         groups = points.column("setting").astype(np.intp)
@@ -227,7 +223,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         standard_error=error,
         errors=errors,
         used=used,
-        left_out=(*left_out, *_suspect(recipe.data, parts)),
+        left_out=(*left_out, *_data_warnings(recipe.data, parts)),
         z_over_R=z_over_R,
         groups=groups,
         hashes=hashes,
@@ -241,38 +237,36 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     )
 
 
-def _suspect(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
-    """Yield warnings on data that are fitted: points changed by hand, or with many outliers."""
+def _data_warnings(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
+    """Yield warnings on the data: points edited by hand, or with many outliers."""
     for path, part in zip(paths, parts, strict=True):
         yield from changed_points(path)
         if "suspect" in part and (count := int(np.nansum(part.column("suspect")))):
             yield (
-                f"{path}: {pluralize(count, 'point')} suspect: too many samples lie apart to be "
-                f"outliers, or a rotor's vibration reads as thrust; see the run's events"
+                f"{path}: {pluralize(count, 'point')} suspect: too many samples deviate to be "
+                f"outliers, or rotor vibration is read as thrust; see the run's events"
             )
 
 
 def _hashes(paths: Sequence[str]) -> dict[str, str]:
-    """Return the hash of every data path; the same data twice would count twice."""
-    found: dict[str, str] = {}
+    """Return the hash of every data path; raise for duplicate data."""
+    hashes: dict[str, str] = {}
     for path in paths:
         digest = data_hash(path)
-        for other, known in found.items():
-            if known == digest:
-                raise InputError(
-                    f"{path} holds the same data as {other}; points count once, so name it once"
-                )
-        found[path] = digest
-    return found
+        for other, other_digest in hashes.items():
+            if other_digest == digest:
+                raise InputError(f"duplicate data: {path} and {other} are identical; remove one")
+        hashes[path] = digest
+    return hashes
 
 
-def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
+def _read_file(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
     if is_run(path):
         if is_pitch_run(path):
             raise FileFormatError(
                 path,
-                "this is a pitch run, from which nothing is fitted; show it with benchtool report, "
-                "or find what its model lacks with benchtool explain",
+                "this is a pitch run, which cannot be fitted; show it with benchtool report, "
+                "or find missing effects of its model with benchtool explain",
             )
         return read_points(path)
     columns = loaded.columns
@@ -285,16 +279,16 @@ def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
 
 
 def _with_references(table: Recording) -> Recording:
-    """Return a table whose reference rows without a distance stand far from any plate."""
+    """Return a table whose reference rows without a distance are out of ground effect."""
     if "kind" not in table or "plate_z_m" not in table:
         return table
     z_m = table.column("plate_z_m")
-    far = (table.column("kind") == word_to_code("kind", "reference")) & ~np.isfinite(z_m)
-    z_m = np.where(far, OUT_OF_GROUND_EFFECT_M, z_m)
+    is_far = (table.column("kind") == word_to_code("kind", "reference")) & ~np.isfinite(z_m)
+    z_m = np.where(is_far, OUT_OF_GROUND_EFFECT_M, z_m)
     return table.drop(("plate_z_m",)).with_column(Channel("plate_z_m", "m"), z_m)
 
 
-def _joined(parts: Sequence[Recording]) -> Recording:
+def _concatenate(parts: Sequence[Recording]) -> Recording:
     if len(parts) == 1:
         return parts[0]
     names = [name for name in parts[0].names if all(name in part for part in parts)]
@@ -317,23 +311,23 @@ def _joined(parts: Sequence[Recording]) -> Recording:
 
 
 def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
-    thrust, found = points.to_si("thrust_N"), thrust_error(points)
-    if found is None:
+    thrust, error_and_kind = points.to_si("thrust_N"), thrust_error(points)
+    if error_and_kind is None:
         return thrust, np.ones(len(points)), "none"
-    error, of_samples = found
-    return thrust, error, "within" if is_whole_run or of_samples else "stated"
+    error, is_from_samples = error_and_kind
+    return thrust, error, "within" if is_whole_run or is_from_samples else "stated"
 
 
 def _parked_m(part: Recording) -> Array:
-    """Return where one run's plate was parked for its references, for every point (n,): m."""
+    """Return the plate distance of the references of one run, for every point (n,): m."""
     parked = part.column("kind") == word_to_code("kind", "reference")
     return np.full(len(part), float(part.to_si("plate_z_m")[parked].mean()))
 
 
-def _selected(
-    observed: Array, error: Array, known: NDArray[np.bool_], z_over_R: Array, nearest: float
+def _select_points(
+    observed: Array, error: Array, is_known: NDArray[np.bool_], z_over_R: Array, nearest: float
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
-    finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & known
+    finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & is_known
     near = finite & (z_over_R < nearest)
     reasons = []
     if not finite.all():
@@ -346,14 +340,14 @@ def _selected(
         reasons.append(
             f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
             f"{nearest:g}, outside the formulae's validity, and were left out; "
-            f"take them in with --min-z-over-r 0"
+            f"include them with --min-z-over-r 0"
         )
     used = finite & ~near
     if used.any() and REFERENCE_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
         reasons.append(
-            f"the nearest point lies at z/R = {z_over_R[used].min():.3g}, where there is no ground "
-            f"effect to fit; check the unit of plate_z_m, or fit the thrust curve of a test "
-            f"without a plate with benchtool motor"
+            f"the nearest point is at z/R = {z_over_R[used].min():.3g}, too far for ground effect; "
+            f"check the unit of plate_z_m, or fit the thrust curve of a test without a plate with "
+            f"benchtool motor"
         )
     if not used.any():
         raise InputError(

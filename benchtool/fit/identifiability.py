@@ -1,4 +1,4 @@
-"""What data can separate: parameters of one fit, and a model from its rival."""
+"""Identifiability: separation of the parameters of one fit, and of rival models."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.physics.catalogue import EFFECTS
 
-INFLATION = 5.0  # confused: the others make an sd this many times larger (a pair: 0.98)
-SHARE = 0.25  # least scaled component of a parameter that belongs to a confused direction
-MATTERS = 0.1  # part of a value without tolerance above which a confused sd is reported
-BASELINE: dict[frozenset[str], str] = {  # what separates two parameters of no effect
+INFLATION = 5.0  # minimum ratio of sd with others free and fixed (a pair: correlation 0.98)
+MIN_COMPONENT = 0.25  # minimum scaled component of a parameter in a confused direction
+MIN_RELATIVE_SD = 0.1  # minimum reported sd relative to a value without tolerance
+BASELINE: dict[frozenset[str], str] = {  # remedies for pairs without an effect
     frozenset({"k", "R_m"}): "reference points without the plate",
     frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
 }
 
 
 def separating_measurement() -> dict[frozenset[str], str]:
-    """Return what data separate a pair of parameters, from the laws of the effects."""
+    """Return the remedy that separates each pair of parameters, from the effect definitions."""
     return {
         frozenset({f"{effect.name}.{effect.parameters[0].name}", other}): text
         for effect in EFFECTS.values()
@@ -36,27 +36,27 @@ def separating_measurement() -> dict[frozenset[str], str]:
 
 @dataclass(frozen=True, slots=True)
 class Confusion:
-    """Name parameters that the data cannot separate."""
+    """Parameters that the data cannot separate."""
 
-    names: tuple[str, ...]  # two or more, the most involved first
-    inflation: float  # how many times larger their standard deviation is because of each other
-    open_directions: int  # how many combinations the data leave open altogether; 0 for none
-    remedy: str  # what data would separate them
+    names: tuple[str, ...]  # most involved first; a single one is undetermined
+    inflation: float  # ratio of their sd to the sd with the others known
+    open_directions: int  # number of undetermined combinations; 0 for none
+    remedy: str  # measurement that would separate them
 
     def __str__(self) -> str:
-        """Say it in one sentence."""
+        """Return one sentence with the remedy."""
         if len(self.names) == 1:
-            return f"these data say nothing about {self.names[0]}; fix it, or {self.remedy}"
+            return f"these data do not determine {self.names[0]}; fix it, or {self.remedy}"
         listed = " and ".join([", ".join(self.names[:-1]), self.names[-1]])
         if not self.open_directions:
             return (
                 f"{listed} can hardly be separated (uncertainty {self.inflation:.0f} times larger "
                 f"than with the others known); fix one, or {self.remedy}"
             )
-        known = len(self.names) - self.open_directions
+        n_determined = len(self.names) - self.open_directions
         return (
-            f"{listed} cannot be separated by these data, which determine only {known} "
-            f"combination{'s' if known > 1 else ''} of these {len(self.names)}; fix "
+            f"{listed} cannot be separated by these data, which determine only {n_determined} "
+            f"combination{'s' if n_determined > 1 else ''} of these {len(self.names)}; fix "
             f"{self.open_directions}, or {self.remedy}"
         )
 
@@ -66,25 +66,25 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     shape, noise = problem.split(result.values)
     lower, upper = problem.shape_bounds
     with np.errstate(all="ignore"):
-        way = select_method(problem.predict, shape, len(problem), lower, upper)
-        jacobian = row_jacobian(problem, way)(shape, problem.whitening(noise))
+        method = select_method(problem.predict, shape, len(problem), lower, upper)
+        jacobian = row_jacobian(problem, method)(shape, problem.whitening(noise))
     names = problem.shape_names
-    spread = spread_of(jacobian, way)
-    if spread.undetermined:
-        return _open(names, spread.directions)
-    found: list[Confusion] = []
+    estimate = spread_of(jacobian, method)
+    if estimate.undetermined:
+        return _undetermined_groups(names, estimate.directions)
+    confused: list[Confusion] = []
     norms = np.linalg.norm(jacobian, axis=0)
-    inflation = np.sqrt(np.diag(spread.covariance)) * norms
-    for part in _weak_directions(jacobian / norms):
-        involved = np.abs(part) > SHARE
+    inflation = np.sqrt(np.diag(estimate.covariance)) * norms
+    for direction in _weak_directions(jacobian / norms):
+        involved = np.abs(direction) > MIN_COMPONENT
         worst = float(inflation[involved].max())
         if worst >= INFLATION and _matters(problem, result, names, involved):
-            found.append(_named(names, np.abs(part), worst))
-    return tuple(found)
+            confused.append(_build_confusion(names, np.abs(direction), worst))
+    return tuple(confused)
 
 
 def _weak_directions(scaled: Array) -> list[Array]:
-    """Return directions of the column-scaled Jacobian that are weak, the weakest first."""
+    """Return weakly determined directions of the column-scaled Jacobian, the weakest first."""
     _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
     weak = singular < 1.0 / INFLATION
     return list(directions[weak][::-1])
@@ -94,32 +94,32 @@ def _matters(
     problem: Problem, result: FitResult, names: tuple[str, ...], involved: NDArray[np.bool_]
 ) -> bool:
     for name in np.array(names)[involved]:
-        item, estimate = problem.parameters[str(name)], result[str(name)]
-        limit = item.tolerance if item.tolerance is not None else MATTERS * abs(estimate.value)
-        if estimate.sd > limit:
+        parameter, estimate = problem.parameters[str(name)], result[str(name)]
+        limit = parameter.tolerance
+        if estimate.sd > (MIN_RELATIVE_SD * abs(estimate.value) if limit is None else limit):
             return True
     return False
 
 
-def _open(names: tuple[str, ...], directions: Array) -> tuple[Confusion, ...]:
-    """Return one confusion for each set of parameters that open directions (k, n) share."""
-    left = [np.abs(direction) * (np.abs(direction) > PART) for direction in directions]
-    found = []
-    while left:
-        union, count = left.pop(), 1
+def _undetermined_groups(names: tuple[str, ...], directions: Array) -> tuple[Confusion, ...]:
+    """Return one confusion for each set of parameters with common open directions (k, n)."""
+    remaining = [np.abs(direction) * (np.abs(direction) > PART) for direction in directions]
+    groups = []
+    while remaining:
+        union, count = remaining.pop(), 1
         while True:
-            touching = [i for i, other in enumerate(left) if np.any((other > 0) & (union > 0))]
-            if not touching:
+            hits = [i for i, other in enumerate(remaining) if np.any((other > 0) & (union > 0))]
+            if not hits:
                 break
-            union, count = union + left.pop(touching[0]), count + 1
-        found.append(_named(names, union, np.inf, count))
-    return tuple(found)
+            union, count = union + remaining.pop(hits[0]), count + 1
+        groups.append(_build_confusion(names, union, np.inf, count))
+    return tuple(groups)
 
 
-def _named(
+def _build_confusion(
     names: tuple[str, ...], involvement: Array, inflation: float, open_directions: int = 0
 ) -> Confusion:
-    limit = 0.0 if open_directions else SHARE
+    limit = 0.0 if open_directions else MIN_COMPONENT
     order = np.argsort(-involvement)
     involved = tuple(names[i] for i in order if involvement[i] > limit)
     remedies = [text for pair, text in separating_measurement().items() if pair <= set(involved)]
@@ -138,22 +138,22 @@ UNDETERMINED_HINT = (
 
 
 def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> float:
-    """Return twice the log-likelihood ratio that the truth has on average, to second order.
+    """Return twice the expected log-likelihood ratio of the truth to the best rival model.
 
-    It is taken over the best model within bounds: of rivals that are free, of everything else, the
-    true effects too, within its tolerance. Below some units the two cannot be distinguished.
+    Second-order approximation. Rival effects are free within the bounds; all other parameters,
+    true effects included, stay within tolerance. Models with a small ratio are indistinguishable.
 
     Args:
-        matrix: (k, k) Fisher information, each number in tolerances of its own.
+        matrix: (k, k) Fisher information, each parameter in units of its tolerance.
         sizes: (k,) true values, in tolerances past neutral.
         low: (k,) lower bounds of the rival model, in tolerances past neutral.
         high: (k,) upper bounds.
     """
-    own = np.diag(matrix)
-    scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     root = cholesky(scale[:, None] * matrix * scale + 1e-10 * np.eye(len(sizes)))
     lowest, highest = (low - sizes) / scale, (high - sizes) / scale
-    # Equal bounds have no inside; a hair's breadth does no harm.
+    # lsq_linear needs bounds that differ.
     highest = np.maximum(highest, lowest + 1e-9)
     best = lsq_linear(root, np.zeros(len(sizes)), bounds=(lowest, highest), method="bvls")
     return 2.0 * float(best.cost)

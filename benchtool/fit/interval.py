@@ -1,4 +1,4 @@
-"""Intervals: which probabilities are reported and how many standard deviations they take."""
+"""Interval estimates: reported probabilities and their half widths in standard deviations."""
 
 from __future__ import annotations
 
@@ -27,24 +27,25 @@ def half_widths(dof: float | None) -> tuple[float, float]:
             None when the errors were stated (normal).
     """
     upper = [0.5 + 0.5 * p for p in PROBABILITIES]
-    one, two = (ndtri(p) if dof is None or np.isinf(dof) else stdtrit(dof, p) for p in upper)
-    return float(one), float(two)
+    nu = np.inf if dof is None else dof
+    width_68, width_95 = (ndtri(p) if np.isinf(nu) else stdtrit(nu, p) for p in upper)
+    return float(width_68), float(width_95)
 
 
 def chi2_limits(dof: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return (low, high) chi-square quantiles that enclose each probability."""
-    one, two = (
+    limits_68, limits_95 = (
         (float(chdtri(dof, 0.5 + 0.5 * p)), float(chdtri(dof, 0.5 - 0.5 * p)))
         for p in PROBABILITIES
     )
-    return one, two
+    return limits_68, limits_95
 
 
-NEAR_BOUND = 1e-3  # part of a standard deviation; a value nearer to a bound is at the bound
+NEAR_BOUND = 1e-3  # in standard deviations; a value nearer to a bound is at the bound
 
 
 def is_at_bound(parameter: Parameter, value: float, sd: float) -> str:
-    """Return at which of its bounds a value ended, in words; empty where it lies inside."""
+    """Return text that names the bound of a value at a bound, else ""."""
     near = NEAR_BOUND * sd if np.isfinite(sd) else 0.0
     for side, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
         if np.isfinite(bound) and abs(value - bound) <= near:
@@ -52,13 +53,11 @@ def is_at_bound(parameter: Parameter, value: float, sd: float) -> str:
     return ""
 
 
-FULL_RANGE = (
-    0.93  # part of the bounds that a 95 % interval of no information covers (uniform: 0.95)
-)
+FULL_RANGE = 0.93  # share of the bounds that an uninformative 95 % interval covers (uniform: 0.95)
 
 
 def open_interval_reason(parameter: Parameter, sd: float, interval_95: tuple[float, float]) -> str:
-    """Return why data do not determine a parameter, in words; empty where they do."""
+    """Return text with the reason why data do not determine a parameter, else ""."""
     if np.isnan(sd):
         return ""
     if np.isinf(sd):
@@ -75,16 +74,18 @@ def open_interval_reason(parameter: Parameter, sd: float, interval_95: tuple[flo
 def interval_around(
     name: str, parameter: Parameter, value: float, sd: float, widths: tuple[float, float]
 ) -> Estimate:
-    """Return an estimate with symmetric intervals, cut off at the parameter's bounds."""
+    """Return an estimate with symmetric intervals, truncated at the parameter's bounds."""
     low, high = parameter.lower, parameter.upper
-    one, two = (
+    interval_68, interval_95 = (
         (float(max(low, value - width * sd)), float(min(high, value + width * sd)))
         if np.isfinite(sd)
         else (low, high)
         for width in widths
     )
-    hit, why = is_at_bound(parameter, value, sd), open_interval_reason(parameter, float(sd), two)
-    return Estimate(name, parameter.unit, float(value), float(sd), one, two, hit, why)
+    bound = is_at_bound(parameter, value, sd)
+    open_ = open_interval_reason(parameter, float(sd), interval_95)
+    numbers = (float(value), float(sd), interval_68, interval_95)
+    return Estimate(name, parameter.unit, *numbers, bound, open_)
 
 
 def from_draws(name: str, parameter: Parameter, draws: Array, bound: str = "") -> Estimate:
@@ -92,31 +93,31 @@ def from_draws(name: str, parameter: Parameter, draws: Array, bound: str = "") -
     levels = [0.5 + 0.5 * sign * p for p in PROBABILITIES for sign in (-1.0, 1.0)]
     median, a, b, c, d = (float(q) for q in np.quantile(draws, [0.5, *levels]))
     sd = float(np.std(draws, ddof=1))
-    why = open_interval_reason(parameter, sd, (c, d))
-    return Estimate(name, parameter.unit, median, sd, (a, b), (c, d), bound, why)
+    open_reason = open_interval_reason(parameter, sd, (c, d))
+    return Estimate(name, parameter.unit, median, sd, (a, b), (c, d), bound, open_reason)
 
 
 def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
-    """Return the result with further quantities.
+    """Return the result with derived quantities.
 
-    Least squares carries its covariance through the exact derivative (delta method); emcee
-    evaluates every draw.
+    Least squares uses the delta method with exact derivatives; emcee evaluates every draw.
     """
     names = [estimate.name for estimate in result.estimates]
-    own = tuple(
+    estimates = tuple(
         _from_draws(quantity, names, result)
         if len(result.samples)
         else _from_covariance(quantity, names, result)
         for quantity in quantities
     )
-    said = tuple(
-        _with_words(item, quantity, result) for item, quantity in zip(own, quantities, strict=True)
+    derived = tuple(
+        _with_bound_notes(estimate, quantity, result)
+        for estimate, quantity in zip(estimates, quantities, strict=True)
     )
-    return replace(result, derived=(*result.derived, *said))
+    return replace(result, derived=(*result.derived, *derived))
 
 
-class _Looked(dict[str, float]):
-    """Remember which values a quantity is computed from."""
+class _AccessRecorder(dict[str, float]):
+    """Mapping that records the names of the values that are read."""
 
     def __init__(self, values: Mapping[str, float]) -> None:
         super().__init__(values)
@@ -127,15 +128,15 @@ class _Looked(dict[str, float]):
         return super().__getitem__(name)
 
 
-def _with_words(own: Estimate, quantity: Derived, result: FitResult) -> Estimate:
-    """Return a quantity with which estimates behind it ended at a bound or are not determined."""
-    values = _Looked({item.name: item.value for item in result.estimates})
+def _with_bound_notes(derived: Estimate, quantity: Derived, result: FitResult) -> Estimate:
+    """Return a derived quantity with notes on inputs at a bound or not determined."""
+    values = _AccessRecorder({item.name: item.value for item in result.estimates})
     quantity.function(values)
-    behind = [item for item in result.estimates if item.name in values.names]
+    inputs = [item for item in result.estimates if item.name in values.names]
     return replace(
-        own,
-        bound="; ".join(f"{item.name} {item.bound}" for item in behind if item.bound),
-        open="; ".join(f"{item.name} is not" for item in behind if item.open) or own.open,
+        derived,
+        bound="; ".join(f"{item.name} {item.bound}" for item in inputs if item.bound),
+        open="; ".join(f"{item.name} is not" for item in inputs if item.open) or derived.open,
     )
 
 
@@ -150,8 +151,8 @@ def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> E
     return from_draws(quantity.name, Parameter(quantity.name, quantity.unit, 0.0), finite)
 
 
-def gradient_of(quantity: Derived, result: FitResult) -> Array:
-    """Return the derivatives (n_free,) of a quantity by the estimates: the delta method."""
+def delta_gradient(quantity: Derived, result: FitResult) -> Array:
+    """Return the gradient (n_free,) of a quantity with respect to the estimates."""
     names, values = [estimate.name for estimate in result.estimates], result.values
 
     def predict(values: Any) -> Any:
@@ -166,7 +167,7 @@ def gradient_of(quantity: Derived, result: FitResult) -> Array:
 
 
 def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
-    gradient = gradient_of(quantity, result)
+    gradient = delta_gradient(quantity, result)
     used = gradient != 0.0
     covariance = result.covariance[np.ix_(used, used)]
     sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))

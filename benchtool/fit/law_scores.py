@@ -1,4 +1,4 @@
-"""What a comparison of laws of thrust against distance found."""
+"""Scores of ground-effect laws over plate distances."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ Verdict = Literal["best", "indistinguishable", "behind", "refused", "not applied
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawScore:
-    """Hold how one law did; numbers are nan where it was not fitted."""
+    """Score of one law; numbers are nan if it was not fitted."""
 
     law: str  # name of its effect
     verdict: Verdict
-    reason: str = ""  # why it was refused or not applied
-    one_with: tuple[str, ...] = ()  # laws that it is by another parameter
-    parameters: int = 0  # how many are free, with k and noise
-    values: str = ""  # its fitted numbers, in words
+    reason: str = ""  # reason of a verdict "refused" or "not applied"
+    one_with: tuple[str, ...] = ()  # equivalent laws (other parameters)
+    parameters: int = 0  # number of free parameters, with k and noise
+    values: str = ""  # fitted parameters as text
     chi2_per_dof: float = np.nan  # of the fit to all distances
     behind: float = np.nan  # mean loss of log score per distance against the best
-    behind_se: float = np.nan  # its standard error, overlap of the folds counted
+    behind_se: float = np.nan  # its standard error, corrected for overlapping folds
     losses: tuple[float, ...] = ()  # of log score at each distance against the best
-    held_out_rms: float = np.nan  # of held-out residuals, in the unit of what was observed
+    held_out_rms: float = np.nan  # of held-out residuals, in the unit of the observations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawComparison:
-    """Hold all laws, the best first, and the distances they were compared on."""
+    """Scores of all laws, best first, and the compared distances."""
 
     scores: tuple[LawScore, ...]
     distances: tuple[float, ...]  # z/R, increasing
 
     def named(self, *verdicts: Verdict) -> list[str]:
-        """Return the laws that fared so."""
+        """Return the names of the laws with one of these verdicts."""
         return [score.law for score in self.scores if score.verdict in verdicts]
 
     @property
     def sentence(self) -> str:
-        """Say which law the bench follows, which are refused and which are indistinguishable."""
+        """Return one sentence: best law, rejected laws, indistinguishable laws."""
         near, far = self.distances[0], self.distances[-1]
         where = f"At these {len(self.distances)} distances (z/R {near:.3g} to {far:.3g})"
         leading = self.named("best", "indistinguishable")
@@ -51,18 +51,18 @@ class LawComparison:
             return f"{where} the bench follows none of the laws: {nearest} comes nearest"
         best, *others = leading
         if others:
-            said = f"{best} predicts best; {_listed(others)} cannot be distinguished from it"
+            summary = f"{best} predicts best; {_listed(others)} cannot be distinguished from it"
         elif best in TABLES:
-            said = f"the bench follows no law with a formula; {best} describes it"
+            summary = f"the bench follows no law with a formula; {best} describes it"
         else:
-            said = f"the bench follows {best}"
-        counts: tuple[Verdict, ...] = ("behind", "refused", "not applied")
-        rest = [f"{each}: {_listed(found)}" for each in counts if (found := self.named(each))]
-        return "; ".join([f"{where} {said}", *rest])
+            summary = f"the bench follows {best}"
+        verdicts: tuple[Verdict, ...] = ("behind", "refused", "not applied")
+        groups = {verdict: self.named(verdict) for verdict in verdicts}
+        parts = [f"{verdict}: {_listed(laws)}" for verdict, laws in groups.items() if laws]
+        return "; ".join([f"{where} {summary}", *parts])
 
 
-# Tables through the data.
-TABLES = {name for name, effect in EFFECTS.items() if effect.knots_setting}
+TABLES = {name for name, effect in EFFECTS.items() if effect.knots_setting}  # tabulated laws
 
 
 def _listed(names: list[str]) -> str:

@@ -25,15 +25,14 @@ def fit_least_squares(
 ) -> FitResult:
     """Fit a problem by least squares.
 
-    Stated standard errors are taken as they are: the covariance is (J^T J)^-1 and the intervals
-    are normal. With `noise.scale` or `noise.sd` free the noise follows from chi2, and then, or
-    with shared errors of few degrees of freedom, the intervals are Student's t. `chi2` of the
-    result is always at the stated errors; under a robust loss it is that of `robust_chi2`, which
-    points far out do not move.
+    With stated standard errors the covariance is (J^T J)^-1 and the intervals are normal. With
+    `noise.scale` or `noise.sd` free the noise follows from chi2; then, or with shared errors of few
+    degrees of freedom, the intervals are Student's t. `chi2` of the result is always at the stated
+    errors; under a robust loss it is `robust_chi2`, which outliers do not influence.
 
     Args:
-        loss: "linear", or "soft_l1" and "huber" that count distant points less: on what
-            is left in a point's own error after the draws that points share.
+        loss: "linear", or "soft_l1" and "huber", which give outliers less weight. They apply to the
+            residuals without shared errors.
         max_evaluations: of the prediction; 200 for each parameter by default.
     """
     if loss not in LOSSES:
@@ -60,13 +59,14 @@ def fit_least_squares(
     covariance = spread.covariance[:n_shape, :n_shape]
     sd = np.sqrt(np.diag(covariance))
     dof, growth = (
-        one[:n_shape] for one in parameter_dof(problem, jacobian, spread.covariance, whitening)
+        column[:n_shape]
+        for column in parameter_dof(problem, jacobian, spread.covariance, whitening)
     )
     by_name = {
         name: interval_around(
-            name, problem.parameters[name], value, deviation, half_widths(float(own))
+            name, problem.parameters[name], value, deviation, half_widths(float(parameter_nu))
         )
-        for name, value, deviation, own in zip(
+        for name, value, deviation, parameter_nu in zip(
             problem.shape_names, best.shape, sd * growth, dof, strict=True
         )
     }
@@ -79,11 +79,11 @@ def fit_least_squares(
         whole[position, position] = noise.sd**2
         covariance = whole
     estimates = tuple(by_name[name] for name in problem.free_names)
-    values = np.array([item.value for item in estimates])
+    values = np.array([estimate.value for estimate in estimates])
     chi2, log_likelihood = problem.quality(values)
     if loss != "linear":
-        stated = problem.sigma(value) / problem.sigma(problem.stated_noise)
-        chi2 = robust_chi2(best.rows[:m] * stated, points_dof)
+        noise_ratio = problem.sigma(value) / problem.sigma(problem.stated_noise)
+        chi2 = robust_chi2(best.rows[:m] * noise_ratio, points_dof)
     return FitResult(
         method="least_squares",
         basis=problem.basis,
@@ -95,11 +95,11 @@ def fit_least_squares(
         log_likelihood=log_likelihood,
         outcome=_outcome(best, [problem.shape_names[i] for i in spread.undetermined]),
         warnings=tuple(
-            f"{item.name} ended {item.bound} {f'{item.value:g} {item.unit}'.removesuffix(' 1')}; "
-            f"its intervals are cut there, and other numbers lean on it: widen the bound or fix "
-            f"the parameter"
-            for item in estimates
-            if item.bound
+            f"{estimate.name} ended {estimate.bound} "
+            f"{f'{estimate.value:g} {estimate.unit}'.removesuffix(' 1')}; its intervals are "
+            f"truncated, which biases other estimates: widen the bound or fix the parameter"
+            for estimate in estimates
+            if estimate.bound
         ),
         facts={
             **problem.facts,
@@ -119,14 +119,14 @@ def _outcome(best: Solution, undetermined: Sequence[str]) -> Outcome:
     if undetermined:
         return Outcome(
             "stopped_early",
-            f"these data do not determine {', '.join(undetermined)}; the values are one of many "
-            f"that fit as well: fix some of them, state priors, or measure at other settings",
+            f"these data do not determine {', '.join(undetermined)}; other values fit equally "
+            f"well: fix some of them, state priors, or measure at other settings",
             best.evaluations,
         )
     if not best.finished:
         return Outcome(
             "stopped_early",
-            f"the search used up its {best.evaluations} evaluations; start nearer to the answer "
+            f"the limit of {best.evaluations} evaluations was reached; use better initial values "
             f"or allow more",
             best.evaluations,
         )

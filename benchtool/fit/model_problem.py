@@ -1,4 +1,4 @@
-"""A problem from a ground-effect model and settled bench conditions."""
+"""Estimation problem for a ground-effect model and steady bench conditions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from benchtool.physics.tolerances import with_tolerances
 
 BASES: tuple[Basis, ...] = get_args(Basis)
 
-SAME_DISTANCE_M = 1e-3  # points whose plate stands within this of each other belong to one setting
+SAME_DISTANCE_M = 1e-3  # plate distances that round to the same multiple are one setting
 
 
 def problem_from_model(
@@ -39,22 +39,22 @@ def problem_from_model(
     reference: Conditions | None = None,
     error_sources: tuple[ErrorSource, ...] = (),
 ) -> Problem:
-    """Return the problem of fitting a model's free parameters to a settled bench.
+    """Return the problem of a model's free parameters and points in steady state.
 
-    Points nearer than the formulae hold for are left out, and their number is stated in the facts
-    (`left_out_near`). In a fit of ratios k is held at its value, which the facts name (`held`): it
-    only says how much a tare error or a drift is of a thrust.
+    Points below the model's valid distance are left out; the facts contain their number
+    (`left_out_near`). In a fit of ratios k is fixed (fact `held`): it only relates a tare error or
+    drift to the thrust.
 
     Args:
-        conditions: of m points.
+        conditions: conditions of m points.
         observed: (m,) thrust of the whole vehicle in N for basis "joint", else T_IGE/T_OGE.
-        standard_error: (m,) of the observed; without it they are taken as equal and unknown.
-        basis: what is held equal where thrusts are compared; "joint" fits newtons.
-        nearest_z_over_R: points below are left out; None keeps all.
-        groups: (m,) settings; by the plate's position when left out.
-        reference: (m,) what each point was divided by, for a ratio: a parked plate is far, not
-            gone, and its own few per mille would go into R and K_b; no plate when left out.
-        error_sources: what the m points share.
+        standard_error: (m,) of the observations; None means equal and unknown.
+        basis: quantity at which thrusts are compared; "joint" fits newtons.
+        nearest_z_over_R: points below are left out; None includes all.
+        groups: (m,) settings; by default from the plate's position.
+        reference: (m,) reference conditions of each ratio; None means no plate. A parked plate
+            still has a ground effect of some per mille, which would bias R and K_b.
+        error_sources: errors shared by the m points.
     """
     if basis not in BASES:
         raise UnknownChoice("basis", basis, BASES)
@@ -76,7 +76,7 @@ def problem_from_model(
     parameters = with_tolerances(model, "sweep")
     if standard_error is None:
         standard_error = np.ones(len(observed))
-        # The scale of errors of 1 is the error itself.
+        # With standard errors of 1 the scale is the error itself.
         scale = replace(parameters["noise.scale"], unit="N" if basis == "joint" else "1")
         parameters = parameters.with_replaced("noise.scale", scale.as_free())
         facts["standard_errors"] = "unknown, taken as equal"
@@ -110,7 +110,7 @@ def problem_from_model(
 
 
 def plate_settings(conditions: Conditions) -> IntArray:
-    """Return which plate setting (distance, tilt, coverage) each point belongs to (m,)."""
+    """Return the number of the plate setting (distance, tilt, coverage) of each point (m,)."""
     table = np.column_stack(
         [
             np.round(conditions.plate_z_m / SAME_DISTANCE_M),
@@ -121,11 +121,11 @@ def plate_settings(conditions: Conditions) -> IntArray:
     return np.unique(table, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
 
-SAME_LEVEL = 0.02  # speeds within this part of the fastest are one throttle level: packs sag
+SAME_LEVEL = 0.02  # speed resolution of a throttle level, relative to the fastest: voltage sags
 
 
 def _varying(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the columns that vary, plates far away cut off at ten times the farthest near one."""
+    """Return the columns that vary; z/R without a plate is clipped to ten times the farthest."""
     out = {}
     for name, column in columns.items():
         finite = column[column < 1e3] if name == "z_over_R" else column
@@ -146,22 +146,22 @@ def _labels(conditions: Conditions, z_over_R: Array) -> tuple[str, ...]:
 def _prediction(
     model: Model, conditions: Conditions, reference: Conditions | None, basis: Basis
 ) -> Callable[[Any], Any]:
-    """Return the function from free shape values to thrust in N, or to its ratio to a reference."""
+    """Return the prediction of thrust in N, or of its ratio to a reference, from shape values."""
     require_motor(model, basis)
     merge = basis in {"joint", "equal_rpm2"} or not model.is_torque_driven
     near = Prepared(model, conditions, merge=merge)
     far = None if reference is None else Prepared(model, reference, merge=merge)
-    template: list[Any] = [item.value for item in model.parameters.values()]
-    places = [
+    template: list[Any] = [parameter.value for parameter in model.parameters.values()]
+    positions = [
         position
-        for position, (name, item) in enumerate(model.parameters.items())
-        if item.free and not name.startswith("noise.")
+        for position, (name, parameter) in enumerate(model.parameters.items())
+        if parameter.free and not name.startswith("noise.")
     ]
 
     def predict(values: Any) -> Any:
         full = template.copy()
-        for place, value in zip(places, values, strict=True):
-            full[place] = value
+        for position, value in zip(positions, values, strict=True):
+            full[position] = value
         if far is None:
             return near.thrust_N(full)
         return thrust_ratio(model, basis, near.flow(full), far.flow(full), full)

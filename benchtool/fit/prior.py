@@ -1,4 +1,4 @@
-"""Normal priors as residual rows, so that one formula serves both estimators."""
+"""Normal priors as residual rows, for both estimators."""
 
 from __future__ import annotations
 
@@ -16,43 +16,42 @@ from benchtool.core.parameter import Parameters
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPrior:
-    """State a prior on several parameters at once, with their covariance.
+    """Joint prior on several parameters.
 
     Attributes:
-        parts: sources of the first one's standard deviation, each with its share of it as columns
-            (1, 1); by their degrees of freedom the prior is normal or Student's t.
+        parts: error sources of the first parameter, each with its share of the standard deviation
+            as columns (1, 1). Their degrees of freedom make the prior normal or Student's t.
     """
 
     names: tuple[str, ...]  # (p,) full names
     mean: Array  # (p,) in the parameters' units
     covariance: Array  # (p, p) positive definite
-    source: str = ""  # where it comes from (a calibration, by its date)
+    source: str = ""  # provenance (for example a calibration with date)
     parts: tuple[ErrorSource, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class PriorRows:
-    """Hold all priors as rows (q,) = matrix (q, n) @ (values - mean).
+    """All priors as rows (q,) = matrix (q, n) @ (values - mean).
 
-    Each row has variance one, or the scale of a Student's t where its `dof` are finite.
-    `log_norm` is the constant of the log density.
+    Rows have variance one; a row with finite `dof` is Student's t with scale one.
     """
 
     matrix: Array
     mean: Array
-    log_norm: float
-    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) sources of each row; none where it is one
+    log_norm: float  # constant of the log density
+    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) error sources of each row; may be empty
 
     @cached_property
     def dof(self) -> Array:
         """Degrees of freedom of each row's variance (q,)."""
         shares = [np.array([part.columns.item() for part in row]) for row in self.parts]
-        known = [np.array([part.dof for part in row]) for row in self.parts]
-        return np.array([effective_dof(*row) for row in zip(shares, known, strict=True)])
+        dofs = [np.array([part.dof for part in row]) for row in self.parts]
+        return np.array([effective_dof(*row) for row in zip(shares, dofs, strict=True)])
 
     @cached_property
     def estimated(self) -> tuple[Array, ...]:
-        """Numbers of the rows of finite `dof`, together where one scatter made their variances."""
+        """Indices of the rows with finite `dof`, grouped by a common scatter estimate."""
         groups: dict[str, list[int]] = {}
         for row in np.flatnonzero(np.isfinite(self.dof)):
             name = next((part.scatter for part in self.parts[row] if part.scatter), f"row {row}")
@@ -68,8 +67,7 @@ def prior_rows(
 ) -> PriorRows:
     """Return the rows of all normal priors on the free parameters `names` (n,).
 
-    A joint prior speaks for the free ones among its names; fixed ones keep their value, and the
-    rest is conditioned on it.
+    A joint prior is conditioned on the values of its fixed parameters.
     """
     n = len(names)
     mean = np.zeros(n)
@@ -88,7 +86,7 @@ def prior_rows(
         except np.linalg.LinAlgError as cause:
             raise EstimationError(
                 f"the prior covariance of {', '.join(prior.names)} is not positive definite; "
-                f"give variances above 0 and correlations between -1 and 1"
+                f"allowed: variances above 0 and correlations between -1 and 1"
             ) from cause
         block = np.zeros((len(free), n))
         columns = [names.index(name) for name in free]
@@ -114,15 +112,18 @@ def prior_rows(
 def _conditioned(
     prior: JointPrior, free: Sequence[str], parameters: Parameters
 ) -> tuple[Array, Array]:
-    """Return mean and covariance of the free ones, given the values of the fixed ones."""
-    keep = [prior.names.index(name) for name in free]
-    held = [i for i in range(len(prior.names)) if i not in keep]
+    """Return mean and covariance of the free parameters, given the values of the fixed ones."""
+    free_index = [prior.names.index(name) for name in free]
+    fixed_index = [i for i in range(len(prior.names)) if i not in free_index]
     covariance = prior.covariance
-    if not held:
-        return prior.mean[keep], covariance[np.ix_(keep, keep)]
-    gain = covariance[np.ix_(keep, held)] @ np.linalg.inv(covariance[np.ix_(held, held)])
-    shift = np.array([parameters[prior.names[i]].value for i in held]) - prior.mean[held]
+    if not fixed_index:
+        return prior.mean[free_index], covariance[np.ix_(free_index, free_index)]
+    inverse = np.linalg.inv(covariance[np.ix_(fixed_index, fixed_index)])
+    gain = covariance[np.ix_(free_index, fixed_index)] @ inverse
+    values = np.array([parameters[prior.names[i]].value for i in fixed_index])
+    shift = values - prior.mean[fixed_index]
     return (
-        prior.mean[keep] + gain @ shift,
-        covariance[np.ix_(keep, keep)] - gain @ covariance[np.ix_(held, keep)],
+        prior.mean[free_index] + gain @ shift,
+        covariance[np.ix_(free_index, free_index)]
+        - gain @ covariance[np.ix_(fixed_index, free_index)],
     )

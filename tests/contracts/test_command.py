@@ -184,7 +184,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
     ],
     "motor": [
         ("steps --mass-kg 0", "--mass-kg is 0 kg, allowed is above 0, at most 1,000 kg"),
-        ("", "nothing is given; name runs without a plate, or logs of a stand"),
+        ("", "no input; give run folders without a plate, or test stand logs"),
         ("nowhere.csv", "nowhere.csv: there is no such file or run folder; check the path"),
     ],
     "library rigs": [("pqad", "did you mean 'pquad'")],

@@ -1,4 +1,4 @@
-"""Law of thrust over rotor speed, chosen on held-out throttle levels."""
+"""Law of thrust over rotor speed, selected by cross-validation over throttle levels."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
-from benchtool.fit.motor.response import Solved, solve_weighted
+from benchtool.fit.motor.response import Solution, solve_weighted
 
-# Free ones of (scale, T_0, n) by law, the simplest first.
+# Indices of the free parameters among (scale, T_0, n) by law, the simplest first.
 LAWS = {"k w^2": [0], "k w^2 + T_0": [0, 1], "c w^n": [0, 2]}
-MAX_LEVELS = 12  # adjacent pulses are joined to this many levels; assumed
+MAX_LEVELS = 12  # adjacent pulse widths are merged to this many levels; assumed
 MISFIT_ITERATIONS = 6  # of weights with the misfit; assumed
-MIN_THRUST_SHARE = 0.1  # of the highest thrust, from which a single k is the best; assumed
+MIN_THRUST_SHARE = 0.1  # lower end of the range of a single k, relative to max thrust; assumed
 
 IntArray = NDArray[np.intp]
 
@@ -29,7 +29,7 @@ class ThrustLaw:
     name: str  # a key of `LAWS`
     values: tuple[float, float, float]  # scale in N, T_0 in N, n
     middle_rad_s: float
-    covariance: Array  # (3, 3) of the values, 0 for those that the law lacks
+    covariance: Array  # (3, 3) of the values, 0 for fixed ones
     dof: int
     residual_N: float  # standard deviation of level means about the law
     level_speed_rad_s: Array  # (m,), root mean square
@@ -54,15 +54,15 @@ class ThrustLaw:
 
     @property
     def coefficient(self) -> float:
-        """The c of c w^n, k where n is 2: N/(rad/s)^n."""
+        """The c of c w^n; k for n = 2: N/(rad/s)^n."""
         return float(self.values[0] / self.middle_rad_s ** self.values[2])
 
     @property
     def single_k(self) -> tuple[float, float, float, float, float]:
-        """The k of T = k w^2, its standard uncertainty, largest relative error, speeds from and to.
+        """The k of T = k w^2, its standard uncertainty, maximum relative error, speed range.
 
-        It is the law's own, else the one of smallest largest error from `MIN_THRUST_SHARE` of the
-        highest thrust up, which then counts as a rectangular distribution.
+        The k of the law, else the k with the smallest maximum error above `MIN_THRUST_SHARE` of the
+        highest thrust; that error is a rectangular distribution in the uncertainty.
         """
         used = self.level_thrust_N >= MIN_THRUST_SHARE * self.level_thrust_N.max()
         speed, thrust = self.level_speed_rad_s[used], self.level_thrust_N[used]
@@ -78,7 +78,7 @@ class ThrustLaw:
 
 
 def level_numbers(pulse_us: Array) -> IntArray:
-    """Return the throttle level of each point (n,), adjacent pulses joined to `MAX_LEVELS`."""
+    """Return the throttle level of each point (n,); pulse widths are merged to `MAX_LEVELS`."""
     pulses = np.unique(pulse_us)
     first = [group[0] for group in np.array_split(pulses, min(len(pulses), MAX_LEVELS))]
     return np.asarray(np.searchsorted(first, pulse_us, side="right") - 1, np.intp)
@@ -90,11 +90,11 @@ def solve_levels(
     zero_N2: Array,
     level: IntArray,
     start: Sequence[float] | Array,
-) -> tuple[Solved, float]:
+) -> tuple[Solution, float]:
     """Return the weighted solution and the standard deviation of level means about it: N.
 
-    Points of a level share the misfit, whose variance is the excess of that of level means over
-    their errors (method of moments). Thrusts are as measured: the zero counts in the covariance.
+    Points of a level share the misfit, whose variance is that of level means less their errors
+    (method of moments). Thrusts are not corrected for the zero, which enters the covariance.
 
     Args:
         error_N, zero_N2: independent errors of points (n,), covariance of their zero (n, n).
@@ -117,37 +117,37 @@ def choose_law(
     speed_rad_s: Array, thrust_N: Array, error_N: Array, zero_N2: Array, scale_sd: float,
     level: IntArray,
 ) -> tuple[ThrustLaw, ThrustLaw]:  # fmt: skip
-    """Return the law that the data support, and that with a free exponent.
+    """Return the law that the data support, and the law with a free exponent.
 
-    Each level is held out once. The law is the simplest whose mean squared error of held-out levels
-    is within one standard error of that of the best, the standard error being that of the
-    difference (Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, 2009, 7.10).
+    Each level is held out once. The simplest law is selected whose mean squared prediction error is
+    within one standard error (of the difference) of the best one (Hastie, Tibshirani and Friedman,
+    The Elements of Statistical Learning, 2009, 7.10).
     `scale_sd` is the relative standard uncertainty of the load cell's scale.
     """
     middle = float(np.exp(np.log(speed_rad_s).mean()))
     x, error = speed_rad_s / middle, np.sqrt(error_N**2 + np.diag(zero_N2))
     start = np.array([np.median(thrust_N / x**2), max(1e-3, float(error.min())), 2.0])
-    points = np.bincount(level)
+    counts = np.bincount(level)
 
-    def whole(values: Array, free: list[int]) -> Array:
+    def expand(values: Array, free: list[int]) -> Array:
         law = np.array([0.0, 0.0, 2.0])
         law[free] = values
         return law
 
     def residuals(values: Array, free: list[int], rows: Any = slice(None)) -> Array:
-        scale, zero, power = whole(values, free)
+        scale, zero, power = expand(values, free)
         return np.asarray(scale * x[rows] ** power + zero - thrust_N[rows], float)
 
     def held_out(free: list[int], number: int) -> float:
-        test, rest = level == number, level != number
-        solved = solve_weighted(lambda v: residuals(v, free, rest) / error[rest], start[free])
+        test, others = level == number, level != number
+        solved = solve_weighted(lambda v: residuals(v, free, others) / error[others], start[free])
         return float(np.mean((residuals(solved.values, free, test) / error[test]) ** 2))
 
-    losses = {n: np.array([held_out(f, i) for i in range(len(points))]) for n, f in LAWS.items()}
+    losses = {n: np.array([held_out(f, i) for i in range(len(counts))]) for n, f in LAWS.items()}
     best = min(losses.values(), key=lambda loss: float(loss.mean()))
 
-    behind = {name: loss - best for name, loss in losses.items()}
-    is_supported = (b.mean() <= b.std(ddof=1) / sqrt(len(b)) for b in behind.values())
+    excess = {name: loss - best for name, loss in losses.items()}
+    is_supported = (loss.mean() <= loss.std(ddof=1) / sqrt(len(loss)) for loss in excess.values())
     chosen = next(name for name, supported in zip(LAWS, is_supported, strict=True) if supported)
 
     def law(name: str) -> ThrustLaw:
@@ -155,14 +155,14 @@ def choose_law(
         solved, residual_N = solve_levels(
             lambda values: residuals(values, free), error_N, zero_N2, level, start[free]
         )
-        scale, zero, power = (float(value) for value in whole(solved.values, free))
+        scale, zero, power = (float(value) for value in expand(solved.values, free))
         covariance = scale_sd**2 * np.outer((scale, zero, 0.0), (scale, zero, 0.0))
         covariance[np.ix_(free, free)] += solved.covariance
         return ThrustLaw(
             name=name, values=(scale, zero, power), middle_rad_s=middle, covariance=covariance,
             dof=solved.dof, residual_N=residual_N,
-            level_speed_rad_s=np.sqrt(np.bincount(level, speed_rad_s**2) / points),
-            level_thrust_N=np.bincount(level, thrust_N) / points,
+            level_speed_rad_s=np.sqrt(np.bincount(level, speed_rad_s**2) / counts),
+            level_thrust_N=np.bincount(level, thrust_N) / counts,
             scores={name: float(loss.mean()) for name, loss in losses.items()},
         )  # fmt: skip
 

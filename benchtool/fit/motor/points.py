@@ -1,4 +1,4 @@
-"""Points of throttle tests: thrust and speed of one rotor, up and down apart."""
+"""Points of throttle tests: thrust and speed of one rotor, up and down separately."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from benchtool.data.columns import speed_columns
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThrottlePoints:
-    """Hold points far from any surface, each a mean over its samples; all arrays (n,).
+    """Points out of ground effect, each a mean over its samples; all arrays (n,).
 
     Attributes:
         way: 1 after a lower throttle, -1 after a higher one.
-        thrust_N, thrust_se_N: of one rotor, the mean over those that turn.
-        speed_rad_s, speed_se_rad_s: root mean square over the rotors that turn.
+        thrust_N, thrust_se_N: of one rotor, mean over turning rotors.
+        speed_rad_s, speed_se_rad_s: root mean square over turning rotors.
     """
 
     time_s: Array
@@ -39,26 +39,26 @@ class ThrottlePoints:
 
     @property
     def recording(self) -> Recording:
-        """The points as a recording, a column of each."""
+        """The points as a recording with one column per field."""
         names = type(self).__slots__
         channels = tuple(Channel(name, unit_from_name(name) or "1") for name in names)
         return Recording(channels, np.column_stack([getattr(self, name) for name in names]))
 
     @property
     def power_W(self) -> Array:
-        """Electrical power of all rotors that turn (n,): W."""
+        """Electrical power of all turning rotors (n,): W."""
         return self.voltage_V * self.current_A
 
 
 def throttle_points(points: Recording, rig: Rig, number: int) -> ThrottlePoints:
-    """Return points as those of one rotor, the mean over the rotors that turn."""
+    """Return points of one rotor: the mean over turning rotors."""
     pulses = np.stack([points.column(name) for name in speed_columns(points.names, "pwm")])
     on = pulses > rig.propulsion.pwm_stop_us
     turning = np.maximum(on.sum(axis=0), 1)
 
     def per_rotor(ending: str) -> Array:
         return np.stack(
-            [column_of(points, f"rpm{rotor + 1}{ending}") for rotor in range(rig.n_rotors)]
+            [column_or_nan(points, f"rpm{rotor + 1}{ending}") for rotor in range(rig.n_rotors)]
         )
 
     rad_s = pi / 30.0
@@ -70,33 +70,33 @@ def throttle_points(points: Recording, rig: Rig, number: int) -> ThrottlePoints:
         pulse_us=level_us,
         way=_way(level_us),
         thrust_N=points.column("thrust_N") / turning,
-        thrust_se_N=column_of(points, "thrust_se_N") / turning,
+        thrust_se_N=column_or_nan(points, "thrust_se_N") / turning,
         speed_rad_s=speed,
         speed_se_rad_s=rad_s * np.sqrt((errors**2).sum(axis=0)) / turning,
-        voltage_V=column_of(points, "voltage_V"),
-        current_A=column_of(points, "current_A"),
-        temperature_degC=column_of(points, "temperature_degC"),
+        voltage_V=column_or_nan(points, "voltage_V"),
+        current_A=column_or_nan(points, "current_A"),
+        temperature_degC=column_or_nan(points, "temperature_degC"),
         run=np.full(len(points), float(number)),
     )
 
 
-def column_of(recording: Recording, name: str) -> Array:
-    """Return a column (n,); nan where there is none of the name."""
+def column_or_nan(recording: Recording, name: str) -> Array:
+    """Return a column (n,); nan if the recording lacks it."""
     return recording.column(name) if name in recording else np.full(len(recording), np.nan)
 
 
 def _way(level_us: Array) -> Array:
-    """Return 1 after a lower throttle, -1 after a higher one; a repeated level turns back."""
+    """Return 1 after a lower throttle, -1 after a higher one; a repeated level changes sign."""
     change = np.sign(np.diff(level_us, prepend=0.0))
-    for place in range(1, len(change)):
-        if change[place] == 0.0:
-            change[place] = -change[place - 1]
+    for index in range(1, len(change)):
+        if change[index] == 0.0:
+            change[index] = -change[index - 1]
     return np.asarray(change, float)
 
 
-def joined_points(parts: Sequence[ThrottlePoints]) -> ThrottlePoints:
-    """Return points one behind the other."""
+def concatenate_points(parts: Sequence[ThrottlePoints]) -> ThrottlePoints:
+    """Return the points of several recordings as one."""
     names = ThrottlePoints.__slots__
     return ThrottlePoints(
-        **{name: np.concatenate([getattr(one, name) for one in parts]) for name in names}
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     )

@@ -1,4 +1,4 @@
-"""Speed after a step of the pulse: a first-order lag with a dead time, up and down apart."""
+"""Step response of rotor speed: first-order lag with dead time, up and down separately."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ from benchtool.core.fit_result import Estimate
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.columns import speed_columns
-from benchtool.fit.motor.points import column_of
+from benchtool.fit.motor.points import column_or_nan
 
-LEAST_STEP_US = 20.0  # a change of pulse within one sample from which it is a step; assumed
-
-LONGEST_S = 0.6  # span after a step that is fitted; assumed, ten times a usual lag: packs sag later
+MIN_STEP_US = 20.0  # minimum change of pulse width within one sample; assumed
+FIT_WINDOW_S = 0.6  # ten times a typical lag, before the voltage sags; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResponse:
-    """Hold the speed after one step: times since it (n,) s, speed (n,) rad/s, and its fit.
+    """Speed after one step: time since the step (n,) s, speed (n,) rad/s, and its fit.
 
     Attributes:
-        seen_lag_s: time constant with which the speed was seen to follow.
-        lag_s: the same at constant voltage. A pack that sags by dV while the speed goes from w_0 to
-            w_1 lowers the speed that is made for; to first order the speed then follows faster by
-            the factor 1 + (w_1 / (w_1 - w_0)) (dV / V). As seen where no voltage was measured.
+        seen_lag_s: observed time constant of the speed.
+        lag_s: time constant at constant voltage. A voltage sag dV during a step from w_0 to w_1
+            lowers the final speed; to first order the observed response is faster by the factor
+            1 + (w_1 / (w_1 - w_0)) (dV / V). Equal to seen_lag_s without measured voltage.
     """
 
     up: bool
@@ -42,7 +41,7 @@ class StepResponse:
     delay_s: float
 
 
-class Solved(NamedTuple):
+class Solution(NamedTuple):
     """Solution, its covariance inflated by the squared Birge ratio, and degrees of freedom."""
 
     values: Array
@@ -52,19 +51,19 @@ class Solved(NamedTuple):
     jacobian: Array
 
 
-def solve_weighted(residuals: Callable[[Array], Array], start: Sequence[float] | Array) -> Solved:
-    """Return the least-squares solution of weighted residuals, errors inflated by their scatter."""
+def solve_weighted(residuals: Callable[[Array], Array], start: Sequence[float] | Array) -> Solution:
+    """Return the least-squares solution of weighted residuals, with the Birge ratio applied."""
     from scipy.optimize import least_squares
 
-    found = least_squares(residuals, np.asarray(start, float), x_scale=np.abs(start))
-    dof = len(found.fun) - len(found.x)
-    birge = max(1.0, 2.0 * found.cost / dof) if dof > 0 else 1.0
-    jacobian = np.asarray(found.jac, float)
+    solution = least_squares(residuals, np.asarray(start, float), x_scale=np.abs(start))
+    dof = len(solution.fun) - len(solution.x)
+    birge = max(1.0, 2.0 * solution.cost / dof) if dof > 0 else 1.0
+    jacobian = np.asarray(solution.jac, float)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * birge
-    return Solved(np.asarray(found.x, float), covariance, max(dof, 1), birge, jacobian)
+    return Solution(np.asarray(solution.x, float), covariance, max(dof, 1), birge, jacobian)
 
 
-def estimate_of(
+def t_estimate(
     name: str, unit: str, value: float, sd: float, dof: int, open_: str = "", note: str = ""
 ) -> Estimate:
     """Return an estimate with intervals from Student's t."""
@@ -78,9 +77,9 @@ def estimate_of(
 
 
 def step_responses(samples: Recording, rig: Rig) -> tuple[StepResponse, ...]:
-    """Return every step of the pulse between two throttles at which the rotors turn, fitted.
+    """Return the fitted responses to all steps between two throttles with turning rotors.
 
-    Speed is that of the rotors that turn; without tachometers the root of thrust stands for it.
+    Mean speed of the turning rotors; without tachometers the square root of thrust.
     """
     names = speed_columns(samples.names, "pwm")
     if not names:
@@ -90,33 +89,33 @@ def step_responses(samples: Recording, rig: Rig) -> tuple[StepResponse, ...]:
     if not len(rotors):
         return ()
     level, time_s = pulses[rotors[0]], samples.column("time_s")
-    voltage = column_of(samples, "voltage_V")
-    speeds = [column_of(samples, f"rpm{rotor + 1}") * pi / 30.0 for rotor in rotors]
+    voltage = column_or_nan(samples, "voltage_V")
+    speeds = [column_or_nan(samples, f"rpm{rotor + 1}") * pi / 30.0 for rotor in rotors]
     signal = np.mean(speeds, axis=0)
     if not np.isfinite(signal).any():
-        signal = np.sqrt(np.maximum(column_of(samples, "thrust_N"), 0.0))
+        signal = np.sqrt(np.maximum(column_or_nan(samples, "thrust_N"), 0.0))
     changes = np.flatnonzero(np.abs(np.diff(level)) > 0.0) + 1
-    found = []
-    for place, at in enumerate(changes):
-        before_us, after_us = level[at - 1], level[at]
-        if abs(after_us - before_us) < LEAST_STEP_US:
+    responses = []
+    for number, index in enumerate(changes):
+        before_us, after_us = level[index - 1], level[index]
+        if abs(after_us - before_us) < MIN_STEP_US:
             continue
         if min(before_us, after_us) <= rig.propulsion.pwm_start_us:
             continue
-        last = changes[place - 1] if place else 0
-        until = changes[place + 1] if place + 1 < len(changes) else len(level)
-        zero_s = time_s[at - 1]
-        before = (time_s > zero_s - LONGEST_S) & (np.arange(len(level)) < at)
+        last = changes[number - 1] if number else 0
+        until = changes[number + 1] if number + 1 < len(changes) else len(level)
+        zero_s = time_s[index - 1]
+        before = (time_s > zero_s - FIT_WINDOW_S) & (np.arange(len(level)) < index)
         before[:last] = False
-        after = (time_s <= zero_s + LONGEST_S) & (np.arange(len(level)) >= at)
+        after = (time_s <= zero_s + FIT_WINDOW_S) & (np.arange(len(level)) >= index)
         after[until:] = False
         after &= np.isfinite(signal)
         before &= np.isfinite(signal)
-        if after.sum() < 12 or before.sum() < 4 or time_s[after][-1] - zero_s < 0.5 * LONGEST_S:
+        if after.sum() < 12 or before.sum() < 4 or time_s[after][-1] - zero_s < 0.5 * FIT_WINDOW_S:
             continue
-        late = after & (time_s > zero_s + 0.5 * LONGEST_S)
+        late = after & (time_s > zero_s + 0.5 * FIT_WINDOW_S)
         sag = 1.0 - _mean(voltage[late]) / _mean(voltage[before])
-        found.append(
+        responses.append(
             _response(
                 bool(after_us > before_us),
                 time_s[after] - zero_s,
@@ -125,11 +124,11 @@ def step_responses(samples: Recording, rig: Rig) -> tuple[StepResponse, ...]:
                 sag if np.isfinite(sag) else 0.0,
             )
         )
-    return tuple(found)
+    return tuple(responses)
 
 
 def _response(up: bool, time_s: Array, speed: Array, before: float, sag: float) -> StepResponse:
-    """Return one step with its lag and dead time; the speeds on both sides are fitted, too."""
+    """Return one step with fitted lag, dead time and final speed."""
     tail = float(speed[time_s > 0.7 * time_s[-1]].mean())
     scale = max(abs(tail - before), 1e-9)
 
@@ -151,21 +150,21 @@ def _mean(values: Array) -> float:
     return float(present.mean()) if len(present) else float("nan")
 
 
-def lags_of(steps: Sequence[StepResponse]) -> list[Estimate]:
+def step_lags(steps: Sequence[StepResponse]) -> list[Estimate]:
     """Return mean lag and dead time over the steps up and down."""
-    found = []
+    estimates = []
     for name, up in (("up", True), ("down", False)):
-        these = [step for step in steps if step.up is up]
-        if len(these) < 2:
+        selected = [step for step in steps if step.up is up]
+        if len(selected) < 2:
             continue
-        for what in ("lag", "delay"):
-            values = np.array([getattr(step, f"{what}_s") for step in these])
+        for quantity in ("lag", "delay"):
+            values = np.array([getattr(step, f"{quantity}_s") for step in selected])
             sd = float(values.std(ddof=1)) / sqrt(len(values))
-            if what == "lag":
-                # Sag is not linear in speed: its correction is known to within its own size,
-                # anywhere in it (rectangular: JCGM 100:2008, 4.3.7).
-                corrected = [step.lag_s - step.seen_lag_s for step in these]
+            if quantity == "lag":
+                # Sag is not linear in speed: the correction has a rectangular uncertainty of half
+                # width equal to itself (JCGM 100:2008, 4.3.7).
+                corrected = [step.lag_s - step.seen_lag_s for step in selected]
                 sd = float(np.hypot(sd, np.mean(corrected) / sqrt(3.0)))
             mean = float(values.mean())
-            found.append(estimate_of(f"{what}_{name}", "s", mean, sd, len(values) - 1))
-    return found
+            estimates.append(t_estimate(f"{quantity}_{name}", "s", mean, sd, len(values) - 1))
+    return estimates

@@ -1,4 +1,4 @@
-"""What motor constants are fitted to: runs without a plate, and logs of thrust stands."""
+"""Input data of motor fits: runs without a plate, and test stand logs."""
 
 from __future__ import annotations
 
@@ -24,21 +24,20 @@ from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.zero_noise import zero_covariance, zero_noise
-from benchtool.fit.motor.points import ThrottlePoints, column_of, throttle_points
+from benchtool.fit.motor.points import ThrottlePoints, column_or_nan, throttle_points
 from benchtool.fit.motor.response import StepResponse, step_responses
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 
-THRUST_ERROR = 0.005  # of a thrust and of the highest one, where no error is stated; assumed
-
-AT_REST = 0.02  # a rotor stands below this share of its greatest speed, else thrust; assumed
+THRUST_ERROR = 0.005  # default standard error, of a thrust and of the highest one; assumed
+STANDSTILL_SHARE = 0.02  # a rotor turns above this share of its top speed, else thrust; assumed
 
 
 class MotorData(NamedTuple):
-    """Hold what one run or log says.
+    """Motor data of one run or log.
 
     Attributes:
-        zero_N2: covariance of what the load cell's zero puts into a rotor's thrust (n, n).
+        zero_N2: covariance (n, n) of a rotor's thrust due to the load cell's zero error.
         scale_sd: relative standard uncertainty of the load cell's scale.
     """
 
@@ -53,122 +52,123 @@ class MotorData(NamedTuple):
 def read_motor_data(
     paths: Sequence[Path], rig: Rig | None, propeller: Propeller | None
 ) -> list[MotorData]:
-    """Return what runs and logs say, in their order.
+    """Return the data of runs and logs, in their order.
 
-    Logs take the rig that is given, else that of a run among them, else one made from them all.
+    The rig of logs is the argument, else the rig of a run among the inputs, else built from them.
 
     Raises:
-        FileFormatError: neither a run nor a log, or nothing in it was measured without a plate.
+        FileFormatError: neither a run nor a log, or no point without a plate.
         InputError: logs of an unknown propeller, or of several rotors.
     """
-    runs = {n: _of_run(path, n) for n, path in enumerate(paths) if is_run(path)}
+    runs = {n: _read_run(path, n) for n, path in enumerate(paths) if is_run(path)}
     logs = {n: _Log.read(path) for n, path in enumerate(paths) if n not in runs}
     if rig is None and runs:
         rig = next(iter(runs.values())).rig
     if rig is None and logs:
-        rig = _rig_of(list(logs.values()), propeller)
-    made = {n: log.data(n, rig) for n, log in logs.items() if rig is not None}
-    return [one for _, one in sorted((runs | made).items())]
+        rig = _build_rig(list(logs.values()), propeller)
+    log_data = {n: log.data(n, rig) for n, log in logs.items() if rig is not None}
+    return [data for _, data in sorted((runs | log_data).items())]
 
 
 class _Log(NamedTuple):
-    """Hold the levels of a stand's log, and which of them turned."""
+    """Throttle levels of a test stand log."""
 
     path: Path
     levels: Recording
-    known: MeasurementContext
+    context: MeasurementContext
 
     @classmethod
     def read(cls, path: Path) -> _Log:
-        levels, known = read_levels(path)
-        lacks = [name for name in ("pwm1_us", "thrust_N") if name not in levels]
-        if lacks:
+        levels, context = read_levels(path)
+        missing = [name for name in ("pwm1_us", "thrust_N") if name not in levels]
+        if missing:
             raise InputError(
-                f"{path} has no {' and no '.join(lacks)}, and a thrust curve is one over pulses; "
-                f"import it again with --columns that name what they are"
+                f"{path} has no {' and no '.join(missing)}, needed for a thrust curve; import it "
+                f"again with --columns for these channels"
             )
         if "rpm2" in levels:
-            raise InputError(f"{path} holds several rotors; give a log of one motor and propeller")
-        log = cls(path, levels, known)
+            raise InputError(f"{path} is a log of several rotors; give one of a single rotor")
+        log = cls(path, levels, context)
         if not log.turning.any() or np.nanmedian(levels.column("thrust_N")[log.turning]) <= 0.0:
             raise InputError(
-                f"{path} has no positive thrust where the rotor turns; benchtool import {path} "
-                f"--flip thrust_N turns the sign of a pusher mount, --tare thrust_N takes off what "
-                f"the load cell reads at rest"
+                f"{path} has no positive thrust while the rotor turns; benchtool import {path} "
+                f"--flip thrust_N reverses the sign of a pusher mount, --tare thrust_N subtracts "
+                f"the load cell reading at standstill"
             )
         return log
 
     @property
     def turning(self) -> NDArray[np.bool_]:
-        thrust, speed = self.levels.column("thrust_N"), column_of(self.levels, "rpm1")
-        moves = np.where(np.isfinite(speed), speed, 0.0)
-        if not moves.any():
-            moves = thrust
-        return np.asarray(moves > AT_REST * np.nanmax(moves), bool)
+        thrust, speed = self.levels.column("thrust_N"), column_or_nan(self.levels, "rpm1")
+        signal = np.where(np.isfinite(speed), speed, 0.0)
+        if not signal.any():
+            signal = thrust
+        return np.asarray(signal > STANDSTILL_SHARE * np.nanmax(signal), bool)
 
     def data(self, number: int, rig: Rig) -> MotorData:
-        """Return the levels that turned; at rest the load cell shows how well it was tared."""
+        """Return the levels with a turning rotor; the tare error is from levels at standstill."""
         turning = self.turning
-        rest_N = self.levels.column("thrust_N")[~turning]
-        left_N = float(np.abs(rest_N).max()) if rest_N.size else 0.0
+        standstill_N = self.levels.column("thrust_N")[~turning]
+        zero_error_N = float(np.abs(standstill_N).max()) if standstill_N.size else 0.0
         points = throttle_points(self.levels.select(turning), rig, number)
-        if not np.isfinite(points.thrust_se_N).any():  # scatter enlarges it where laws are fitted
+        if not np.isfinite(points.thrust_se_N).any():  # fits of laws inflate it by the scatter
             error_N = THRUST_ERROR * np.hypot(points.thrust_N, points.thrust_N.max())
             points = replace(points, thrust_se_N=error_N)
-        scale = self.known.scales.get("thrust_N")
+        scale = self.context.scales.get("thrust_N")
         return MotorData(
-            rig, points, (), np.full((len(points.run),) * 2, left_N**2),
+            rig, points, (), np.full((len(points.run),) * 2, zero_error_N**2),
             0.0 if scale is None else scale.sd, self.levels.simulated,
         )  # fmt: skip
 
 
-def _rig_of(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
-    """Return the rig of logs by what they show: pulses, highest voltage, coefficients.
+def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
+    """Return a rig estimated from logs: pulse widths, highest voltage, coefficients.
 
-    Throttle begins where the line through the two slowest levels has no speed.
+    Throttle 0 is the pulse width at which the line through the two slowest levels has speed 0.
     """
     first = logs[0].path
-    stated = logs[0].known.stated.get("diameter_m")
-    diameter_m = stated.value if stated is not None else None
+    stated_diameter = logs[0].context.stated.get("diameter_m")
+    diameter_m = stated_diameter.value if stated_diameter is not None else None
     if propeller is not None:
         diameter_m = propeller.diameter_m
     if diameter_m is None:
         raise InputError(
             f"{first} does not say which propeller turned; name it when the log is imported, or "
-            f"add --propeller with its size in inches, as 5x4.5, its name (benchtool library "
-            f"propellers), or --rig with a rig file"
+            f"set --propeller to its size in inches, as 5x4.5, or its name (benchtool propellers), "
+            f"or --rig to a rig file"
         )
 
-    def joined(name: str, turning: bool = True) -> Array:
+    def channel(name: str, turning: bool = True) -> Array:
         return np.concatenate(
-            [column_of(log.levels, name)[log.turning if turning else slice(None)] for log in logs]
+            [column_or_nan(g.levels, name)[g.turning if turning else slice(None)] for g in logs]
         )
 
-    pulse, speed = joined("pwm1_us"), joined("rpm1") * np.pi / 30.0
+    pulse, speed = channel("pwm1_us"), channel("rpm1") * np.pi / 30.0
     source = f"the log {', '.join(log.path.name for log in logs)}"
-    own: dict[str, Any] = {"source": source, "radius_m": 0.5 * diameter_m}
-    stop_us = own["pwm_stop_us"] = min(1000.0, float(np.nanmin(joined("pwm1_us", False))))
-    own["pwm_max_us"] = float(pulse.max())
-    known = np.isfinite(speed)
-    if np.unique(pulse[known]).size >= 2:
-        slope = np.polyfit(pulse[known], speed[known], 1)[0]
-        low, above = np.unique(pulse[known])[:2]
-        at_low, at_above = (float(speed[known][pulse[known] == at].mean()) for at in (low, above))
+    values: dict[str, Any] = {"source": source, "radius_m": 0.5 * diameter_m}
+    stop_us = values["pwm_stop_us"] = min(1000.0, float(np.nanmin(channel("pwm1_us", False))))
+    values["pwm_max_us"] = float(pulse.max())
+    valid = np.isfinite(speed)
+    if np.unique(pulse[valid]).size >= 2:
+        slope = np.polyfit(pulse[valid], speed[valid], 1)[0]
+        low, above = np.unique(pulse[valid])[:2]
+        at_low, at_above = (float(speed[valid][pulse[valid] == us].mean()) for us in (low, above))
         zero_us = low - at_low * (above - low) / max(at_above - at_low, 1e-9)
-        own["pwm_start_us"] = float(np.clip(zero_us, stop_us, low))
-        own["speed_per_us_rad_s"] = float(slope)
-        squared = speed[known] ** 2
-        own["thrust_coefficient_N_s2"] = float(np.median(joined("thrust_N")[known] / squared))
-        torque = np.abs(joined("torque_Nm")[known])
+        values["pwm_start_us"] = float(np.clip(zero_us, stop_us, low))
+        values["speed_per_us_rad_s"] = float(slope)
+        squared = speed[valid] ** 2
+        values["thrust_coefficient_N_s2"] = float(np.median(channel("thrust_N")[valid] / squared))
+        torque = np.abs(channel("torque_Nm")[valid])
         if np.isfinite(torque).any():
-            own["drag_coefficient_Nm_s2"] = float(np.nanmedian(torque / squared))
-    voltage = joined("voltage_V", False)
+            values["drag_coefficient_Nm_s2"] = float(np.nanmedian(torque / squared))
+    voltage = channel("voltage_V", False)
     if np.isfinite(voltage).any():
-        own["voltage_nominal_V"] = float(np.nanmax(voltage))
-    return parse_rig(tomli_w.dumps({"name": first.stem, "propulsion": own}), f"the rig of {first}")
+        values["voltage_nominal_V"] = float(np.nanmax(voltage))
+    text = tomli_w.dumps({"name": first.stem, "propulsion": values})
+    return parse_rig(text, f"the rig of {first}")
 
 
-def _of_run(path: Path, number: int) -> MotorData:
+def _read_run(path: Path, number: int) -> MotorData:
     metadata = read_metadata(path)
     rig = run_rig(path, metadata)
     points = read_points(path)
@@ -187,18 +187,15 @@ def _of_run(path: Path, number: int) -> MotorData:
     if any((path / f"samples{suffix}").is_file() for suffix in (".csv", ".parquet")):
         steps = step_responses(read_samples(path), rig)
     scale_sd = 0.0 if scale is None else scale.sd
-    own = throttle_points(parked, rig, number)
-    far = _over_far(parked, rig)
-    own = replace(own, thrust_N=own.thrust_N / far, thrust_se_N=own.thrust_se_N / far)
+    means = throttle_points(parked, rig, number)
+    ratio = _thrust_over_oge(parked, rig)
+    means = replace(means, thrust_N=means.thrust_N / ratio, thrust_se_N=means.thrust_se_N / ratio)
     zero_N2 = _zero_covariance(path, parked, rig)
-    return MotorData(rig, own, steps, zero_N2, scale_sd, points.simulated)
+    return MotorData(rig, means, steps, zero_N2, scale_sd, points.simulated)
 
 
-def _over_far(points: Recording, rig: Rig) -> Array:
-    """Return thrust over that without a plate (n,), eqs. (2) to (4) at the parked plate's distance.
-
-    1 where no distance is known: the plate is away.
-    """
+def _thrust_over_oge(points: Recording, rig: Rig) -> Array:
+    """Return T_IGE/T_OGE (n,) of eqs. (2) to (4) at the parked plate; 1 at unknown distance."""
     z_m = points.column("plate_z_m")
     model = load_model("quad_body_lift" if rig.n_discs > 1 else "single", rig).model
     conditions = Conditions.of(
@@ -213,19 +210,19 @@ def _over_far(points: Recording, rig: Rig) -> Array:
 
 
 def _zero_covariance(path: Path, points: Recording, rig: Rig) -> Array:
-    """Return the covariance (n, n) of what the load cell's zero puts into a rotor's thrust: N2.
+    """Return the covariance (n, n) of a rotor's thrust due to the load cell's zero error: N2.
 
-    What the worst tare left is common to a run; from then on the zero wanders.
+    The offset of the worst tare is common to a run; zero drift since the tare is added.
     """
-    tared_N2 = 0.0
-    with suppress(FileFormatError):  # none is written
+    tare_error_N2 = 0.0
+    with suppress(FileFormatError):  # the run has no tare points
         tares = read_points(path, ["tare"])
-        left = tares.column("thrust_N") ** 2 + tares.column("thrust_se_N") ** 2
-        tared_N2 = float(np.nanmax(left))
-    wander: Array = np.zeros((len(points), len(points)))
+        squared_N2 = tares.column("thrust_N") ** 2 + tares.column("thrust_se_N") ** 2
+        tare_error_N2 = float(np.nanmax(squared_N2))
+    drift_N2: Array = np.zeros((len(points), len(points)))
     if "elapsed_s" in points:
-        since_s = np.nan_to_num(points.column("elapsed_s"))
-        wander = zero_covariance(since_s, zero_noise(points, rig))
+        time_since_tare_s = np.nan_to_num(points.column("elapsed_s"))
+        drift_N2 = zero_covariance(time_since_tare_s, zero_noise(points, rig))
     pulses = [points.column(name) for name in speed_columns(points.names, "pwm")]
     turning = np.maximum((np.array(pulses) > rig.propulsion.pwm_stop_us).sum(axis=0), 1)
-    return (wander + tared_N2) / np.outer(turning, turning)
+    return (drift_N2 + tare_error_N2) / np.outer(turning, turning)

@@ -1,1 +1,1 @@
-"""Fits of several rigs together: what they share, and whether they differ."""
+"""Joint estimates of several rigs: common values and differences."""

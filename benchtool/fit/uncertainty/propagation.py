@@ -16,7 +16,7 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.fit_result import Estimate, FitResult
-from benchtool.fit.interval import gradient_of
+from benchtool.fit.interval import delta_gradient
 from benchtool.fit.jacobian import Way, select_method, spread_of
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
@@ -80,7 +80,9 @@ def propagation(
     if spread.undetermined or not np.isfinite(result.covariance).all():
         return None
     places = problem.shape_index
-    slopes = np.stack([*np.eye(len(shape)), *(gradient_of(one, result)[places] for one in derived)])
+    slopes = np.stack(
+        [*np.eye(len(shape)), *(delta_gradient(one, result)[places] for one in derived)]
+    )
     return Propagation(
         problem=problem,
         items=(*(result.estimates[i] for i in places), *(result[one.name] for one in derived)),

@@ -117,7 +117,7 @@ def test_distances_are_grouped_within_two_per_cent_and_a_plate_gone_is_none():
     z_over_R = np.array([1.0, 0.5, 1.005, 8.0, 1e7, 0.505])
     assert distance_groups(z_over_R).tolist() == [1, 0, 1, 2, -1, 0]
     with pytest.raises(
-        InputError, match="lie at 3 distances of the plate, and comparing laws needs"
+        InputError, match="3 plate distances are too few to compare laws; minimum: 4"
     ):
         compared(asked(), sd=1e-3, at=(0.6, 1.0, 2.0))
 

@@ -62,14 +62,14 @@ def test_constants_are_those_that_a_log_was_made_with(tmp_path):
 
 def test_a_log_without_its_propeller_is_refused_with_what_to_add(tmp_path):
     path = log(tmp_path / "a.csv", 1)
-    with pytest.raises(InputError, match=r"--propeller with its size in inches"):
+    with pytest.raises(InputError, match=r"--propeller to its size in inches"):
         bt.motor(path)
     assert bt.motor(path, rig="pquad_single").found.rig.name == "pquad_single"
 
 
 def test_thrust_of_the_wrong_sign_is_refused_with_what_to_type(tmp_path):
     path = log(tmp_path / "a.csv", 1, sign=-1.0)
-    with pytest.raises(InputError, match=r"import .*a.csv --flip thrust_N turns the sign"):
+    with pytest.raises(InputError, match=r"import .*a.csv --flip thrust_N reverses the sign"):
         bt.motor(path, propeller="5x4")
 
 

@@ -46,7 +46,7 @@ def test_a_last_part_of_several_names_is_refused_with_them():
     ],
 )
 def test_a_parameter_is_not_named_twice(named):
-    with pytest.raises(InputError, match=r"body_lift\.K_b is named twice"):
+    with pytest.raises(InputError, match=r"duplicate parameter body_lift\.K_b"):
         recipe_model(quad(**named))
 
 

@@ -243,7 +243,7 @@ def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path, 
     words = ["sim:pquad?mode=pitch&seed=3", "--seconds", "12", "--yes", "--out", str(run)]
     assert call("record", *words) == 0
     assert call("fit", str(run), "--model", MODEL) == 2
-    assert "this is a pitch run, from which nothing is fitted" in capsys.readouterr().err
+    assert "this is a pitch run, which cannot be fitted" in capsys.readouterr().err
     page = page_text([run], ReplayInputs(model=MODEL))
     facts = facts_of(page)
     assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
