@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from benchtool.core.errors import InputError
 from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.distance_law import nearest_z_over_R
-from benchtool.physics.effects.effect import N_BEFORE_RATE, N_STAYING, NO_FLOW, Effect, Flow
+from benchtool.physics.effects.effect import N_BEFORE_RATE, N_CONSTANT, NO_FLOW, Effect, Flow
 from benchtool.physics.expression import expression
 from benchtool.physics.fold import (
     BoundHook,
@@ -167,7 +167,7 @@ def disc_thrust(
         )
         share = share_of(axis_cosine(plane))
         return Flow(  # type: ignore[call-arg]  # mypy takes the first star for all fields
-            *flow[:N_STAYING],
+            *flow[:N_CONSTANT],
             z,
             area,
             counted(neighbours(source, z, distances), share),

@@ -26,7 +26,7 @@ from benchtool.physics.disc_thrust import DiscThrust, ImageRules, bound_hooks, d
 from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
-from benchtool.physics.effects.laws.table import USUAL_LAW
+from benchtool.physics.effects.laws.table import DEFAULT_LAWS
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.motor import speed_near_plate, torque_per_speed
@@ -61,7 +61,7 @@ class Model:
     def single(cls, rig: Rig, name: str = "single") -> Model:
         """Return the baseline and the usual law of the rig's surface: eq. (2) for one below."""
         bare = cls(name=name, rig=rig, parameters=baseline_parameters(rig))
-        return bare.with_effect(USUAL_LAW[rig.plate.surface])
+        return bare.with_effect(DEFAULT_LAWS[rig.plate.surface])
 
     def __post_init__(self) -> None:
         wake_rule(self.wake_rule), tilt_rule(self.tilt_rule)

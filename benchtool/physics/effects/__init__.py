@@ -1,1 +1,1 @@
-"""One file an effect; the directory is the list of what the tool knows."""
+"""Physical effects, one file each. The catalogue reads this folder."""

@@ -1,4 +1,4 @@
-"""Rotors damp the motion of their own axes."""
+"""Aerodynamic damping of the pitch rate by the rotors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def torque(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return the torque of what rising rotors lose and sinking ones gain: N m."""
+    """Return the torque from thrust lost by rising and gained by sinking rotors: N m."""
     total = 0.0 * flow.rate_rad_s
     for j in range(len(flow.thrust_N)):
         tip_m_s = np.maximum(flow.speed_rad_s[j] * p.blade_radius_m, 1e-9)
@@ -30,25 +30,25 @@ def rig_values(rig: Rig) -> Mapping[str, float]:
 EFFECT = Effect(
     name="aerodynamic_damping",
     title="Aerodynamic damping",
-    description="A rotor that moves up loses thrust; one that moves down gains some.",
+    description="A rising rotor loses thrust, a sinking rotor gains thrust.",
     subsystem="hinge",
     order=40,
     law="torque = -c rate sum_i x_i^2 T_i / (speed_i r), r the blade's radius",
     parameters=(
         number(
             "coefficient", "1", 0.0,
-            "relative loss of thrust over climb speed in units of the tip speed", neutral=0.0,
+            "relative thrust loss over climb speed, in tip speeds", neutral=0.0,
             within=(0.0, 20.0), tolerance=0.5,
         ),
         number(
             "blade_radius_m", "m", 0.12,
-            "radius of the blades whose tips move: the rotor's own, not R_m", within=(1e-3, 10.0),
-            source="convention: a 24 cm propeller; a rig states its own",
+            "blade radius for the tip speed: geometric, not R_m", within=(1e-3, 10.0),
+            source="convention: 24 cm propeller; else from the rig",
         ),
     ),
     hooks=Hooks(torque=torque),
     shows="fast motion; grows with the collective",
-    source="blade-element theory to first order; about 3 to 5 is usual for small rotors (a guess)",
+    source="blade-element theory to first order; assumed: 3 to 5 for small rotors",
     confused_with={"viscous_friction": "several collectives separate them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,

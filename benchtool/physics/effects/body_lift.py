@@ -1,4 +1,4 @@
-"""Lift of the body in the upwash between the rotors: the fountain term of eq. (4)."""
+"""Body lift in the upwash between the rotors (fountain effect): added term of eq. (4)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ EFFECT = Effect(
     headline="K_b",
     title="Body lift (fountain)",
     description=(
-        "Between the rotors the wakes meet, turn upward and push on the body; the vehicle lifts "
-        "more than its rotors' images explain."
+        "The wakes of neighbouring rotors meet below the body, turn upward and lift it (fountain "
+        "effect)."
     ),
     subsystem="rpm_to_thrust",
     order=30,
@@ -33,7 +33,7 @@ EFFECT = Effect(
     ),
     hooks=Hooks(denominator=denominator),
     shows="several rotors over the plate, z/R below 5",
-    source="Sanchez-Cuevas et al. 2017, eq. (4); wake shares are an assumption of the model",
+    source="Sanchez-Cuevas et al. 2017, eq. (4); w for partial coverage is assumed",
     confused_with={
         "plate_offset": "three plate distances separate them",
         "neighbour_images": "distances below and above half the rotor spacing separate them",

@@ -1,4 +1,4 @@
-"""A cable that pulls when the beam turns far."""
+"""Cable torque on the hinge: a spring with a dead zone."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 @expression
 def torque(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return the pull of the cable about the hinge: N m."""
-    loose = np.minimum(np.maximum(flow.pitch_rad, -p.slack_rad), p.slack_rad)
-    return -p.stiffness_Nm_per_rad * (flow.pitch_rad - loose)
+    """Return the torque of the cable about the hinge: N m."""
+    in_slack = np.minimum(np.maximum(flow.pitch_rad, -p.slack_rad), p.slack_rad)
+    return -p.stiffness_Nm_per_rad * (flow.pitch_rad - in_slack)
 
 
 EFFECT = Effect(
     name="cable",
     title="Cable",
-    description="A cable hangs slack about level and pulls once the slack is used up.",
+    description="A cable exerts a restoring torque beyond its slack angle.",
     subsystem="hinge",
     order=60,
-    law="torque = -k (pitch - pitch within +-slack)",
+    law="torque = -k (pitch - clip(pitch, -slack, slack))",
     parameters=(
         number(
             "stiffness_Nm_per_rad", "N m/rad", 0.0, "stiffness of the taut cable", neutral=0.0,
             within=(0.0, 20.0),
         ),
         number(
-            "slack_rad", "rad", 0.1, "angle up to which the cable hangs loose", within=(0.0, 1.5),
+            "slack_rad", "rad", 0.1, "pitch angle at which the cable is taut", within=(0.0, 1.5),
             source="assumed",
         ),
     ),
     hooks=Hooks(torque=torque),
     shows="large angles only",
-    source="spring with a dead zone, an assumption",
+    source="assumed: spring with a dead zone",
     confused_with={"hinge_spring": "small angles separate them"},
     benches=frozenset(),
     always_compiled=True,

@@ -1,4 +1,4 @@
-"""The vehicle does not hang from its centre of gravity."""
+"""Offset of the centre of gravity from the hinge."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ def torque(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="cog_offset",
     title="Centre-of-gravity offset",
-    description="The centre of gravity lies in front of the hinge or behind it.",
+    description="The centre of gravity is in front of or behind the hinge.",
     subsystem="hinge",
     order=70,
     law="torque = m g x cos(pitch)",
     parameters=(
         number(
-            "x_m", "m", 0.0, "centre of gravity in front of the hinge, in the rotor plane",
+            "x_m", "m", 0.0, "centre of gravity forward of the hinge, in the rotor plane",
             neutral=0.0, within=(-0.1, 0.1),
         ),
     ),
     hooks=Hooks(torque=torque),
-    shows="always; a constant torque that thrust does not scale",
+    shows="always; a constant torque, independent of thrust",
     source="statics",
     confused_with={
         "rotor_asymmetry": "collective steps of 10 % separate them",

@@ -1,11 +1,10 @@
-"""The seam for physics: what an effect may supply, and what it may see.
+"""Effect interface: parameters, hooks, and metadata of one physical effect.
 
-An effect is a value: numbers, hooks and knowledge. A hook is a module-level function marked
-`@expression` (branch-free, so that the same source serves scalars in a compiled loop, arrays in a
-fit, and complex steps), or None, which means that the effect is exactly absent there. A model never
-calls the hooks of an effect whose parameters are all fixed at their neutral values.
+A hook is a module-level function marked `@expression`: branch-free, so that the same source runs on
+scalars in a compiled loop, on arrays in a fit, and on complex steps. None means that the effect has
+no such hook. A model never calls hooks of an effect whose parameters are fixed at neutral values.
 
-Hooks see discs, not rotors: coaxial rotors blow through one disc. The disc axis comes first, so
+Hooks get discs, not rotors: coaxial rotors share a disc. The disc axis comes first, so
 `flow.height_m[i]` is a scalar in a simulator and an array over samples in a fit.
 """
 
@@ -27,59 +26,58 @@ from benchtool.physics.expression import expression as expression
 from benchtool.physics.tilt import LEVEL
 
 Subsystem = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
+# In the order of the chain from pulse width to reading
 SUBSYSTEMS: tuple[Subsystem, ...] = ("pwm_to_rpm", "plate", "rpm_to_thrust", "hinge", "sensor")
-"""The links of the chain from pulse width to reading, in order."""
 
 BenchKind = Literal["pitch", "sweep"]
-BENCH_KINDS: tuple[BenchKind, ...] = ("pitch", "sweep")  # body on a hinge; plate over a load cell
+BENCH_KINDS: tuple[BenchKind, ...] = ("pitch", "sweep")  # body on a hinge; plate and load cell
 
+# Standard error of an effect's contribution over its departure from neutral: no bench follows a law
+# exactly (rotors accelerate 1 to 2 % faster than they decelerate, encoders wobble). Chosen on
+# development records of pitch benches: of 138 intervals 84 % contained the truth without it, 96 %
+# with it, 97 % with twice the value.
 LAW_ERROR = 0.005
-"""Standard error of what an effect does over its departure from neutral, because no bench follows
-a law to the letter: a rotor that speeds up is a per cent or two quicker than one that slows down,
-an encoder wobbles. Chosen on development records of pitch benches: of 138 intervals 84 % held the
-truth without it, 96 % with it, 97 % with twice as much."""
 
 
 class Flow(NamedTuple):
-    """What a hook may see of the bench at one instant, or at many.
+    """State of the bench at one instant or at many, the input of hooks.
 
-    First what stays; from `height_m` on what effects on heights and the images change; then what
-    changes within a step.
+    Constant fields come first; from `height_m` on, fields that depend on effects on heights and on
+    images; last, fields that change within a time step. `load_direction` and the history
+    (`moved_*`, `past_*`) are 0 if unknown.
 
     Attributes:
         radius_m: effective rotor radius R: m.
         position_x_m, position_y_m: disc centres (n,): m.
-        active: 1 where a disc's rotors turn, else 0 (n, ...).
-        speed_rad_s: rotor speed (n, ...); the root of the summed squares on a coaxial disc.
-        pitch_rad: attitude about the y axis (...): rad; zero on a bench that is held.
-        cos_pitch: share of `weight_N` along the body's own vertical (...): the cosine of the pitch
-            on a hinge, 1 in flight.
-        weight_N: weight that the hinge carries (...), in flight the rotors' thrust, which carries
-            it along the body's own vertical; zero where nothing turns.
-        load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
-            where nobody knows (...).
-        airspeed_m_s: horizontal speed of the rotors through the air (...): m/s.
-        acceleration_rad_s2: of the pitch, where a gyro is read (...).
+        active: 1 for a disc with running rotors, else 0 (n, ...).
+        speed_rad_s: rotor speed (n, ...); on a coaxial disc the root of the summed squares.
+        pitch_rad: attitude about the y axis (...): rad; zero for a fixed vehicle.
+        cos_pitch: component of `weight_N` along the body's vertical axis, relative (...): the
+            cosine of the pitch on a hinge, 1 in flight.
+        weight_N: weight carried by the hinge (...); in flight the thrust, along the body's vertical
+            axis; zero for a fixed vehicle.
+        load_direction: +1 for a load approached from below, -1 from above (...).
+        airspeed_m_s: horizontal speed of the rotors relative to the air (...): m/s.
+        acceleration_rad_s2: pitch acceleration, for gyro readings (...).
         height_m: distance of each disc to the surface (n, ...): m.
         coverage: fraction of each disc over the surface (n, ...).
-        neighbour_images: velocity against each disc's inflow from the neighbours' images, per R^2
-            and own induced velocity (n, ...): 1/m2 (eq. 3).
-        body_images: the same from all images, at the body's centre (n, ...): 1/m2 (eq. 4); one
-            number for all discs, unless the tilt rule has it at each rotor's height.
-        body_weight: share of the body lift that the wake rule grants (...).
-        plane: the surface under the rotor plane, a `Plane` (...).
-        axial_share: what counts of the velocity from a rotor's own image (...): the cosine of the
-            angle between the rotor axis and the surface's normal, or 1 (`tilt`). The term of
-            a law of thrust against distance is multiplied with it in the sum.
-        rate_rad_s: rate about the y axis (...): rad/s; zero on a bench that is held.
-        thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
-        moved_s: time since the plate last moved (...); 0 where nobody knows.
-        moved_direction: +1 where the plate came to its distance from nearer, -1 from farther, 0
-            where nobody knows (...).
-        past_load: summed squared speed over the greatest of the run, as a mean over the past that
-            forgets within each of `PAST_S` (4, ...); 0 where nobody knows.
-        past_wash: the same of the load times what of the wash meets the plate: the covered
-            fraction over 1 + (z/R)^2.
+        neighbour_images: upward velocity at each disc from the neighbours' images, per R^2 and
+            induced velocity (n, ...): 1/m2 (eq. 3).
+        body_images: upward velocity at the body's centre from all images (n, ...): 1/m2 (eq. 4);
+            equal for all discs, unless the tilt rule uses each rotor's height.
+        body_weight: weight w of the body lift from the wake rule (...).
+        plane: the surface under the rotor plane (...).
+        axial_share: factor on the velocity from a rotor's own image (...): the cosine of the angle
+            between the rotor axis and the surface normal, or 1 (`tilt`). The term of a law of
+            thrust against distance is multiplied by it in the sum.
+        rate_rad_s: rate about the y axis (...): rad/s; zero for a fixed vehicle.
+        thrust_N: thrust of each disc (n, ...), for torque hooks; else empty.
+        moved_s: time since the last plate movement (...).
+        moved_direction: +1 for a plate distance approached from nearer, -1 from farther (...).
+        past_load: summed squared speed over the maximum of the run, low-pass filtered with each
+            time constant of `PAST_S` (4, ...).
+        past_wash: the same for the load times the share of the wake that meets the plate: the
+            coverage over 1 + (z/R)^2.
     """
 
     radius_m: Quantity = 0.0
@@ -112,52 +110,49 @@ class Flow(NamedTuple):
     past_wash: Quantity = (0.0, 0.0, 0.0, 0.0)
 
 
-N_STAYING, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
-"""How many fields of a Flow stay, and how many stand before what changes within a step."""
-
+# Number of constant fields of a Flow, and of fields before those that change within a time step
+N_CONSTANT, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
 N_WITH_THRUST = N_BEFORE_RATE + 2  # fields up to the thrusts; a constant slice for compiled code
 PAST_S = (10.0, 30.0, 100.0, 300.0)  # time constants of `Flow.past_load` and `past_wash`
 NO_FLOW = Flow()  # for hooks that depend on the effect's numbers alone, such as a lag
 
+# hook(p, i, flow): p the effect's parameters as a named tuple, i the disc (0 for hooks of the whole
+# body). A hook that changes a quantity takes it last: hook(p, i, flow, quantity).
 Hook = Callable[..., Any]
-"""hook(p, i, flow), p the effect's named numbers and i the disc (0 for hooks of the whole body); a
-hook that changes a quantity takes it last: hook(p, i, flow, quantity)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hooks:
-    """Hold an effect's part of the physics.
+    """Hooks of an effect; None where it has no influence.
 
     Attributes:
-        tilt: lean of the plate about the y axis, added: rad, positive brings +x rotors nearer.
-        height: a disc's distance to the surface, changed: m; the body's centre follows by the mean
+        tilt: tilt of the plate about the y axis to add: rad, positive brings +x rotors nearer.
+        height: changed distance of a disc to the surface: m; the body's centre follows by the mean
             change of the discs.
-        coverage: a disc's covered fraction, changed.
-        speed: a disc's commanded rotor speed, changed: rad/s.
-        followed_speed: a disc's speed half a plant step after `flow.speed_rad_s`, as the lag alone
-            has it, changed: rad/s.
-        denominator: term of a disc's thrust denominator, added.
-        image_share: factor of the sum of these terms.
-        response: a disc's thrust ratio at its own speed for that of the sum (at equal induced
-            power), changed.
-        drag: a disc's drag torque over that far from any surface, at equal speed, for the sum's
-            thrust ratio; 1 without, one effect at most.
-        factor: factor of a disc's thrust.
-        torque: torque about the pitch axis, added: N m, positive nose down as in eq. (9).
-        dry_friction: torque that the hinge can hold at rest or opposes to motion, added: N m, not
-            negative; the plant decides between stick and slip.
-        dry_width: rate over which dry friction builds up to its full torque, added: rad/s, not
-            negative; 0 where it holds at rest.
-        dry_give: angle by which the hinge yields before it slips, added: rad, not negative; 0
-            where it holds at rest.
+        coverage: changed coverage of a disc.
+        speed: changed speed command of a disc: rad/s.
+        followed_speed: changed speed of a disc half a plant step after `flow.speed_rad_s`, from
+            the speed with the lag alone: rad/s.
+        denominator: term to add to the thrust denominator of a disc.
+        image_share: factor on the sum of these terms.
+        response: changed thrust ratio of a disc, from equal induced power to equal speed.
+        drag: drag torque over that out of ground effect at equal speed, from the thrust ratio of
+            the sum; default 1, at most one effect.
+        factor: factor on the thrust of a disc.
+        torque: torque about the pitch axis to add: N m, positive nose down as in eq. (9).
+        dry_friction: friction torque of the hinge to add, static and sliding: N m, not negative;
+            the plant decides between stick and slip.
+        dry_width: rate at which dry friction reaches its full torque, to add: rad/s, not negative;
+            0 for stiction.
+        dry_give: presliding displacement of the hinge to add: rad, not negative; 0 for stiction.
         random_torque: standard deviation (N m) and correlation time (s) of a random torque about
             the pitch axis, an Ornstein-Uhlenbeck process.
-        lag_s: time constant with which rotor speed follows its command, added: s.
-        delay_s: time between a command and its arrival at the motors, added: s.
-        thrust_reading: the load cell's reading, changed: N.
-        gyro_reading: the gyro's reading, changed: rad/s.
-        play_N: half width of a play that a simulated load cell's reading stays behind; such an
-            effect's `thrust_reading` is then left to the simulation.
+        lag_s: time constant of rotor speed to add: s.
+        delay_s: delay between a command and its arrival at the motors, to add: s.
+        thrust_reading: changed load cell reading: N.
+        gyro_reading: changed gyro reading: rad/s.
+        play_N: half width of the backlash model of a simulated load cell; the simulation then does
+            not call the effect's `thrust_reading`.
     """
 
     tilt: Hook | None = None
@@ -182,16 +177,16 @@ class Hooks:
     play_N: Hook | None = None
 
 
-HOOKS = tuple(item.name for item in fields(Hooks))  # names of all hooks
+HOOKS = tuple(hook.name for hook in fields(Hooks))
 
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """Name a quantity and how it follows from free parameters.
+    """Quantity derived from free parameters.
 
     Attributes:
-        function: function(values by full name) -> quantity, elementwise on arrays; parameters
-            that were not free are constants of the function.
+        function: function(values by full name) -> quantity, elementwise on arrays; fixed
+            parameters are constants of the function.
     """
 
     name: str
@@ -201,45 +196,45 @@ class Derived:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Effect:
-    """Describe one physical effect and supply its part of the physics.
+    """Physical effect with its parameters, hooks and metadata.
 
     Attributes:
-        name: as in files and on the command line.
-        title: for people, three or four words.
-        proper_noun: whether the title begins with a person's name, which keeps its capital.
-        description: what it is, one or two sentences.
-        subsystem: which link of the chain it sits in.
-        order: place among the effects of its subsystem, ties by name.
-        parameters: with units, neutral values, default bounds and tolerances; hooks take their
-            values as `p`, a named tuple.
-        confused_with: names of effects that look alike, with what separates them.
-        separated_by: what to measure so that a fit can separate the effect's first parameter from
-            another, by the other's full name ("R_m").
-        trends_over: columns over which residuals trend where the effect is missing.
-        law_error: standard error of what it does over its departure from neutral.
-        benches: on which kinds of bench an explanation may name it; none for effects that are
-            there for simulation only.
-        adjusted_on: on which kinds of bench every explanation adjusts it within its priors and
-            never names it: what an owner knows only roughly.
-        supply_loss: the parameter that is the supply's linear loss (1/s), which pulses beside
-            speeds and voltage show; empty for none.
-        headline: number that a reader of a fit looks for first, by its own name; of several, with
-            what they all begin with ("factor_"); empty for none.
-        derived: quantities that a fit reports, by full names of the effect's free parameters.
-        always_compiled: whether it stands in every compiled loop, neutral or not, so that one
+        name: identifier in files and on the command line.
+        title: display name, three or four words.
+        proper_noun: whether the title begins with a person's name, which stays capitalised.
+        subsystem: link of the chain from pulse width to reading.
+        order: position among the effects of its subsystem, ties by name.
+        parameters: with units, neutral values, default bounds and tolerances; hooks get their
+            values as the named tuple `p`.
+        confused_with: names of similar effects, with the data that separate them.
+        separated_by: measurements with which a fit can separate the effect's first parameter from
+            another, by the full name of the other ("R_m").
+        trends_over: columns over which residuals show a trend without the effect.
+        law_error: standard error of its contribution over its departure from neutral.
+        benches: kinds of bench on which an explanation may name it; empty for effects for
+            simulation only.
+        adjusted_on: kinds of bench on which every explanation adjusts it within its priors and
+            never names it.
+        supply_loss: parameter that is the linear loss of the supply (1/s), known from pulse widths,
+            speeds and voltage together; empty for none.
+        headline: main parameter for a reader of a fit, by its short name; for several, their
+            common prefix ("factor_"); empty for none.
+        derived: quantities that a fit reports, from full names of the effect's free parameters.
+        always_compiled: whether every compiled loop contains it, neutral or not, so that one
             compilation serves nearly all models.
-        acts_in_flight: False for what belongs to a hinge, a load cell or a plate's stage.
+        acts_in_flight: False for effects of a hinge, a load cell or a plate stage.
         rig_values: values of its parameters that follow from a rig.
-        tolerance_of: tolerances that go with the vehicle's size, for parameters that state none
-            themselves; a model file that states one goes first (`tolerances.tolerances`).
-        configure: builds the effect for settings in a model file, for example its knots.
-        numbers: makes `p` of the values where it is no named tuple of the parameters' names.
-        knots_setting: name of the setting that lists its parameters `knot_...`; empty without.
-        distance_law: what a law of thrust against distance states of itself; None for what is no
-            such law. A model has one of them.
+        tolerance_of: tolerances scaled to the vehicle, for parameters without a tolerance; a
+            tolerance in a model file has precedence (`tolerances.tolerances`).
+        configure: builds the effect from settings in a model file, for example its knots.
+        numbers: builds `p` from the values if it is not a named tuple of the parameter names.
+        knots_setting: name of the setting with the values of its parameters `knot_...`; empty for
+            none.
+        distance_law: properties of a law of thrust against distance; None for other effects. A
+            model has one law.
 
     Raises:
-        InputError: `numbers` has other names than `parameters`, or another order.
+        InputError: the field names of `numbers` are not the parameter names in the same order.
     """
 
     name: str
@@ -272,44 +267,44 @@ class Effect:
     distance_law: DistanceLaw | None = None
 
     def __post_init__(self) -> None:
-        names = tuple(item.name for item in self.parameters)
-        named = getattr(self.numbers, "_fields", names)
-        if named != names:
+        names = tuple(parameter.name for parameter in self.parameters)
+        field_names = getattr(self.numbers, "_fields", names)
+        if field_names != names:
             raise InputError(
-                f"effect {self.name!r}: its numbers are {', '.join(named)}, its parameters "
-                f"{', '.join(names)}; give both the same names in the same order"
+                f"effect {self.name!r}: the fields of `numbers` are {', '.join(field_names)}, its "
+                f"parameters {', '.join(names)}; use the same names in the same order"
             )
 
     @property
     def phrase(self) -> str:
-        """The title as it stands within a sentence."""
+        """Title for use within a sentence, in lower case."""
         return self.title if self.proper_noun else self.title[:1].lower() + self.title[1:]
 
     @property
     def makes_p(self) -> Callable[..., Any]:
-        """What makes the hooks' `p` of the values of the parameters, in their order."""
-        return self.numbers or _named(tuple(item.name for item in self.parameters))
+        """Function that builds the hooks' `p` from the parameter values, in their order."""
+        return self.numbers or _numbers_class(tuple(item.name for item in self.parameters))
 
     @property
     def candidate(self) -> bool:
-        """Whether an explanation may name it on some bench."""
+        """True if an explanation may name it on some bench."""
         return bool(self.benches)
 
     @property
     def changes_geometry(self) -> bool:
-        """Whether heights or covered areas, and so the images, depend on its parameters."""
+        """True if heights or coverages, and so the images, depend on its parameters."""
         hooks = self.hooks
         return any(hook is not None for hook in (hooks.tilt, hooks.height, hooks.coverage))
 
 
 @expression
-def all_in_order(*numbers: Quantity) -> tuple[Quantity, ...]:
-    """Return the numbers as they are: `numbers` of an effect that has as many as it is given."""
+def as_tuple(*numbers: Quantity) -> tuple[Quantity, ...]:
+    """Return the numbers as a tuple: `numbers` of an effect with any number of parameters."""
     return numbers
 
 
 @cache
-def _named(names: tuple[str, ...]) -> Callable[..., Any]:
+def _numbers_class(names: tuple[str, ...]) -> Callable[..., Any]:
     return namedtuple("Numbers", names)
 
 
@@ -325,7 +320,7 @@ def number(
     prior: Prior | None = None,
     source: str = "neutral value",
 ) -> Parameter:
-    """Return an effect's parameter."""
+    """Return a parameter of an effect."""
     return Parameter(
         name, unit, value, neutral=neutral, lower=within[0], upper=within[1],
         prior=Prior() if prior is None else prior, tolerance=tolerance, description=description,

@@ -1,4 +1,4 @@
-"""Forward speed washes the ground effect out: images stay behind."""
+"""Loss of ground effect with forward speed."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ EFFECT = Effect(
     name="forward_speed",
     title="Forward speed",
     description=(
-        "A vehicle that moves along a surface, or stands in wind, leaves its images behind. The "
-        "form is that of public code after Cheeseman and Bennett, unverified against their report: "
-        "its strength is to be fitted. A flight takes its speed over ground, without the wind."
+        "Airspeed along the surface reduces the effect of all images. The formula is from public "
+        "code and not verified against the report, so its strength has to be fitted. Simulated "
+        "flights use the ground speed, without wind."
     ),
     subsystem="rpm_to_thrust",
     order=48,
@@ -41,7 +41,7 @@ EFFECT = Effect(
         ),
     ),
     hooks=Hooks(image_share=image_share),
-    shows="several airspeeds along a near surface; never in still air",
+    shows="several airspeeds along a near surface; not in still air",
     source=(
         "Cheeseman and Bennett 1955, ARC R&M 3021, as in Synetic-Labs/SkyFlow-Dynamics "
         "spec/ground_effect.py, which flags it as unverified; v by momentum theory"

@@ -1,4 +1,4 @@
-"""The gyro's zero is off."""
+"""Bias of the gyro."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def gyro_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
-    """Return the gyro's reading with the bias on it: rad/s."""
+    """Return the reading with the bias: rad/s."""
     return reading + p.bias_rad_s
 
 
 EFFECT = Effect(
     name="gyro_bias",
     title="Gyro bias",
-    description="The gyro shows a rate while nothing turns.",
+    description="The gyro reading has a constant offset.",
     subsystem="sensor",
     order=10,
-    law="reading = rate + bias; where the scale is off, too: scale * (rate + bias)",
+    law="reading = rate + bias; with gyro_scale: scale * (rate + bias)",
     parameters=(
         number(
-            "bias_rad_s", "rad/s", 0.0, "what the gyro shows at rest", neutral=0.0,
+            "bias_rad_s", "rad/s", 0.0, "reading at rest", neutral=0.0,
             within=(-1.0, 1.0), tolerance=0.0035,
         ),
     ),
     hooks=Hooks(gyro_reading=gyro_reading),
-    shows="always; against the encoder's slope",
-    source="constant bias, the usual first approximation of a MEMS gyro",
+    shows="always, compared with the derivative of the encoder angle",
+    source="constant bias, first approximation of a MEMS gyro",
     confused_with={"gyro_scale": "fast motion separates them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,

@@ -1,4 +1,4 @@
-"""The gyro's scale is off."""
+"""Scale error of the gyro."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def gyro_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
-    """Return the gyro's reading, scaled: rad/s. It comes after the bias, which is scaled, too."""
+    """Return the scaled reading, bias included: rad/s."""
     return reading * p.scale
 
 
 EFFECT = Effect(
     name="gyro_scale",
     title="Gyro scale error",
-    description="The gyro shows more or less than the rate.",
+    description="The gyro reading is proportional to the rate, with a factor other than 1.",
     subsystem="sensor",
     order=20,
-    law="reading = scale * rate; where there is a bias, too: scale * (rate + bias)",
+    law="reading = scale * rate; with gyro_bias: scale * (rate + bias)",
     parameters=(
         number(
             "scale", "1", 1.0, "reading over true rate", neutral=1.0, within=(0.2, 5.0),
@@ -27,9 +27,9 @@ EFFECT = Effect(
         ),
     ),
     hooks=Hooks(gyro_reading=gyro_reading),
-    shows="fast motion; against the encoder's slope",
-    source="linear scale error, data sheets of MEMS gyros state 1 to 3 %",
-    confused_with={"gyro_bias": "rest separates them"},
+    shows="fast motion, compared with the derivative of the encoder angle",
+    source="linear scale error; data sheets of MEMS gyros state 1 to 3 %",
+    confused_with={"gyro_bias": "standstill separates them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,
 )  # fmt: skip

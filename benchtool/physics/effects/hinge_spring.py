@@ -1,4 +1,4 @@
-"""Something springy pulls the beam back to level."""
+"""Linear spring torque about the hinge."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def torque(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="hinge_spring",
     title="Hinge spring",
-    description="A cable, a flexure or a bearing seal pulls the beam back to level.",
+    description="A cable, flexure or bearing seal exerts a restoring torque towards level.",
     subsystem="hinge",
     order=50,
     law="torque = -k pitch",
@@ -28,11 +28,11 @@ EFFECT = Effect(
             0.0,
             "stiffness about level",
             neutral=0.0,
-            within=(-5.0, 20.0),  # below 0: a centre of gravity above the hinge
+            within=(-5.0, 20.0),  # negative: centre of gravity above the hinge
         ),
     ),
     hooks=Hooks(torque=torque),
-    shows="large angles held for long",
+    shows="large pitch angles over a long time",
     source="linear spring about the level beam",
     confused_with={"cog_offset": "angles of both signs separate them"},
     benches=frozenset({"pitch"}),

@@ -1,4 +1,4 @@
-"""A rotor's lag depends on its speed and on whether it speeds up: it is no constant."""
+"""Motor lag that depends on speed and on the sign of the acceleration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchtool.physics.rig_scaling import half_throttle_speed
 
 @expression
 def followed_speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
-    """Return the speed after a short step that goes farther the quicker the rotor is: rad/s."""
+    """Return the speed after a short step, with a lag that depends on speed: rad/s."""
     change = speed_rad_s - flow.speed_rad_s[i]
     faster = flow.speed_rad_s[i] / p.middle_rad_s - 1.0
     return speed_rad_s + change * (p.with_speed * faster - p.rising * np.sign(change))
@@ -26,10 +26,10 @@ def rig_values(rig: Rig) -> Mapping[str, float]:
     return {"middle_rad_s": half_throttle_speed(rig)}
 
 
-def _share(name: str, sd: float, description: str, why: str) -> Parameter:
+def _share(name: str, sd: float, description: str, reason: str) -> Parameter:
     return number(
         name, "1", 0.0, description, neutral=0.0, within=(-0.9, 0.9),
-        prior=Prior("normal", 0.0, sd, f"assumed: {why}"), tolerance=sd,
+        prior=Prior("normal", 0.0, sd, f"assumed: {reason}"), tolerance=sd,
     )  # fmt: skip
 
 
@@ -37,33 +37,32 @@ EFFECT = Effect(
     name="lag_shape",
     title="Shape of the motor lag",
     description=(
-        "A loaded rotor follows quicker at higher speed; an ESC that brakes less than it drives "
-        "makes it slow down later than it speeds up. An explanation takes it for something "
-        "that the bench's owner knows only roughly."
+        "The lag of a loaded rotor decreases with speed. It is longer during deceleration if the "
+        "ESC brakes less than it drives. Every explanation adjusts it within its prior."
     ),
     subsystem="pwm_to_rpm",
     order=25,
     law="1/tau is multiplied by 1 + e (speed / reference - 1) - a sign(commanded - speed)",
     parameters=(
         _share(
-            "with_speed", 0.15, "share e by which 1/tau grows with speed over the reference",
-            "of 1/tau a half at most is the propeller's drag, which grows with speed",
+            "with_speed", 0.15, "relative increase e of 1/tau at twice the reference speed",
+            "at most half of 1/tau is the propeller's drag, which grows with speed",
         ),
         _share(
-            "rising", 0.03, "share a by which the lag is longer when a rotor speeds up",
-            "ESCs that brake do it nearly as well as they drive",
+            "rising", 0.03, "relative decrease a of 1/tau during acceleration",
+            "ESCs with active braking decelerate nearly as fast as they accelerate",
         ),
         number(
-            "middle_rad_s", "rad/s", 600.0, "speed at which the lag is the stated one",
-            within=(1.0, 1e5), source="middle of the usual range; a rig states half throttle",
+            "middle_rad_s", "rad/s", 600.0, "reference speed, at which 1/tau is unchanged",
+            within=(1.0, 1e5), source="middle of the usual range; from a rig: half throttle",
         ),
     ),
     hooks=Hooks(followed_speed=followed_speed),
     shows="changes of pulse width at several collectives",
-    source="linearised drag torque of a propeller, 2 Q/w; the sizes are guesses",
+    source="linearised drag torque of a propeller, 2 Q/w; magnitudes assumed",
     confused_with={
-        "motor_lag": "one collective shows no difference",
-        "aerodynamic_damping": "in a closed loop a lag that changes by 1 ms looks like a tolerance",
+        "motor_lag": "several collectives separate them",
+        "aerodynamic_damping": "in a closed loop, 1 ms of lag looks like one tolerance of damping",
     },
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),

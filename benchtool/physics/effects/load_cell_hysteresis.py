@@ -1,4 +1,4 @@
-"""The load cell shows less on the way up than on the way down."""
+"""Hysteresis of the load cell: lower readings on loading than on unloading."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
-GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets state one width, at full load")
+GROWTH_PRIOR = Prior("normal", 0.0, 0.15, "assumed: data sheets state one width, at full load")
 
 
 @expression
 def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
-    """Return the reading behind a play: low after a rise, against the direction of the tare: N."""
+    """Return the reading with hysteresis, relative to the load direction at the tare: N."""
     width = p.half_width_N * (1.0 + p.growth * (reading / p.reference_N - 1.0))
     return reading - width * (flow.load_direction - p.tare_direction)
 
 
 @expression
 def play_N(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return the half width of the play that a moving reading stays behind: N."""
+    """Return the half width of the backlash model of a moving reading: N."""
     return p.half_width_N
 
 
 def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the rig's weight as the load at which the half width holds: N."""
+    """Return the weight of the vehicle as the reference load: N."""
     return {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg}
 
 
@@ -36,8 +36,8 @@ EFFECT = Effect(
     name="load_cell_hysteresis",
     title="Load-cell hysteresis",
     description=(
-        "A load reads lower when it was approached from a smaller one than from a greater one; "
-        "friction in the stand and the cell itself do it."
+        "A reading is lower if the load was approached from below. Causes: friction in the test "
+        "stand, and the load cell."
     ),
     subsystem="sensor",
     order=50,
@@ -48,36 +48,36 @@ EFFECT = Effect(
     parameters=(
         number(
             "half_width_N", "N", 0.0,
-            "half the difference between the way down and the way up at the reference", neutral=0.0,
-            within=(0.0, 5.0),
+            "half the difference of unloading and loading readings at the reference load",
+            neutral=0.0, within=(0.0, 5.0),
         ),
         number(
             "tare_direction", "1", -1.0,
-            "direction d of the load at the tare: -1 after thrust, 0 on a fresh cell",
-            within=(-1.0, 1.0), source="convention: a bench is tared after its motors have run",
+            "load direction d at the tare: -1 after thrust, 0 for a cell never loaded",
+            within=(-1.0, 1.0), source="convention: tare after the motors have run",
         ),
         number(
-            "growth", "1", 0.0, "share s by which the loop is wider at twice the reference load",
-            within=(-1.0, 1.0), prior=GROWTH_KNOWN,
-            source="0: a loop of constant width (play, dry friction)",
+            "growth", "1", 0.0, "relative increase s of the width at twice the reference load",
+            within=(-1.0, 1.0), prior=GROWTH_PRIOR,
+            source="0: loop of constant width (backlash, dry friction)",
         ),
         number(
-            "reference_N", "N", 10.0, "load at which the half width holds", within=(0.01, 1e4),
-            source="convention; it matters only where the loop grows",
+            "reference_N", "N", 10.0, "reference load of the half width", within=(0.01, 1e4),
+            source="convention; used only if s is not 0",
         ),
     ),
     hooks=Hooks(thrust_reading=thrust_reading, play_N=play_N),
-    shows="levels visited up and down at one place",
+    shows="throttle levels up and down at one plate position",
     source=(
-        "definition of hysteresis in load-cell data sheets; a loop of constant width (play, dry "
-        "friction) is a guess"
+        "definition of hysteresis in load-cell data sheets; constant width (backlash, dry "
+        "friction) assumed"
     ),
     confused_with={
-        "tare_offset": "tare rows and up-and-down order separate them",
+        "tare_offset": "tare rows, and levels in rising and falling order, separate them",
         "load_cell_drift": "levels in mixed order separate them",
     },
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
     rig_values=rig_values,
-    tolerance_of=scale_rig(weight_scale, half_width_N=0.02),  # a guess
+    tolerance_of=scale_rig(weight_scale, half_width_N=0.02),  # assumed
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Rotor speed follows its command with a first-order lag."""
+"""First-order lag of rotor speed behind its command."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ def lag_s(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the lag of the rig's motors: s."""
+    """Return the motor lag of the rig: s."""
     return {"tau_s": rig.propulsion.lag_s}
 
 
 EFFECT = Effect(
     name="motor_lag",
     title="Motor lag",
-    description="Motor, ESC and rotor inertia delay the speed behind the pulse width.",
+    description="Motor, ESC and rotor inertia make the speed lag behind the pulse width.",
     subsystem="pwm_to_rpm",
     order=20,
     law="d(speed)/dt = (commanded - speed) / tau",
     parameters=(
         number(
-            "tau_s", "s", 0.0, "time constant, the whole lag", neutral=0.0, within=(0.0, 1.0),
-            tolerance=0.002, source="neutral value; a rig states its own",
+            "tau_s", "s", 0.0, "time constant of the whole lag", neutral=0.0, within=(0.0, 1.0),
+            tolerance=0.002, source="neutral value; else from the rig",
         ),
     ),
     hooks=Hooks(lag_s=lag_s),

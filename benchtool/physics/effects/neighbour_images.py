@@ -1,4 +1,4 @@
-"""Images of the neighbouring rotors: what makes eq. (3) differ from eq. (2)."""
+"""Image sources of the neighbouring rotors: the difference between eq. (3) and eq. (2)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return R^2 times the sum over j != i of eq. (3), worked out in `disc_thrust`."""
+    """Return R^2 times the sum over j != i of eq. (3), computed in `disc_thrust`."""
     return p.strength * flow.radius_m * flow.radius_m * flow.neighbour_images[i]
 
 
 EFFECT = Effect(
     name="neighbour_images",
     title="Neighbouring rotors' images",
-    description="Each rotor feels the image sources of its neighbours under the plate too.",
+    description="The image sources of neighbouring rotors reduce a rotor's inflow too.",
     subsystem="rpm_to_thrust",
     order=20,
     law="denominator - s sum_{j != i} (R^2/2) z_i / (d_ij^2 + 4 z_i^2)^(3/2)",

@@ -1,8 +1,8 @@
-"""How the thrust increment grows with the covered area: free factors instead of a straight line.
+"""Thrust increment against covered area: free factors in place of a straight line.
 
-The paper takes the increment as linear in the covered area of the disc (after Seo et al. 2010).
-Free factors at the measured coverages let data test that. They are monotone by construction:
-between one knot and the next the factor takes a share of what is left up to one.
+The paper assumes an increment linear in the covered area of the disc (after Seo et al. 2010).
+Free factors at the measured coverages test that. They are monotone by construction: each knot
+adds a share of the remaining increment.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from benchtool.physics.effects.effect import (
     Flow,
     Hooks,
     Quantity,
-    all_in_order,
+    as_tuple,
     expression,
     number,
 )
 
-TOLERANCE = 0.1  # a tenth of the increment does not matter; assumed
-MOST_KNOTS = 16  # more area factors than this carry no tolerance of their own
+TOLERANCE = 0.1  # of the increment; assumed
+MAX_KNOTS = 16  # factors beyond this number have no default tolerance
 
 
 @expression
@@ -37,27 +37,27 @@ def coverage(p: tuple[Quantity, ...], i: int, flow: Flow, fraction: Quantity) ->
     """Return the effective fraction: piecewise linear through the factors at the knots."""
     n = (len(p) - 1) // 2
     fraction = fraction * p[2 * n]
-    reached = 0.0
+    factor = 0.0  # at the knot `start`
     effective = 0.0
     start = 0.0
     for k in range(n):
-        step = p[k] * (1.0 - reached)
+        step = p[k] * (1.0 - factor)
         width = p[n + k] - start
         effective = effective + step * np.minimum(np.maximum((fraction - start) / width, 0.0), 1.0)
-        reached = reached + step
+        factor = factor + step
         start = p[n + k]
     last = np.minimum(np.maximum((fraction - start) / (1.0 - start), 0.0), 1.0)
-    return effective + (1.0 - reached) * last
+    return effective + (1.0 - factor) * last
 
 
 def factors(shares: Sequence[float]) -> tuple[float, ...]:
-    """Return the area factors at the knots that these shares stand for."""
-    reached = 0.0
-    out = []
+    """Return the area factors at the knots, from shares of the remaining increment."""
+    factor = 0.0
+    values = []
     for share in shares:
-        reached += share * (1.0 - reached)
-        out.append(reached)
-    return tuple(out)
+        factor += share * (1.0 - factor)
+        values.append(factor)
+    return tuple(values)
 
 
 PARTIAL_COVERAGE = "partial_coverage"
@@ -69,28 +69,28 @@ def factor_table(
     """Return covered area, factor and its standard deviation at each knot, by rising area (k,).
 
     Args:
-        sds: of the `derived` factors, by full name; nan where one is missing.
+        sds: standard deviations of the `derived` factors by full name; missing ones become nan.
     """
     numbers = range(1, 1 + sum(name.startswith(f"{PARTIAL_COVERAGE}.knot_") for name in values))
     knots = np.array([values[f"{PARTIAL_COVERAGE}.knot_{k}"] for k in numbers])
-    found = np.array(factors([values[f"{PARTIAL_COVERAGE}.share_{k}"] for k in numbers]))
+    area_factors = np.array(factors([values[f"{PARTIAL_COVERAGE}.share_{k}"] for k in numbers]))
     sd = np.array([sds.get(f"{PARTIAL_COVERAGE}.factor_{k}", np.nan) for k in numbers])
     order = np.argsort(knots)
-    return knots[order], found[order], sd[order]
+    return knots[order], area_factors[order], sd[order]
 
 
 def derived(names: Sequence[str]) -> tuple[Derived, ...]:
-    """Return the area factors that free shares (full names) stand for, one for each knot."""
+    """Return the area factor at each knot as a function of the free shares (full names)."""
     shares = [name for name in names if "share_" in name]
 
-    def factor(upto: int) -> Callable[[Mapping[str, Any]], Any]:
-        def of(values: Mapping[str, Any]) -> Any:
-            left: Any = 1.0
-            for name in shares[:upto]:
-                left = left * (1.0 - values[name])
-            return 1.0 - left
+    def factor(n_shares: int) -> Callable[[Mapping[str, Any]], Any]:
+        def evaluate(values: Mapping[str, Any]) -> Any:
+            remaining: Any = 1.0
+            for name in shares[:n_shares]:
+                remaining = remaining * (1.0 - values[name])
+            return 1.0 - remaining
 
-        return of
+        return evaluate
 
     return tuple(
         Derived(name.replace("share", "factor"), "1", factor(k)) for k, name in enumerate(shares, 1)
@@ -102,13 +102,13 @@ def with_knots(coverages: Sequence[float]) -> Effect:
     edges = [0.0, *coverages, 1.0]
     if len(edges) < 3 or any(b - a < 1e-3 for a, b in pairwise(edges)):
         raise InputError(
-            f"area factors need coverages that increase between 0 and 1, got {list(coverages)}; "
-            f"leave out 0 and 1 and sort the others"
+            f"coverages {list(coverages)} do not increase between 0 and 1 (both excluded); remove "
+            f"0 and 1 and sort the others"
         )
     shares = tuple(
         number(
             f"share_{k}", "1", (b - a) / (1.0 - a),
-            f"share of the remaining increment taken up to {b:.3g} of the disc",
+            f"share of the remaining increment at coverage {b:.3g}",
             neutral=(b - a) / (1.0 - a), within=(0.0, 1.0),
             source="neutral value: the straight line (paper, section 3.1)",
         )
@@ -116,62 +116,61 @@ def with_knots(coverages: Sequence[float]) -> Effect:
     )  # fmt: skip
     knots = tuple(
         number(
-            f"knot_{k}", "1", b, "covered fraction at the knot", within=(0.0, 1.0),
-            source="coverage as measured",
+            f"knot_{k}", "1", b, "coverage at the knot", within=(0.0, 1.0),
+            source="measured coverage",
         )
         for k, b in enumerate(coverages, start=1)
     )  # fmt: skip
-    reached = number(
-        "share", "1", 1.0, "how much of the stated coverage there is", neutral=1.0,
-        within=(0.0, 1.0),
+    scale = number(
+        "share", "1", 1.0, "true over nominal coverage", neutral=1.0, within=(0.0, 1.0)
     )  # fmt: skip
     return Effect(
         name=PARTIAL_COVERAGE,
         headline="factor_",
         title="Partial-area factors",
-        description="The increment of a partly covered disc departs from a straight line in area.",
+        description="The increment of a partly covered disc is not linear in the covered area.",
         subsystem="rpm_to_thrust",
         order=50,
         law=(
             "f = 1 + g(a) (F - 1), g piecewise linear through the factors, g(0) = 0, g(1) = 1, "
-            "a = share * stated"
+            "a = share * nominal"
         ),
-        numbers=all_in_order,
-        parameters=(*shares, *knots, reached),
+        numbers=as_tuple,
+        parameters=(*shares, *knots, scale),
         hooks=Hooks(coverage=coverage),
-        shows="lateral plate positions at a near distance",
-        source="linearity: paper section 3.1 after Seo et al. 2010; the free factors are ours",
-        confused_with={"body_lift": "a full cover at the same distance separates them"},
+        shows="lateral plate positions at a small distance",
+        source="linearity: paper section 3.1 after Seo et al. 2010; free factors: this project",
+        confused_with={"body_lift": "full coverage at the same distance separates them"},
         derived=derived,
-        tolerance_of=tolerance_of,
+        tolerance_of=default_tolerances,
         knots_setting="coverages",
-        configure=configured,
+        configure=configure,
     )
 
 
-def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return a tenth of the increment: of each factor on a sweep, of the whole on a hinge.
+def default_tolerances(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
+    """Return the tolerances: of each share on a sweep, of the whole coverage on a hinge.
 
-    On a hinge the plate is all the way in or parked, so that factors between do not show.
+    On a hinge the plate is fully inserted or parked, so intermediate factors have no effect.
     """
     if bench == "pitch":
         return {"share": TOLERANCE}
-    return {f"share_{k}": TOLERANCE for k in range(1, MOST_KNOTS + 1)}
+    return {f"share_{k}": TOLERANCE for k in range(1, MAX_KNOTS + 1)}
 
 
-def configured(settings: Mapping[str, Any]) -> Effect:
+def configure(settings: Mapping[str, Any]) -> Effect:
     """Return the effect for the settings of a model file: `coverages = [...]`."""
     unknown = set(settings) - {"coverages"}
     if unknown:
         raise InputError(
-            f"partial_coverage has no setting {sorted(unknown)[0]!r}; it has: coverages"
+            f"unknown setting {sorted(unknown)[0]!r} of partial_coverage; allowed: coverages"
         )
-    given = settings.get("coverages", (0.25, 0.5, 0.75))
+    coverages = settings.get("coverages", (0.25, 0.5, 0.75))
     try:
-        return with_knots([float(value) for value in given])
+        return with_knots([float(value) for value in coverages])
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
-            f"coverages is {given!r:.80}; give a list of numbers between 0 and 1"
+            f"coverages {coverages!r:.80} is not a list of numbers between 0 and 1"
         ) from error
 
 

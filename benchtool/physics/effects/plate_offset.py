@@ -1,4 +1,4 @@
-"""The plate stands elsewhere than its reading says."""
+"""Offset of the plate distance from its reading."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from benchtool.physics.rig_scaling import radius_scale, scale_rig
 
 @expression
 def height(p: Any, i: int, flow: Flow, height_m: Quantity) -> Quantity:
-    """Return the true distance: what was read, plus true minus read."""
+    """Return the true distance: m."""
     return height_m + p.dz_m
 
 
 EFFECT = Effect(
     name="plate_offset",
     title="Plate distance offset",
-    description="The zero of the plate distance is off by a constant.",
+    description="The plate distance has a constant zero error.",
     subsystem="plate",
     order=10,
     law="z = z_read + dz",
@@ -25,7 +25,7 @@ EFFECT = Effect(
         number("dz_m", "m", 0.0, "true minus read distance", neutral=0.0, within=(-0.03, 0.03)),
     ),
     hooks=Hooks(height=height),
-    shows="near distances; the curve is shifted sideways",
+    shows="small distances; the thrust curve is shifted along z",
     source="geometry",
     confused_with={
         "body_lift": "three plate distances separate them",

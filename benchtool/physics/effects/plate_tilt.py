@@ -1,4 +1,4 @@
-"""The plate is not parallel to the rotor plane."""
+"""Plate tilt against the rotor plane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def tilt(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return the lean beyond what was commanded, about the same pivot: the plate's centre."""
+    """Return the tilt in addition to the commanded one, about the plate's centre: rad."""
     return p.angle_rad
 
 
@@ -17,15 +17,15 @@ EFFECT = Effect(
     name="plate_tilt",
     title="Plate tilt",
     description=(
-        "The plate leans by a small angle about the y axis that nobody noticed. Like a commanded "
-        "tilt it turns about the plate's centre, whose distance along the rotor axis is read."
+        "An unknown tilt of the plate about the y axis. The pivot is the plate's centre, as for a "
+        "commanded tilt."
     ),
     subsystem="plate",
     order=20,
-    law="z_i = z cos(a) - (x_i - x_plate) sin(a), a with the commanded tilt",
+    law="z_i = z cos(a) - (x_i - x_plate) sin(a), a including the commanded tilt",
     parameters=(
         number(
-            "angle_rad", "rad", 0.0, "tilt beyond what was commanded", neutral=0.0,
+            "angle_rad", "rad", 0.0, "tilt in addition to the commanded one", neutral=0.0,
             within=(-0.3, 0.3), tolerance=0.01,
         ),
     ),

@@ -1,4 +1,4 @@
-"""Recirculation: in a room the outwash comes back down through the rotors."""
+"""Recirculation of the outwash through the rotors in a room."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ EFFECT = Effect(
     name="recirculation",
     title="Recirculation in a room",
     description=(
-        "Where walls stand around a surface below, the outwash rises along them and comes back "
-        "into the rotors, which lose thrust at middle distances. The form is a guess through one "
-        "measured point; the distance of the walls is in its share."
+        "The outwash over a surface rises at nearby walls and re-enters the rotors, which lose "
+        "thrust at medium distances. The formula is assumed and passes through one measured "
+        "point; s depends on the distance of the walls."
     ),
     subsystem="rpm_to_thrust",
     order=75,
@@ -32,22 +32,22 @@ EFFECT = Effect(
             "share",
             "1",
             0.0,
-            "largest share s of the thrust that is lost",
+            "maximum relative loss s of thrust",
             neutral=0.0,
-            within=(0.0, 0.5),  # air that comes back down only ever takes
+            within=(0.0, 0.5),  # recirculation never increases thrust
             tolerance=0.01,
         ),
         number(
-            "height", "1", 2.5, "z/R at which most is lost", within=(0.5, 10.0),
-            source="2.5: where the source states its 7 %",
+            "height", "1", 2.5, "z/R of the maximum loss c", within=(0.5, 10.0),
+            source="2.5: z/R at which the source states a loss of 7 %",
         ),
     ),
     hooks=Hooks(factor=factor),
-    shows="z/R of 1 to 6 with walls near; less thrust than far from the surface",
+    shows="z/R of 1 to 6 near walls; less thrust than out of ground effect",
     source=(
         "Thrust variations in small rotors due to corner and vertex effects on the ground side, "
-        "The Aeronautical Journal, 2025 (abstract): 93 % at z/R 2.5, 1.5 R from two walls; the "
-        "form is a guess"
+        "The Aeronautical Journal, 2025 (abstract): 93 % at z/R 2.5, 1.5 R from two walls; "
+        "formula assumed"
     ),
     confused_with={"wall_blockage": "distances beyond z/R 4 separate them"},
     benches=frozenset(),

@@ -1,4 +1,4 @@
-"""Unequal rotors: one side of the hinge pulls more than the other."""
+"""Unequal thrust coefficients on the two sides of the hinge."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def factor(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return the ratio for a disc on the other side of the hinge than the first disc, else 1."""
+    """Return the ratio for discs opposite the first disc, 1 for the others."""
     side = flow.position_x_m[i] * flow.position_x_m[0]
     opposite = np.maximum(-np.sign(side), 0.0)
     return 1.0 + opposite * (p.ratio - 1.0)
@@ -20,20 +20,20 @@ def factor(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="rotor_asymmetry",
     title="Rotor asymmetry",
-    description="The rotors on the two sides of the hinge give different thrust at equal speed.",
+    description="Rotors on the two sides of the hinge produce different thrust at equal speed.",
     subsystem="rpm_to_thrust",
     order=80,
     law="thrust of the rotors opposite the first one is multiplied by the ratio",
     parameters=(
         number(
             "ratio", "1", 1.0,
-            "thrust of rotor 2 over rotor 1 (of the side opposite the first rotor)", neutral=1.0,
+            "thrust on the side opposite the first rotor over thrust on its side", neutral=1.0,
             within=(0.1, 3.0), tolerance=0.015,
         ),
     ),
     hooks=Hooks(factor=factor),
-    shows="always; a constant torque that scales with the collective",
-    source="worn or unequal propellers; a plain ratio",
+    shows="always; a constant torque, proportional to the collective",
+    source="worn or unequal propellers",
     confused_with={"cog_offset": "collective steps of 10 % separate them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,

@@ -1,4 +1,4 @@
-"""Every rotor's own image: eq. (2), ground effect of one rotor by itself."""
+"""Image source of each rotor: ground effect of a single rotor, eq. (2)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def denominator(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="rotor_images",
     title="Rotors' own images",
-    description="Each rotor feels its own image source under the plate: eq. (2).",
+    description="The image source of a rotor below the plate reduces its inflow: eq. (2).",
     subsystem="rpm_to_thrust",
     order=40,
     law="denominator - s (R/4z)^2",
@@ -37,7 +37,7 @@ EFFECT = Effect(
     distance_law=DistanceLaw(
         basis="equal induced power",
         tested="z/R from 0.5; single rotors of 0.12 and 0.205 m, a quadrotor of 0.12 m",
-        seen="the paper; the three rows of eqs. (2) to (4) are this law with its neighbours",
+        seen="the paper",
         singular=lambda p: 0.25 * p["own_strength"] ** 0.5, compared=("own_strength",),
     ),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The map from pulse to speed is off: for all rotors alike, and between the two sides."""
+"""Errors of the map from pulse width to speed, common and between the two sides."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.rig_scaling import half_throttle_speed
 
-KNOWN = Prior("normal", 0.0, 0.005, "assumed: pulses and speeds of a calibrated ESC agree to 0.5 %")
-BENT = Prior("normal", 0.0, 0.01, "assumed: 0.1 % of speed at a third above half throttle or below")
+GAIN_PRIOR = Prior("normal", 0.0, 0.005, "assumed: calibrated ESC, speeds agree to 0.5 %")
+BEND_PRIOR = Prior("normal", 0.0, 0.01, "assumed: 0.1 % of speed a third above or below reference")
 
 
 @expression
 def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
-    """Return the speed with the gain changed, more on one side of the hinge: rad/s."""
-    side, beyond = np.sign(flow.position_x_m[i]), speed_rad_s / p.middle_rad_s - 1.0
-    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.bend * beyond * beyond)
+    """Return the speed with gain error, difference between sides and curvature: rad/s."""
+    side, excess = np.sign(flow.position_x_m[i]), speed_rad_s / p.middle_rad_s - 1.0
+    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.bend * excess * excess)
 
 
 def rig_values(rig: Rig) -> Mapping[str, float]:
@@ -30,7 +30,14 @@ def rig_values(rig: Rig) -> Mapping[str, float]:
 
 def _error(name: str, description: str) -> Parameter:
     return number(
-        name, "1", 0.0, description, neutral=0.0, within=(-0.2, 0.2), prior=KNOWN, tolerance=0.005
+        name,
+        "1",
+        0.0,
+        description,
+        neutral=0.0,
+        within=(-0.2, 0.2),
+        prior=GAIN_PRIOR,
+        tolerance=0.005,
     )
 
 
@@ -38,8 +45,8 @@ EFFECT = Effect(
     name="speed_map",
     title="Speed map",
     description=(
-        "ESCs turn the same pulse into slightly different speeds. Measured speeds show it at once; "
-        "an explanation takes it for something that the bench's owner knows only roughly."
+        "The speed at a given pulse width deviates from the rig's map and differs between ESCs. "
+        "Every explanation adjusts it within its prior."
     ),
     subsystem="pwm_to_rpm",
     order=30,
@@ -48,23 +55,23 @@ EFFECT = Effect(
         "(1 + gain error + side * difference / 2 + c (speed / reference - 1)^2)"
     ),
     parameters=(
-        _error("gain", "relative error of the map, all rotors alike"),
-        _error("difference", "the same, rotors before the hinge over those behind it"),
+        _error("gain", "relative gain error of all rotors"),
+        _error("difference", "relative difference, rotors in front of the hinge minus behind"),
         number(
-            "bend", "1", 0.0, "strength c of the part that grows with the square of the speed",
-            neutral=0.0, within=(-0.5, 0.5), tolerance=0.01, prior=BENT,
+            "bend", "1", 0.0, "strength c of the quadratic deviation",
+            neutral=0.0, within=(-0.5, 0.5), tolerance=0.01, prior=BEND_PRIOR,
         ),
         number(
-            "middle_rad_s", "rad/s", 600.0, "speed at which that part is nothing",
-            within=(1.0, 1e5), source="middle of the usual range; a rig states half throttle",
+            "middle_rad_s", "rad/s", 600.0, "reference speed, without quadratic deviation",
+            within=(1.0, 1e5), source="middle of the usual range; from a rig: half throttle",
         ),
     ),
     hooks=Hooks(speed=speed),
-    shows="rpm against pulses, on a settled bench too",
-    source="definition; the size is a guess",
+    shows="speed against pulse width, also at steady state",
+    source="definition; magnitude assumed",
     confused_with={
         "rotor_asymmetry": "rpm separates them",
-        "battery_sag": "it is there from the beginning",
+        "battery_sag": "the start of the run separates them",
     },
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),

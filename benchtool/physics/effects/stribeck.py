@@ -1,4 +1,4 @@
-"""Friction that is greater at rest than in motion."""
+"""Stribeck friction: breakaway torque above the sliding friction."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 @expression
 def dry_friction(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return what the hinge holds beyond its friction in motion: N m."""
+    """Return the friction in addition to the Coulomb friction: N m."""
     ratio = flow.rate_rad_s / p.rate_rad_s
     return p.excess_Nm / (1.0 + ratio * ratio)
 
@@ -19,7 +19,7 @@ EFFECT = Effect(
     name="stribeck",
     title="Stribeck friction",
     proper_noun=True,
-    description="Near standstill the hinge holds more than it drags with when it moves.",
+    description="The friction of the hinge is higher near standstill than in motion.",
     subsystem="hinge",
     order=20,
     law="dry friction + T / (1 + (rate / rate_s)^2)",
@@ -29,7 +29,7 @@ EFFECT = Effect(
             within=(0.0, 10.0),
         ),
         number(
-            "rate_rad_s", "rad/s", 0.05, "rate at which half of the excess is gone",
+            "rate_rad_s", "rad/s", 0.05, "rate at which the excess has halved",
             within=(0.0001, 10.0), source="assumed",
         ),
     ),

@@ -1,4 +1,4 @@
-"""The load cell was not at zero when it was tared."""
+"""Constant offset of thrust readings from the tare."""
 
 from __future__ import annotations
 
@@ -10,24 +10,26 @@ from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
 @expression
 def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
-    """Return the reading with a constant on it: N."""
+    """Return the reading with the offset: N."""
     return reading + p.thrust_N
 
 
 EFFECT = Effect(
     name="tare_offset",
     title="Tare offset",
-    description="A constant stands on every thrust reading: the cell was tared under load.",
+    description="Thrust readings have a constant offset, as after a tare under load.",
     subsystem="sensor",
     order=30,
     law="reading = thrust + offset",
     parameters=(
-        number("thrust_N", "N", 0.0, "constant on the reading", neutral=0.0, within=(-5.0, 5.0)),
+        number("thrust_N", "N", 0.0, "offset of the reading", neutral=0.0, within=(-5.0, 5.0)),
     ),
     hooks=Hooks(thrust_reading=thrust_reading),
     shows="low throttle, zero throttle",
-    source="arithmetic of a tare",
-    confused_with={"load_cell_hysteresis": "tare rows and up-and-down order separate them"},
+    source="definition of a tare",
+    confused_with={
+        "load_cell_hysteresis": "tare rows, and levels in rising and falling order, separate them"
+    },
     separated_by={
         "k": "several throttle levels, among them a low one",
         "calibration.offset_N": "a tare with the motors off",
@@ -35,5 +37,5 @@ EFFECT = Effect(
     trends_over=("speed_rad_s",),
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-    tolerance_of=scale_rig(weight_scale, thrust_N=0.02),  # a guess
+    tolerance_of=scale_rig(weight_scale, thrust_N=0.02),  # assumed
 )

@@ -1,4 +1,4 @@
-"""Thrust does not grow exactly with the square of rotor speed."""
+"""Deviation of thrust from the square of rotor speed (Reynolds number)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def factor(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return (speed / reference)^e: a low-Reynolds-number change of the thrust coefficient."""
+    """Return (speed / reference)^e, the relative change of the thrust coefficient."""
     return np.exp(p.excess * np.log(np.maximum(flow.speed_rad_s[i], 1.0) / p.reference_rad_s))
 
 
@@ -19,9 +19,9 @@ EFFECT = Effect(
     name="thrust_exponent",
     title="Thrust exponent",
     description=(
-        "Reynolds number: on small rotors the thrust coefficient k rises with speed. A power of "
-        "the speed leaves 0.4 to 1.5 % of three measured propellers, a change like 1/w or "
-        "1/sqrt(w) more."
+        "The thrust coefficient k of small rotors increases with the Reynolds number. A power law "
+        "leaves residuals of 0.4 to 1.5 % for three measured propellers; 1/w and 1/sqrt(w) leave "
+        "more."
     ),
     subsystem="rpm_to_thrust",
     order=60,
@@ -31,14 +31,14 @@ EFFECT = Effect(
             "excess", "1", 0.0, "exponent beyond 2", neutral=0.0, within=(-0.5, 0.5), tolerance=0.02
         ),
         number(
-            "reference_rad_s", "rad/s", 500.0, "speed at which k holds", within=(1.0, 5000.0),
+            "reference_rad_s", "rad/s", 500.0, "reference speed of k", within=(1.0, 5000.0),
             source="convention: middle of the usual range",
         ),
     ),
     hooks=Hooks(factor=factor),
     shows="several throttle levels",
     source="UIUC propeller data: C_T of a 10x7 slow flyer rises 14 % from 2283 to 5987 rpm",
-    confused_with={"tare_offset": "several pwm levels separate them"},
+    confused_with={"tare_offset": "several throttle levels separate them"},
     separated_by={"k": "several throttle levels, far apart"},
     trends_over=("speed_rad_s",),
     benches=frozenset({"sweep"}),

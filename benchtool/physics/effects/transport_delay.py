@@ -1,4 +1,4 @@
-"""Commands take their time to the motors."""
+"""Transport delay of commands to the motors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def delay_s(p: Any, i: int, flow: Flow) -> Quantity:
 EFFECT = Effect(
     name="transport_delay",
     title="Transport delay",
-    description="A command reaches the motors some time after it was given.",
+    description="Commands reach the motors with a constant delay.",
     subsystem="pwm_to_rpm",
     order=10,
     law="pulse at the motor (t) = command (t - delay)",

@@ -1,4 +1,4 @@
-"""Damping of the hinge, proportional to its rate."""
+"""Viscous friction of the hinge."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 @expression
 def torque(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return the damping torque about the hinge: N m."""
+    """Return the viscous torque about the hinge: N m."""
     return -p.damping_Nms * flow.rate_rad_s
 
 
 EFFECT = Effect(
     name="viscous_friction",
     title="Viscous friction",
-    description="The hinge opposes motion in proportion to its rate.",
+    description="The friction torque of the hinge is proportional to its rate.",
     subsystem="hinge",
     order=30,
     law="torque = -d rate",

@@ -17,7 +17,7 @@ def random_torque(p: Any, i: int, flow: Flow) -> tuple[Quantity, Quantity]:
 EFFECT = Effect(
     name="wake_torque",
     title="Wake torque",
-    description="Turbulence of the rotors' wakes pushes the beam about at random.",
+    description="Turbulent rotor wakes exert a random torque on the beam.",
     subsystem="hinge",
     order=80,
     law="Ornstein-Uhlenbeck process of that standard deviation and correlation time",
@@ -33,7 +33,7 @@ EFFECT = Effect(
     ),
     hooks=Hooks(random_torque=random_torque),
     shows="always; coloured residuals of torque",
-    source="Ornstein-Uhlenbeck, the simplest coloured noise; an assumption",
+    source="assumed: Ornstein-Uhlenbeck, the simplest coloured noise",
     confused_with={},
     benches=frozenset(),
     tolerance_of=scale_rig(torque_scale, sd_Nm=0.002),

@@ -1,4 +1,4 @@
-"""The stand in the wake: the slipstream pushes on what holds the rotors, less so near the plate."""
+"""Download of the rotor wake on the test stand, reduced near the plate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REACH_KNOWN = Prior("normal", 1.0, 0.05, "assumed: a curve read off a figure hol
 
 @expression
 def factor(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return what the wake's push on the stand leaves of a disc's thrust."""
+    """Return the share of a disc's thrust that remains after the download."""
     falloff = np.exp(-flow.height_m[i] / (p.reach * flow.radius_m))
     return 1.0 - p.share * (1.0 - flow.coverage[i] * RECOVERY * falloff)
 
@@ -25,8 +25,8 @@ EFFECT = Effect(
     name="wall_blockage",
     title="Stand in the wake",
     description=(
-        "Stand, frame or wall in the wake take part of the thrust as download, out of ground "
-        "effect too; a near plate slows the wake and gives some of it back."
+        "The wake exerts a download on a test stand, frame or wall, also out of ground effect. A "
+        "near plate slows the wake, so part of the thrust recovers."
     ),
     subsystem="rpm_to_thrust",
     order=70,
@@ -36,21 +36,21 @@ EFFECT = Effect(
             "share",
             "1",
             0.0,
-            "share b of the thrust that the stand takes with no plate near",
+            "download b over thrust, out of ground effect",
             neutral=0.0,
-            within=(0.0, 0.5),  # a stand only ever takes
+            within=(0.0, 0.5),  # a download is never negative
             tolerance=0.01,
         ),
         number(
-            "reach", "1", 1.0, "distance c over R in which the recovery falls off",
+            "reach", "1", 1.0, "decay length c of the recovery over R",
             within=(0.5, 2.0), prior=REACH_KNOWN, source="1: Leishman 2006, eq. (6.36)",
         ),
     ),
     hooks=Hooks(factor=factor),
-    shows="plate distances z/R of 0.5 to 4 against far ones; far ones alone only scale k",
+    shows="z/R of 0.5 to 4 compared with larger ones; the latter alone only scale k",
     source=(
         "Leishman 2006, eq. (6.36), after Fradenburgh 1972: recovery of a fuselage's download, "
-        "z/R above 0.25; for a stand at the rotor's height it is an assumption"
+        "z/R above 0.25; assumed for a test stand at rotor height"
     ),
     confused_with={
         "body_lift": "several distances from z/R 0.5 to beyond 5 separate them",

@@ -80,7 +80,7 @@ def test_a_prior_bounds_and_tolerance_survive_the_file():
         (
             HEAD + "[effects.partial_coverage.settings]\ncoverages = [0.5, 0.5]",
             FileFormatError,
-            "coverages that increase between 0 and 1",
+            "do not increase between 0 and 1",
         ),
     ],
 )

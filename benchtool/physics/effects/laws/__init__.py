@@ -1,1 +1,1 @@
-"""Laws of thrust against distance: one file a law; a model has one of them."""
+"""Laws of thrust against distance; a model has one of them."""

@@ -1,4 +1,4 @@
-"""Shapes that a law may have in one variable: functions of numbers that hooks may call."""
+"""Functions of one variable for laws of user-defined effects."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ def same(u: Quantity) -> Quantity:
 
 @expression
 def line(u: Quantity, at: Quantity, width: Quantity) -> Quantity:
-    """Return how far u is from `at`, in widths."""
+    """Return (u - at) / width."""
     return (u - at) / width
 
 
 @expression
 def power(u: Quantity, exponent: Quantity) -> Quantity:
-    """Return u to a power, for u above 0; nearer to 0 than 0.001 it stays."""
+    """Return u^exponent, u clipped to at least 0.001."""
     return np.exp(exponent * np.log(np.maximum(u, 1e-3)))
 
 
 @expression
 def signed_power(u: Quantity, exponent: Quantity) -> Quantity:
-    """Return |u| to a power with the sign of u, rounded within 0.001 of 0."""
+    """Return sign(u) |u|^exponent, smoothed within 0.001 of 0."""
     return u * np.exp(0.5 * (exponent - 1.0) * np.log(u * u + 1e-6))
 
 
 @expression
 def power_instead(u: Quantity, exponent: Quantity, less: Quantity) -> Quantity:
-    """Return u^exponent - less / u^2: a law beside one that goes as 1 / u^2 and is too large."""
+    """Return u^exponent - less / u^2, to replace a share `less` of a term 1 / u^2."""
     u = np.maximum(u, 1e-3)
     return np.exp(exponent * np.log(u)) - less / (u * u)
 
@@ -54,13 +54,13 @@ def approach_instead(u: Quantity, length: Quantity, less: Quantity) -> Quantity:
 
 @expression
 def step(u: Quantity, at: Quantity, width: Quantity) -> Quantity:
-    """Return what goes from 0 to 1 about `at`, over a few widths."""
+    """Return a smooth step from 0 to 1 at `at`, over a few widths (logistic function)."""
     return 0.5 + 0.5 * np.tanh(0.5 * (u - at) / width)
 
 
 @expression
 def saturation(u: Quantity, at: Quantity, width: Quantity) -> Quantity:
-    """Return by how much u is above `at`, the corner rounded over a few widths."""
+    """Return max(u - at, 0) with the corner rounded over a few widths (softplus)."""
     x = (u - at) / width
     return width * (np.maximum(x, 0.0) + np.log1p(np.exp(-np.sqrt(x * x))))
 
@@ -74,5 +74,5 @@ def resonance(u: Quantity, at: Quantity, width: Quantity) -> Quantity:
 
 @expression
 def approach(u: Quantity, length: Quantity) -> Quantity:
-    """Return what begins with 1 and falls by e over each length, for u above 0."""
+    """Return exp(-u / length), u clipped to at least 0."""
     return np.exp(-np.maximum(u, 0.0) / length)
