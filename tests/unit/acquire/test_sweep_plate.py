@@ -130,7 +130,7 @@ class Miswired(Carries):
 def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_path):
     bench = bench_beside()
     stage = Miswired(bench)
-    said = r"reads 1\.3000 m after the move to 1\.1 m, the stage reports 1\.3000 m, tolerance 1\.5 mm"
+    said = r"reads 1\.3000 m after the move to 1\.1 m, the stage reports 1\.3000 m, tolerance 1\.5"
     with pytest.raises(StageError, match=said):
         sweep(bench, stage, "1.1", tmp_path / "run")
     assert stage.highest_us == 1000.0
