@@ -113,7 +113,7 @@ class UnknownChoice(InputError):
 
 
 class FileFormatError(InputError):
-    """Refuse invalid content of a file.
+    """Invalid content of a file.
 
     Args:
         where: file, with line or key if available.
@@ -162,7 +162,7 @@ class PlanError(InputError):
 
 
 class CalibrationError(InputError):
-    """Refuse invalid calibration."""
+    """Invalid calibration."""
 
 
 class WouldOverwrite(InputError):

@@ -27,7 +27,7 @@ PAGE = Path(__file__).with_name("rig-keys.md")
 HEAD = """# Keys of rig files, and channels
 
 Made from the schema by `docs/reference/write_rig_keys.py`. What a rig file is, and how sources are
-written: [rig files](rig-file.md). A rig must state `name` and `propulsion.radius_m`. Where it
+written: [rig files](files.md#rig-files). A rig must state `name` and `propulsion.radius_m`. If it
 leaves a key out, the number in the last column stands in, marked as not stated; a bench needs its
 own `limits.load_cell_rating_N`, `propulsion.pwm_stop_us`, `pwm_start_us` and `pwm_max_us`.
 """

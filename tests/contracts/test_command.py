@@ -248,6 +248,6 @@ def test_docstring_help_and_page_agree(name):
 
 
 def test_the_plan_page_contains_every_key():
-    page = WRITTEN.with_name("plan.md").read_text("utf-8")
+    page = WRITTEN.with_name("files.md").read_text("utf-8")
     for item in items(Plan):
         assert f"| `{item.key.rpartition('.')[2]}` |" in page, item.key

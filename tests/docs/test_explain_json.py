@@ -10,7 +10,7 @@ from typing import Any
 from benchtool.report.answer.folder import VERSION, WrittenFiles, answer_tables
 from tests.unit.explain.hand_made import answer
 
-PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "explain-json.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "results.md").read_text("utf-8")
 
 
 def example() -> dict[str, Any]:
