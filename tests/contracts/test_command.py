@@ -175,7 +175,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
         ("--baud 0", "--baud is 0, allowed is 1 to 100,000,000"),
         ("--udevrule", "--udevrule"),
         ("serial:/dev/x --probe", "are for the list of all ports; remove them or PORT"),
-        ("sim:pquad", "has no port to look at"),
+        ("sim:pquad", "has no port to check"),
     ],
     "pool": [
         ("", "0 fits given; pooling needs folders of 2 or more fits"),
