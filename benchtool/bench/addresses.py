@@ -23,7 +23,7 @@ MAX_LENGTH = 1024  # characters: a path and some options; assumed
 MAX_PORT = 65535
 TELEMETRY_BAUD = 115_200  # default over USB; radios use 57600
 DOWNWARD_ORIENTATION = 25  # MAV_SENSOR_ROTATION_PITCH_270: a distance sensor facing the plate
-MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 1000.0  # of outputs; a slower one shows a stop late; assumed
+MIN_HZ, MAX_HZ = 10.0, 1000.0  # of outputs; a slower one shows a stop late; assumed
 GROUND_STATION_PORT = 14550
 
 Baud = Annotated[int, Ge(1200), Le(12_000_000), Input("Baud rate of the port.")]
@@ -80,18 +80,16 @@ class Address:
         if not device_prefix + location:
             raise InputError(f"address {text!r} is incomplete; example: {cls.EXAMPLE}")
         try:
-            assignments = (
-                parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
-            )
+            pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
         except ValueError:
             raise InputError(
                 f"the options of address {text!r} cannot be parsed; write them as name=value "
                 f"joined by &"
             ) from None
-        if not all(map(str.isprintable, (location, *(value for _, value in assignments)))):
+        if not all(map(str.isprintable, (location, *(value for _, value in pairs)))):
             raise InputError(f"address {text!r} has non-printable characters; type it again")
         options, values = {item.name: item for item in items(cls)}, dict[str, Any]()
-        for name, value in assignments:
+        for name, value in pairs:
             label = f"{name} of address {text!r}"
             if name not in options:
                 raise UnknownChoice(f"option of {scheme}: addresses", name, options)
@@ -186,9 +184,7 @@ class MavlinkAddress(Address):
     map: Annotated[Path, Input("Map of motors.")] | None = None
     mode: Annotated[Literal["plate", "pitch"], Input("Motor tests, or its own loop.")] = "plate"
     arm: Annotated[Literal["operator", "host"], Input("Who arms.")] = "operator"
-    rate_Hz: Annotated[float, Ge(MIN_RATE_HZ), Le(MAX_RATE_HZ), Input("", option="rate")] | None = (
-        None
-    )
+    rate_Hz: Annotated[float, Ge(MIN_HZ), Le(MAX_HZ), Input("", option="rate")] | None = None
     key: Annotated[Path, Input("Signing key.")] | None = None
     thrust: Annotated[str, Input("Name of the thrust value.")] = "thrust"
     thrust_scale_N: Scale = 1.0
@@ -311,11 +307,9 @@ def parse_port(digits: str, min_port: int = 1) -> int | None:
     return port if min_port <= port <= MAX_PORT else None
 
 
-def parse_host_and_port(
-    location: str, text: str, example: str, default: str = ""
-) -> dict[str, Any]:
+def parse_host_and_port(target: str, text: str, example: str, default: str = "") -> dict[str, Any]:
     """Return host and port of `HOST:PORT`; errors contain the whole text."""
-    host, _, digits = location.rpartition(":")
+    host, _, digits = target.rpartition(":")
     host, port = host.strip("[]") or default, parse_port(digits)
     if not host or port is None:
         raise InputError(

@@ -98,7 +98,5 @@ def _is_grbl(received: bytes) -> bool:
         return True
     lines = [line for line in received.decode("latin-1").splitlines() if line.strip()]
     # The first and the last line may be incomplete.
-    complete = lines[1:-1] if len(lines) > 2 else lines
-    return bool(complete) and not any(
-        isinstance(parse_line(line), UnknownLine) for line in complete
-    )
+    lines = lines[1:-1] if len(lines) > 2 else lines
+    return bool(lines) and not any(isinstance(parse_line(line), UnknownLine) for line in lines)

@@ -67,7 +67,7 @@ class LimitCheck:
         self._rig = rig
         self._host = HostPulseTracking(rig.propulsion, rig.n_rotors, start_s)
         self._loop: LoopPulseTracking | None = None
-        self._armed_by_operator = False
+        self._rc_arming = False
         self._pwm = [
             names.index(f"pwm{i + 1}_us") for i in range(rig.n_rotors) if f"pwm{i + 1}_us" in names
         ]
@@ -116,7 +116,7 @@ class LimitCheck:
         pulses = [_WatchedChannel(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm]
         self._set_watched([*self._watched, *pulses], now_s)
         self._loop = LoopPulseTracking(self._rig.propulsion, self._n_rotors, now_s)
-        self._armed_by_operator = armed_else
+        self._rc_arming = armed_else
 
     def breach(
         self, time_s: Array, values: Array, late: ReadingsLate | None = None
@@ -167,7 +167,7 @@ class LimitCheck:
         error: LimitExceeded | None = None
         if self._thrust >= 0:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
-            error = self._check_plausible(time_s, squares, thrust_N)
+            error = self._check_thrust(time_s, squares, thrust_N)
             error = error or self._check_frozen(squares, thrust_N)
         if error is None and (error := self._check_speeds(values, rpm)) is not None:
             return late or error
@@ -184,11 +184,7 @@ class LimitCheck:
             return self._host.mismatch(rpm[-1], self._last_s)
         pwm_us, self._last_us = _forward_fill(values[:, self._pwm], self._last_us)
         error = self._loop.mismatch(pwm_us, rpm, self._last_s)
-        if (
-            error is None
-            and self._host.at_zero
-            and (self._host.has_driven or not self._armed_by_operator)
-        ):
+        if error is None and self._host.at_zero and (self._host.has_driven or not self._rc_arming):
             error = self._host.mismatch(rpm[-1], self._last_s)
         return error
 
@@ -214,24 +210,22 @@ class LimitCheck:
             f"and cable",
         )
 
-    def _check_plausible(
-        self, time_s: Array, squares: Array, thrust_N: Array
-    ) -> LimitExceeded | None:
+    def _check_thrust(self, time_s: Array, squares: Array, thrust_N: Array) -> LimitExceeded | None:
         """Return an error if thrust has disagreed with rpm for too long."""
         expected_N = self._thrust_per_rpm2 * squares
         high_N = PLAUSIBLE_HIGH * expected_N + self._margin_N
         low_N = PLAUSIBLE_LOW * expected_N - self._margin_N
-        is_implausible = (thrust_N > high_N) | (thrust_N < low_N)
-        is_plausible = (thrust_N <= high_N) & (thrust_N >= low_N)
-        if not is_implausible.any():
-            if is_plausible.any():
-                self._plausible_s = float(time_s[is_plausible][-1])
+        implausible = (thrust_N > high_N) | (thrust_N < low_N)
+        plausible = (thrust_N <= high_N) & (thrust_N >= low_N)
+        if not implausible.any():
+            if plausible.any():
+                self._plausible_s = float(time_s[plausible][-1])
             return None
         since_s = np.maximum.accumulate(
-            np.maximum(np.where(is_plausible, time_s, -inf), self._plausible_s)
+            np.maximum(np.where(plausible, time_s, -inf), self._plausible_s)
         )
         self._plausible_s = float(since_s[-1])
-        is_error = is_implausible & (time_s - since_s > IMPLAUSIBLE_TIMEOUT_S)
+        is_error = implausible & (time_s - since_s > IMPLAUSIBLE_TIMEOUT_S)
         if not is_error.any():
             return None
         row = int(np.argmax(is_error))

@@ -96,9 +96,7 @@ class PlateCheck:
                 f"check stage and sensor"
             )
         positions_m = (stage_m,) if more_m else (stage_m, target_m)
-        if not is_off and all(
-            abs(self.read_m - position_m) <= allowed_m for position_m in positions_m
-        ):
+        if not is_off and all(abs(self.read_m - other_m) <= allowed_m for other_m in positions_m):
             return None
         stage = "" if stage_m == target_m else f", the stage reports {stage_m:.4f} m"
         if abs(self.read_m - self._before_m) <= allowed_m < abs(target_m - self._before_m):

@@ -150,7 +150,7 @@ def probe_environment(port: str = "") -> HostEnvironment:
     """Return the facts about a port, or about all ports of the computer if it is empty."""
     system = platform.system()
     group, user, session_groups, groups_on_file = (
-        _read_user_and_groups(port) if os.name == "posix" else (None, "", (), ())
+        _read_groups(port) if os.name == "posix" else (None, "", (), ())
     )
     exists = os.path.exists(port) if port and os.name == "posix" else None
     return HostEnvironment(
@@ -167,7 +167,7 @@ def probe_environment(port: str = "") -> HostEnvironment:
     )
 
 
-def _read_user_and_groups(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
+def _read_groups(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
     import grp
     import pwd
 

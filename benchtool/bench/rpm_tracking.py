@@ -87,15 +87,12 @@ class LoopPulseTracking:
             pwm_us: (m, n_rotors) block of reported pulse widths, gaps filled.
         """
         gap_s, self._last_s = now_s - self._last_s, now_s
-        reported_rpm, new_rpm = (
-            rotor_speeds(self._propulsion, pwm_us).mean(axis=0),
-            rpm.mean(axis=0),
-        )
+        reported_rpm, means = rotor_speeds(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
         if gap_s > GAP_S:  # not read meanwhile, so the state in the gap is unknown
             self._not_slow_s, self._not_fast_s = self._not_slow_s + gap_s, self._not_fast_s + gap_s
         weight = 1.0 - exp(-max(gap_s, 0.0) / MEAN_S)
         self._reported_rpm = _update_mean(self._reported_rpm, reported_rpm, weight)
-        self._rpm = _update_mean(self._rpm, new_rpm, weight)
+        self._rpm = _update_mean(self._rpm, means, weight)
         min_rpm = TOO_SLOW * self._reported_rpm - RPM_TOLERANCE
         max_rpm = TOO_FAST * self._reported_rpm + RPM_TOLERANCE
         self._not_slow_s = np.where(self._rpm < min_rpm, self._not_slow_s, now_s)

@@ -79,7 +79,7 @@ class StandstillMonitor:
         if identity.has_loop:
             self.expect_loop()
         self._pulses_us: Array = np.full(n, stop_us)
-        self._rotor_states = [_RotorState(now_s) for _ in range(n)]
+        self._rotors = [_RotorState(now_s) for _ in range(n)]
         self.zero_s = now_s
 
     def expect_loop(self) -> None:
@@ -90,7 +90,7 @@ class StandstillMonitor:
         """Record the command of every motor (n_rotors,): us, before it is sent."""
         stop_us = self._propulsion.pwm_stop_us
         for rotor, before_us, pulse_us in zip(
-            self._rotor_states, self._pulses_us, pulses_us, strict=True
+            self._rotors, self._pulses_us, pulses_us, strict=True
         ):
             if pulse_us > stop_us:
                 rotor.driven, rotor.zero_s = True, inf
@@ -104,7 +104,7 @@ class StandstillMonitor:
         if not len(time_s):
             return
         expected_rpm = rotor_speeds(self._propulsion, self._pulses_us)
-        for index, rotor in enumerate(self._rotor_states):
+        for index, rotor in enumerate(self._rotors):
             if (speed_column := self._speed_columns[index]) is not None:
                 rpm = np.abs(values[:, speed_column])
                 rotor.speed.take(time_s, rpm, rpm < self._limit_rpm, rotor.zero_s)
@@ -125,7 +125,7 @@ class StandstillMonitor:
         # Time of the newest reading of a turning rotor, and of the last confirmation.
         read_s = standstill_s = self.zero_s
         silent, unmeasured, standing, fastest_rpm = [], [], [], nan
-        for number, rotor in enumerate(self._rotor_states, 1):
+        for number, rotor in enumerate(self._rotors, 1):
             speed, output = rotor.speed, rotor.output
             has_speed = self._speed_columns[number - 1] is not None
             has_output = self._output_columns[number - 1] is not None
@@ -140,10 +140,8 @@ class StandstillMonitor:
                 continue
             elif (speed.is_low and rotor.speed_responds) or output.is_low:
                 standing.append(number)
-                confirmed_s = [
-                    channel.standstill_s for channel in (speed, output) if channel.is_low
-                ]
-                standstill_s = max(standstill_s, min(confirmed_s))
+                times_s = [channel.standstill_s for channel in (speed, output) if channel.is_low]
+                standstill_s = max(standstill_s, min(times_s))
             elif has_speed or has_output:
                 silent.append(number)
             else:
@@ -156,7 +154,7 @@ class StandstillMonitor:
                 f"commanded (below {self._limit_rpm:.0f} rpm counts as standing), cut the power"
             )
         if silent:
-            without_reading = [n for n in silent if self._rotor_states[n - 1].speed_responds]
+            without_reading = [n for n in silent if self._rotors[n - 1].speed_responds]
             reason = (
                 "no reading came after zero was commanded"
                 if without_reading

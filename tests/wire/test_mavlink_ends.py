@@ -292,7 +292,7 @@ def test_only_orders_that_lapse_end_by_a_short_silence(mode):
 
         made.autopilot.tick, made.autopilot.receive = silent, deaf
         if mode == "plate":
-            with pytest.raises(DeviceStopped, match=r"sent nothing for 0\.\d s while a"):
+            with pytest.raises(DeviceStopped, match=r"autopilot sent nothing for 0\.\d s while a"):
                 made.read(0.9)
         else:
             made.read(0.9)

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.addresses import MAX_RATE_HZ, MIN_RATE_HZ, MavlinkAddress
+from benchtool.bench.addresses import MAX_HZ, MIN_HZ, MavlinkAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink import streams
@@ -108,11 +108,9 @@ class MavlinkBench(StreamingBench):
             autopilot = read_autopilot(link, heartbeat, settings, self._clock)
             self._speed, self._device_clock = autopilot.speed, DeviceClock(autopilot.speed)
             self._rows = MavlinkRows(autopilot.wiring, autopilot.pulses.idle_us, settings.speeds)
-            drive_class = PitchDrive if settings.mode == "pitch" else MotorTestDrive
-            self._health = Health(drive_class is PitchDrive or autopilot.pilot.arms)
-            self._drive: MotorDrive = drive_class(
-                link, autopilot, self._health, settings.arm, self._clock
-            )
+            kind = PitchDrive if settings.mode == "pitch" else MotorTestDrive
+            self._health = Health(kind is PitchDrive or autopilot.pilot.arms)
+            self._drive: MotorDrive = kind(link, autopilot, self._health, settings.arm, self._clock)
             self._plate = VirtualPlate(link, self.now_s)
             link.on_message = self._process_message
             n = autopilot.wiring.n_rotors
@@ -132,11 +130,9 @@ class MavlinkBench(StreamingBench):
                 )
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
-            self._run_monitor = RunMonitor(
-                self.address, link, self._health, self._drive, self._rows
-            )
+            self._monitor = RunMonitor(self.address, link, self._health, self._drive, self._rows)
             outputs = streams.streaming_messages(self._states, *streams.OUTPUT_MESSAGES)
-            self._run_monitor.restart_commands = [interval(name, self._rate_Hz) for name in outputs]
+            self._monitor.restart_commands = [interval(name, self._rate_Hz) for name in outputs]
             self._autopilot = autopilot
         except BaseException:
             for port in self._ports:
@@ -159,7 +155,7 @@ class MavlinkBench(StreamingBench):
 
     def set_pwm(self, pwm_us: Array) -> None:
         autopilot = self._require_autopilot()
-        self._run_monitor.raise_if_stopped()
+        self._monitor.raise_if_stopped()
         pulses = np.asarray(pwm_us, float).ravel()
         if len(pulses) != autopilot.wiring.n_rotors or not np.isfinite(pulses).all():
             raise InputError(
@@ -180,7 +176,7 @@ class MavlinkBench(StreamingBench):
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         autopilot = self._require_autopilot()
-        self._run_monitor.raise_if_stopped()
+        self._monitor.raise_if_stopped()
         if not autopilot.simulated:
             raise StageError(
                 "an autopilot does not move the plate; use --stage hand or --stage grbl:PORT"
@@ -213,15 +209,12 @@ class MavlinkBench(StreamingBench):
             self._zero_N += float(np.nanmean(thrust))
 
     def set_rate(self, rate_Hz: float) -> None:
-        self._require_autopilot()
-        if not MIN_RATE_HZ <= rate_Hz <= MAX_RATE_HZ:
+        n_rotors = self._require_autopilot().wiring.n_rotors
+        if not MIN_HZ <= rate_Hz <= MAX_HZ:
             raise InputError(
-                f"stream rate {rate_Hz:g} Hz is out of range; allowed: {MIN_RATE_HZ:g} to "
-                f"{MAX_RATE_HZ:g} Hz"
+                f"stream rate {rate_Hz:g} Hz is out of range; allowed: {MIN_HZ:g} to {MAX_HZ:g} Hz"
             )
-        streams.check_fit(
-            self._settings, rate_Hz, self._require_autopilot().wiring.n_rotors, self._baud
-        )
+        streams.check_fit(self._settings, rate_Hz, n_rotors, self._baud)
         fast_messages = (*streams.OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET")
         for name in streams.streaming_messages(self._states, *fast_messages):
             self._link.exchange(interval(name, rate_Hz))
@@ -238,13 +231,13 @@ class MavlinkBench(StreamingBench):
             if len(readings):
                 return readings
             # Samples read before a stop are returned first, so that none is lost.
-            self._run_monitor.raise_if_stopped(repeat=False)
+            self._monitor.raise_if_stopped(repeat=False)
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
                 return readings
             if readings.lost or readings.corrupt:
                 self._buffer_readings(readings)
-            self._run_monitor.pump(left_s)
+            self._monitor.pump(left_s)
             if self._cell is not None:
                 self._cell.poll()
 
@@ -272,10 +265,8 @@ class MavlinkBench(StreamingBench):
         names = [channel.name for channel in self._channels]
         self._thrust_column = names.index("thrust_N") if "thrust_N" in names else -1
         # Texts about unsupported messages are replaced by the warnings below.
-        unsupported = "No ap_message for mavlink id"
-        self._health.texts[:] = [
-            text for text in self._health.texts if not text.startswith(unsupported)
-        ]
+        missing = "No ap_message for mavlink id"
+        self._health.texts[:] = [t for t in self._health.texts if not t.startswith(missing)]
         self._messages += streams.silent_messages(self._states)
 
     def _process_message(self, message: Message, arrived_s: float) -> None:
@@ -295,11 +286,10 @@ class MavlinkBench(StreamingBench):
             if name in streams.OUTPUT_MESSAGES:
                 self._stamped_s = arrived_s
                 self._device_clock.learn(self._rows.time.last_us, self._bench_s(arrived_s))
-                assignment = self._drive.update_outputs(self._rows.outputs_us, arrived_s)
-                if assignment is not None:
-                    self._rows.wire(*assignment)
-                    output = f"output {assignment[1]}"
-                    self._messages.append(f"rotor {assignment[0]} is driven by {output}")
+                wired = self._drive.update_outputs(self._rows.outputs_us, arrived_s)
+                if wired is not None:
+                    self._rows.wire(*wired)
+                    self._messages.append(f"rotor {wired[0]} is driven by output {wired[1]}")
                 device_s = 1e-6 * self._rows.time.last_us
                 self._quality.arrived(arrived_s, device_s / self._speed)
 

@@ -79,20 +79,12 @@ class _Source:
                 # A restarted count also loses the numbers in between.
                 self.counts.lost += step - 1
                 self.missing |= {
-                    (number - missing_number) % SEQUENCE_MODULUS
-                    for missing_number in range(1, min(step, REORDER_WINDOW))
+                    (number - seq) % SEQUENCE_MODULUS for seq in range(1, min(step, REORDER_WINDOW))
                 }
             self.last = number
             if self.missing:
-                ages = {
-                    missing_number: (number - missing_number) % SEQUENCE_MODULUS
-                    for missing_number in self.missing
-                }
-                self.missing = {
-                    missing_number
-                    for missing_number, age in ages.items()
-                    if 0 < age < REORDER_WINDOW
-                }
+                ages = {seq: (number - seq) % SEQUENCE_MODULUS for seq in self.missing}
+                self.missing = {seq for seq, age in ages.items() if 0 < age < REORDER_WINDOW}
         self.counts.messages += 1
         self.recent[number] = frame
         self.recent.move_to_end(number)

@@ -132,9 +132,7 @@ class MavlinkLink(LinkEndpoint):
         """Return and clear the result of the last acknowledgement of a command."""
         return self._acks.pop(command, None)
 
-    def exchange(
-        self, command: MavCommand, timeouts_s: tuple[float, ...] = RETRY_INTERVALS_S
-    ) -> int:
+    def exchange(self, command: MavCommand, waits_s: tuple[float, ...] = RETRY_INTERVALS_S) -> int:
         """Send a command until it is acknowledged; return the result (MAV_RESULT).
 
         Args:
@@ -146,14 +144,14 @@ class MavlinkLink(LinkEndpoint):
         """
         self._acks.pop(command.command, None)
         start_s = self.clock()
-        for timeout_s in timeouts_s:
+        for timeout_s in waits_s:
             self.send_command(command)
             result = self.wait(timeout_s, lambda: self.take_ack(command.command))
             if result is not None:
                 return result
         self._raise_if_signature_needed()
         raise LinkLost(
-            f"{self.address} did not acknowledge command {command.command}, sent {len(timeouts_s)} "
+            f"{self.address} did not acknowledge command {command.command}, sent {len(waits_s)} "
             f"times in {self.clock() - start_s:.1f} s; check the link, then start again"
         )
 
@@ -171,12 +169,9 @@ class MavlinkLink(LinkEndpoint):
     ) -> dict[str, float]:
         """Return the available parameters; raise if a required one is missing."""
         self._reported = {}
-        for requested_names, timeouts_s in (
-            (names, PARAMETER_TIMEOUT_S),
-            (required, REQUIRED_TIMEOUT_S),
-        ):
+        for group, timeouts_s in ((names, PARAMETER_TIMEOUT_S), (required, REQUIRED_TIMEOUT_S)):
             for timeout_s in timeouts_s:
-                self._request_parameters(requested_names, timeout_s)
+                self._request_parameters(group, timeout_s)
         if not self._reported:
             self._raise_if_signature_needed()
         if missing := [name for name in required if name not in self._reported]:

@@ -236,10 +236,10 @@ class OutputMonitor:
         self._name = name
         self._stop_us = stop_us
         self._commanded: dict[int, tuple[int, float]] = {}
-        self._recent_commands: list[tuple[float, int, float]] = []
-        self._last_match_s: dict[int, float] = {}
+        self._recent: list[tuple[float, int, float]] = []
+        self._match_s: dict[int, float] = {}
         self._reported_s: float | None = None
-        self._confirmed_turning: set[int] = set()
+        self._seen_turning: set[int] = set()
         self.outputs_match = self.has_lapsed = False
 
     def reported_since(self, time_s: float) -> bool:
@@ -255,12 +255,10 @@ class OutputMonitor:
             previous = self._commanded.get(rotor)
             if previous != (output, pulse_us):
                 if previous is not None:
-                    self._recent_commands.append((now_s, rotor, previous[1]))
-                self._last_match_s[rotor] = max(self._last_match_s.get(rotor, now_s), now_s)
+                    self._recent.append((now_s, rotor, previous[1]))
+                self._match_s[rotor] = max(self._match_s.get(rotor, now_s), now_s)
         self._commanded = dict(commanded)
-        self._confirmed_turning &= {
-            rotor for rotor, (_, us) in commanded.items() if us > self._stop_us
-        }
+        self._seen_turning &= {rotor for rotor, (_, us) in commanded.items() if us > self._stop_us}
         self.outputs_match = self.has_lapsed = False
 
     def update_outputs(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
@@ -274,33 +272,25 @@ class OutputMonitor:
         self._reported_s = now_s
         if gap_s > GAP_S:
             # A pause of the link or of the reader does not count as a mismatch.
-            self._last_match_s = {
-                rotor: good_s + gap_s for rotor, good_s in self._last_match_s.items()
-            }
-        self._recent_commands = [
-            item for item in self._recent_commands if now_s - item[0] <= DETECTION_TIMEOUT_S
-        ]
+            self._match_s = {rotor: good_s + gap_s for rotor, good_s in self._match_s.items()}
+        self._recent = [item for item in self._recent if now_s - item[0] <= DETECTION_TIMEOUT_S]
         self.outputs_match, self.has_lapsed = True, False
         for rotor, (output, pulse_us) in self._commanded.items():
             # An unknown output is compared by the nearest value.
             nearest_us = min(outputs_us, key=lambda us: abs(us - pulse_us))
             output_us = outputs_us[output - 1] if output else nearest_us
-            self.outputs_match = self.outputs_match and self._matches_pulse(output_us, pulse_us)
-            if (
-                output
-                and pulse_us > self._stop_us
-                and not self._matches_pulse(output_us, self._stop_us)
-            ):
-                self._confirmed_turning.add(rotor)
-            self.has_lapsed |= rotor in self._confirmed_turning and self._matches_pulse(
+            self.outputs_match = self.outputs_match and self._matches(output_us, pulse_us)
+            if output and pulse_us > self._stop_us and not self._matches(output_us, self._stop_us):
+                self._seen_turning.add(rotor)
+            self.has_lapsed |= rotor in self._seen_turning and self._matches(
                 output_us, self._stop_us
             )
             allowed_us = [
                 pulse_us,
-                *(us for _, other_rotor, us in self._recent_commands if other_rotor == rotor),
+                *(us for _, other, us in self._recent if other == rotor),
             ]
-            if any(self._matches_pulse(output_us, us) for us in allowed_us):
-                self._last_match_s[rotor] = now_s
+            if any(self._matches(output_us, us) for us in allowed_us):
+                self._match_s[rotor] = now_s
                 if not output and max(allowed_us) > self._stop_us:
                     assignment = self._identify_output(rotor, outputs_us) or assignment
         if assignment is not None:
@@ -321,7 +311,7 @@ class OutputMonitor:
         suffix = f"; acknowledgements take up to {slowest_s:.1f} s: the link is overloaded"
         suffix = suffix if slowest_s > DETECTION_TIMEOUT_S else ""
         for rotor, (output, pulse_us) in self._commanded.items():
-            mismatch_s = self._reported_s - self._last_match_s[rotor]
+            mismatch_s = self._reported_s - self._match_s[rotor]
             if mismatch_s <= DETECTION_TIMEOUT_S:
                 continue
             output_text = f"output {output} shows {outputs_us[output - 1]:g} us"
@@ -349,13 +339,11 @@ class OutputMonitor:
         min_us = self._stop_us + TOLERANCE_US
         driven = [output for output, output_us in enumerate(outputs_us, 1) if output_us > min_us]
         turning = [
-            other_rotor
-            for other_rotor, (_, pulse_us) in self._commanded.items()
-            if pulse_us > self._stop_us
+            other for other, (_, pulse_us) in self._commanded.items() if pulse_us > self._stop_us
         ]
         return (rotor, driven[0]) if len(driven) == 1 and turning == [rotor] else None
 
-    def _matches_pulse(self, output_us: float, pulse_us: float) -> bool:
+    def _matches(self, output_us: float, pulse_us: float) -> bool:
         if pulse_us <= self._stop_us:
             return output_us <= self._stop_us + TOLERANCE_US
         return abs(output_us - pulse_us) <= TOLERANCE_US

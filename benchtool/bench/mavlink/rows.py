@@ -22,11 +22,7 @@ from benchtool.core.array_type import Array
 UNKNOWN_U16 = 65535  # battery value without a measurement
 
 OUTPUTS = 16
-DISTANCE_SOURCES = (
-    "virtual world",
-    "DISTANCE_SENSOR",
-    "RANGEFINDER",
-)  # sources of the plate distance
+DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")  # sources of the plate distance
 TELEMETRY = {"ESC_TELEMETRY_1_TO_4": 0, "ESC_TELEMETRY_5_TO_8": 4, "ESC_TELEMETRY_9_TO_12": 8}
 
 _SERVO_OUTPUTS = attrgetter(*(f"servo{number + 1}_raw" for number in range(OUTPUTS)))
@@ -101,14 +97,12 @@ class MavlinkRows:
         Rotors with unknown output are assigned ESCs with telemetry, because all read 0 at rest.
         """
         n = self._wiring.n_rotors
-        unknown_rotors = [rotor for rotor, output in enumerate(self._wiring.outputs) if not output]
-        silent_rotors = [
-            rotor for rotor in unknown_rotors if self._rotor_escs[rotor] not in self.speeds_rpm
-        ]
+        unknown = [rotor for rotor, output in enumerate(self._wiring.outputs) if not output]
+        silent = [rotor for rotor in unknown if self._rotor_escs[rotor] not in self.speeds_rpm]
         free_escs = [esc for esc in sorted(self.speeds_rpm) if esc not in self._rotor_escs]
-        for rotor, esc in zip(silent_rotors, free_escs, strict=False):
+        for rotor, esc in zip(silent, free_escs, strict=False):
             self._rotor_escs[rotor] = esc
-        received = {n + i for i in unknown_rotors if self._rotor_escs[i] in self.speeds_rpm}
+        received = {n + i for i in unknown if self._rotor_escs[i] in self.speeds_rpm}
         return np.array(sorted(self._reported | received), np.intp)
 
     def take(self, message: Message, arrived_us: int | None = None) -> None:
@@ -141,7 +135,7 @@ class MavlinkRows:
         elif name == "RANGEFINDER":
             # Deprecated, without stamp and orientation: ArduPilot sends the downward sensor.
             if message.distance > 0.0 and self._wiring.orientation == DOWNWARD_ORIENTATION:
-                self._process_plate_distance(message.distance, self.time.last_us, name)
+                self._put_distance(message.distance, self.time.last_us, name)
         elif self._with_speeds and name in TELEMETRY:
             self._process_telemetry(message, TELEMETRY[name])
         elif self._with_speeds and name in SPEEDS:
@@ -200,9 +194,7 @@ class MavlinkRows:
         """Process the exact distance of a virtual autopilot; return whether it was one."""
         if not (self._wiring.virtual and message.name == "plate_z"):
             return False
-        self._process_plate_distance(
-            message.value, self.time.message_time_us(message), "virtual world"
-        )
+        self._put_distance(message.value, self.time.message_time_us(message), "virtual world")
         return True
 
     def _process_thrust_or_distance(self, message: Message, arrival_us: int | None) -> None:
@@ -214,7 +206,7 @@ class MavlinkRows:
                 and message.min_distance <= message.current_distance <= message.max_distance
             ):
                 time_us = self.time.message_time_us(message) if arrival_us is None else arrival_us
-                self._process_plate_distance(0.01 * message.current_distance, time_us, name)
+                self._put_distance(0.01 * message.current_distance, time_us, name)
             return
         may_be_plate = arrival_us is None and name == "NAMED_VALUE_FLOAT"
         if (may_be_plate and self._process_virtual_plate(message)) or message.name != thrust.name:
@@ -250,9 +242,9 @@ class MavlinkRows:
         if temperatures_degC:
             self._put(time_us, self._columns["temperature_degC"], max(temperatures_degC))
 
-    def _process_plate_distance(self, z_m: float, time_us: int, source: str) -> None:
+    def _put_distance(self, z_m: float, time_us: int, source: str) -> None:
         """Write the plate's distance from the best source so far."""
-        self._best_distance = min(source, self._best_distance or source, key=DISTANCE_SOURCES.index)
+        self._best_distance = min(source, self._best_distance or source, key=DISTANCES.index)
         if source == self._best_distance:
             self._put(time_us, self._columns["plate_z_m"], z_m)
 
@@ -263,10 +255,10 @@ FROZEN_ZERO_US = 1_000_000  # of zeros from a driven motor: an ESC without telem
 
 @dataclass(slots=True)
 class _SpeedState:
-    selected_source: str = ""
+    selected: str = ""
     zero_since_us: dict[str, int] = field(default_factory=dict)
-    valid_sources: set[str] = field(default_factory=set)
-    dead_sources: set[str] = field(default_factory=set)
+    valid: set[str] = field(default_factory=set)
+    dead: set[str] = field(default_factory=set)
 
 
 class SpeedSources:
@@ -280,33 +272,30 @@ class SpeedSources:
         """Update a rotor (from 0) with a reading; return whether it is the rotor's speed."""
         state = self._rotors[rotor]
         if rpm != 0.0:
-            state.valid_sources.add(source)
-            state.dead_sources.discard(source)
+            state.valid.add(source)
+            state.dead.discard(source)
         if rpm != 0.0 or not is_driven:
             state.zero_since_us.pop(source, None)
         elif (
             time_us - state.zero_since_us.setdefault(source, time_us) >= FROZEN_ZERO_US
-            and source not in state.dead_sources
+            and source not in state.dead
         ):
-            state.dead_sources.add(source)
-            if source == state.selected_source:
+            state.dead.add(source)
+            if source == state.selected:
                 self._messages.append(
                     f"rpm{rotor + 1} of {source} reads 0 while its motor is driven: a dead "
                     f"channel, not a speed; enable the ESC's telemetry or exclude it with "
                     f"rpm=none"
                 )
-        if not state.selected_source or (
-            state.selected_source not in state.valid_sources
-            and SPEED_SOURCES.index(source) < SPEED_SOURCES.index(state.selected_source)
+        if not state.selected or (
+            state.selected not in state.valid
+            and SPEED_SOURCES.index(source) < SPEED_SOURCES.index(state.selected)
         ):
-            state.selected_source = source
-        if (
-            state.selected_source in state.dead_sources
-            and source in state.valid_sources - state.dead_sources
-        ):
+            state.selected = source
+        if state.selected in state.dead and source in state.valid - state.dead:
             self._messages.append(f"rpm{rotor + 1} is now taken from {source}")
-            state.selected_source = source
-        return source == state.selected_source and source not in state.dead_sources
+            state.selected = source
+        return source == state.selected and source not in state.dead
 
     def take_messages(self) -> list[str]:
         messages, self._messages = self._messages, []

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from benchtool.bench.addresses import MIN_RATE_HZ
+from benchtool.bench.addresses import MIN_HZ
 from benchtool.bench.mavlink.autopilots import RESEND_INTERVAL_S
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import ACCEPTED, dialect, interval, message_id
@@ -27,7 +27,7 @@ FRAME_BYTES, SIGNATURE_BYTES = 12, 13  # around the payload of a MAVLink 2 frame
 
 OUTPUT_MESSAGES = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
 
-RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, MIN_RATE_HZ)  # for slow lines; assumed
+RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, MIN_HZ)  # for slow lines; assumed
 
 # Sent on demand, or by other components: no streams that could be disabled.
 UNREQUESTED_MESSAGES = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "TIMESYNC",
@@ -78,7 +78,7 @@ def fit_rates(
         if rate_Hz <= settings.rate_Hz and fits_bandwidth(settings, rate_Hz, n_rotors, baud):
             break
     else:
-        check_fit(settings, MIN_RATE_HZ, n_rotors, baud)
+        check_fit(settings, MIN_HZ, n_rotors, baud)
     if rate_Hz == settings.rate_Hz:
         return settings, []
     warning = (
@@ -107,7 +107,7 @@ def fits_bandwidth(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, bau
 def _estimate_bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> float:
     """Return the bytes per second of first choices; denied requests reduce it."""
     signature_bytes = SIGNATURE_BYTES if settings.key else 0
-    message_classes = dialect().mavlink_map
+    classes = dialect().mavlink_map
     # Every repeated motor command is acknowledged.
     rates_Hz = {"COMMAND_ACK": 1.0 / RESEND_INTERVAL_S} | {
         request.name: request.rate_Hz
@@ -115,11 +115,9 @@ def _estimate_bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: i
         # A link carries one kind of speeds.
         if not request.instead_of and request.name not in SPEEDS
     }
-    payload_bytes = {
-        name: int(message_classes[message_id(name)].unpacker.size) for name in rates_Hz
-    }
+    sizes = {name: int(classes[message_id(name)].unpacker.size) for name in rates_Hz}
     overhead_bytes = FRAME_BYTES + signature_bytes
-    return sum(rates_Hz[name] * (size + overhead_bytes) for name, size in payload_bytes.items())
+    return sum(rates_Hz[name] * (size + overhead_bytes) for name, size in sizes.items())
 
 
 def request_streams(
@@ -143,16 +141,14 @@ def request_streams(
             if bool(request.instead_of) is is_fallback
             and (not is_fallback or states.get(request.instead_of) != "comes")
         }
-        initial_counts = {name: counts(name) for name in accepted}
+        initial = {name: counts(name) for name in accepted}
         deadline_s = clock() + max(LISTEN_TIMEOUT_S / speed, MIN_LISTEN_S)
         pending = set(accepted)
         while pending and clock() < deadline_s:
             link.pump(0.02)
-            pending = {
-                n for n in pending if counts(n) - initial_counts[n] < REQUIRED_MESSAGES.get(n, 1)
-            }
+            pending = {n for n in pending if counts(n) - initial[n] < REQUIRED_MESSAGES.get(n, 1)}
         for name, is_accepted in accepted.items():
-            has_come = counts(name) > initial_counts[name]
+            has_come = counts(name) > initial[name]
             if is_accepted:
                 states[name] = "comes" if has_come else "accepted, but nothing comes"
             else:

@@ -107,15 +107,13 @@ class CommandChannel(LinkEndpoint):
             command, wire.ArmDevice | wire.SetPwm
         )
         if carries_age and (has_stale_time or self.clock() > self._device_read_s + MAX_REPLY_AGE_S):
-            self._exchange_once(wire.RequestPlate(), attempts)  # its reply has the device time
-        reply = self._exchange_once(command, attempts, moves)
+            self._transact(wire.RequestPlate(), attempts)  # its reply has the device time
+        reply = self._transact(command, attempts, moves)
         if wire.is_too_old(reply.reason) and previous_gap_s > wire.MAX_COMMAND_AGE_S:
             raise HostSuspended(previous_gap_s, wire.MAX_COMMAND_AGE_S)
         return reply
 
-    def _exchange_once(
-        self, command: wire.Command, attempts: int, moves: bool = False
-    ) -> wire.Reply:
+    def _transact(self, command: wire.Command, attempts: int, moves: bool = False) -> wire.Reply:
         if moves:
             self._raise_if_paused()
         number = self._number = self._number + 1

@@ -168,7 +168,7 @@ _PARSERS: dict[str, Callable[[str], float | str]] = {
 
 
 def encode_command(value: float) -> str:
-    """Return a number as it is sent: nine significant digits, no exponent padding."""
+    """Return a number in protocol format: nine significant digits, no exponent padding."""
     if not isfinite(value):
         raise InputError(f"{value} cannot be sent to a device; give a finite number")
     return f"{value:.9g}"

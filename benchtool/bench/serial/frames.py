@@ -242,7 +242,7 @@ class SortedMessages(NamedTuple):
 class SampleOrder:
     """Order of samples by their numbers and device times.
 
-    Within a block samples are sorted. A gap longer than half of the number range is told from a
+    Within a block samples are sorted. A gap longer than half of the number range differs from a
     shorter one by the elapsed device time, once two neighbours have given the period.
     """
 
@@ -276,7 +276,7 @@ class SampleOrder:
     def _sort_one_by_one(self, stamps: list[list[int]]) -> SortedMessages:
         """Return a block with lost, repeated or reordered samples."""
         used_rows: dict[int, tuple[int, int]] = {}  # row and time by position
-        last_returned = None if self._newest is None else self._position
+        returned = None if self._newest is None else self._position
         repeated = 0
         for row, (number, time_us) in enumerate(stamps):
             if self._newest is None:
@@ -293,29 +293,23 @@ class SampleOrder:
                     if not (is_consistent and step > 0):  # restarted: its time continues from here
                         step, step_us = 1, max(1, round(self._period_us))
             self._rejected = None
-            position, unwrapped_time_us = self._position + step, self._time_us + step_us
-            if position in used_rows or (last_returned is not None and position <= last_returned):
+            position, unwrapped_us = self._position + step, self._time_us + step_us
+            if position in used_rows or (returned is not None and position <= returned):
                 repeated += 1
                 continue
-            used_rows[position] = row, unwrapped_time_us
+            used_rows[position] = row, unwrapped_us
             if step > 0:
                 if step == 1:
                     self._period_us = float(step_us)
                 self._newest, self._position, self._time_us = (
                     (number, time_us),
                     position,
-                    unwrapped_time_us,
+                    unwrapped_us,
                 )
         order = sorted(used_rows)
-        previous_position = (
-            last_returned
-            if last_returned is not None
-            else order[0] - 1
-            if order
-            else self._position
-        )
+        start = returned if returned is not None else order[0] - 1 if order else self._position
         rows = np.array([used_rows[position] for position in order], np.int64).reshape(-1, 2)
-        lost = self._position - previous_position - len(order)
+        lost = self._position - start - len(order)
         return SortedMessages(rows[:, 0], rows[:, 1], lost, repeated)
 
     def _count_step(self, number: int, step_us: int) -> int:

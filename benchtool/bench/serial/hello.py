@@ -60,9 +60,7 @@ class Hello(DeviceInfo):
         )
 
 
-_NUMBER_FIELDS: dict[
-    str, tuple[str, type[float], float, float, str]
-] = {  # name, type and range, default
+_NUMBERS: dict[str, tuple[str, type[float], float, float, str]] = {  # name, type and range, default
     "rotors": ("n_rotors", int, 1, 64, ""),
     "rate": ("rate_Hz", float, 0.01, 1e6, ""),
     "watchdog": ("watchdog_s", float, 100.0, 10e3, "250"),  # ms on the wire
@@ -82,7 +80,7 @@ def hello_lines(hello: Hello) -> tuple[Fields, ...]:
         ("device", hello.device_id),
         ("firmware", hello.firmware),
     ]
-    for key, (name, kind, *_) in _NUMBER_FIELDS.items():
+    for key, (name, kind, *_) in _NUMBERS.items():
         value = getattr(hello, name) * (1000.0 if key == "watchdog" else 1)
         if key == "rate":
             lines.append(("pwm", f"{hello.pwm_stop_us:g}", f"{hello.pwm_idle_us:g}"))
@@ -105,7 +103,7 @@ _REQUIRED = ("protocol", "device", "firmware", "rotors", "pwm", "rate", "channel
 
 _FIELD_COUNTS = {"channel": 3, "limit": 2, "fact": 2, "pwm": 2}
 
-_MAX_TEXT_LENGTH = 100
+_MAX_LENGTH = 100
 
 
 def parse_hello(lines: Iterable[Sequence[str]]) -> Hello:
@@ -118,14 +116,14 @@ def parse_hello(lines: Iterable[Sequence[str]]) -> Hello:
     for line in lines:
         key, fields = line[0], line[1:]
         if len(fields) < _FIELD_COUNTS.get(key, 1):
-            raise _hello_error(f"the line {','.join(line)!r} has too few fields")
+            raise _error(f"the line {','.join(line)!r} has too few fields")
         if not all(text.isprintable() for text in line):
-            raise _hello_error(f"the line {','.join(line)!r} has non-printable characters")
+            raise _error(f"the line {','.join(line)!r} has non-printable characters")
         if key == "channel":
             try:
                 channels.append(Channel(fields[0], fields[1]))
             except InputError as error:
-                raise _hello_error(str(error)) from error
+                raise _error(str(error)) from error
             rates_Hz.append(_parse_number(f"rate of {fields[0]}", fields[2], 0.0, 1e6))
         elif key == "limit":
             # Plate limits may be 0: a stage may reach its zero or have no lateral travel.
@@ -140,7 +138,7 @@ def parse_hello(lines: Iterable[Sequence[str]]) -> Hello:
         "device_id": _parse_text("device", fields_by_key["device"][0]),
         "firmware": _parse_text("firmware", fields_by_key["firmware"][0]),
     }
-    for key, (name, kind, low, high, default) in _NUMBER_FIELDS.items():
+    for key, (name, kind, low, high, default) in _NUMBERS.items():
         text = fields_by_key[key][0] if key in fields_by_key else default
         values[name] = kind(_parse_number(key, text, low, high, is_whole=kind is not float))
     values["watchdog_s"] /= 1000.0
@@ -161,10 +159,10 @@ def _check_lines(fields_by_key: Mapping[str, Sequence[str]], channels: Sequence[
     _check_version(fields_by_key.get("protocol", ("none",))[0])
     keys = {*fields_by_key, *(("channel",) if channels else ())}
     if missing := [key for key in _REQUIRED if key not in keys]:
-        raise _hello_error(f"line {missing[0]!r} is missing; required: {', '.join(_REQUIRED)}")
+        raise _error(f"line {missing[0]!r} is missing; required: {', '.join(_REQUIRED)}")
     names = [channel.name for channel in channels]
     if duplicates := {name for name in names if names.count(name) > 1}:
-        raise _hello_error(f"channel {min(duplicates)!r} is duplicated")
+        raise _error(f"channel {min(duplicates)!r} is duplicated")
 
 
 def _check_version(version: str) -> None:
@@ -176,10 +174,8 @@ def _check_version(version: str) -> None:
 
 
 def _parse_text(key: str, text: str) -> str:
-    if not 0 < len(text) <= _MAX_TEXT_LENGTH:
-        raise _hello_error(
-            f"{key} is {text[:20]!r}, not a text of 1 to {_MAX_TEXT_LENGTH} characters"
-        )
+    if not 0 < len(text) <= _MAX_LENGTH:
+        raise _error(f"{key} is {text[:20]!r}, not a text of 1 to {_MAX_LENGTH} characters")
     return text
 
 
@@ -189,13 +185,13 @@ def _parse_number(key: str, text: str, low: float, high: float, is_whole: bool =
     except ValueError:
         value = nan
     if not low <= value <= high:
-        raise _hello_error(f"{key} is {text[:20]!r}, not a number from {low:g} to {high:g}")
+        raise _error(f"{key} is {text[:20]!r}, not a number from {low:g} to {high:g}")
     if is_whole and value != int(value):
-        raise _hello_error(f"{key} is {text[:20]!r}, not a whole number")
+        raise _error(f"{key} is {text[:20]!r}, not a whole number")
     return value
 
 
-def _hello_error(problem: str) -> ProtocolError:
+def _error(problem: str) -> ProtocolError:
     return ProtocolError(f"the device's hello is invalid: {problem}; update its firmware")
 
 

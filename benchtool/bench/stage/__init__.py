@@ -1,1 +1,1 @@
-"""What moves the plate."""
+"""Stages that move the plate."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.grbl_link import (
     MAX_REACTION_S,
+    POLL_INTERVAL_S,
     REPLY_TIMEOUT_S,
-    STATE_POLL_INTERVAL_S,
     GrblLink,
 )
 from benchtool.bench.stage.stage import Pause
@@ -116,8 +116,8 @@ class GrblStage:
         start_mm = self._link.position_mm(pause)
         settings = self._loaded_settings()
         steps_mm = {letter: settings.steps_mm(letter) for letter in targets_mm}
-        plate_move = PlateMove(start_mm, targets_mm, steps_mm)
-        end_mm = self._run_move(plate_move, feed_mm_min, action, pause)
+        path = PlateMove(start_mm, targets_mm, steps_mm)
+        end_mm = self._run_move(path, feed_mm_min, action, pause)
         return self._distance.to_m(end_mm[self._distance.letter])
 
     def hold(self) -> None:
@@ -139,7 +139,7 @@ class GrblStage:
         """
         margin_mm = 1e3 * (z_m - self._min_gap_m) - POSITION_TOLERANCE_MM
         min_feed = min(self._feed_mm_min, MIN_FEED_MM_MIN)
-        max_feed = self._loaded_settings().max_stoppable_feed_mm_min(
+        max_feed = self._loaded_settings().stoppable_feed_mm_min(
             self._letters, margin_mm, MAX_REACTION_S
         )
         if max_feed < min_feed:
@@ -151,29 +151,25 @@ class GrblStage:
         return min(self._feed_mm_min, max_feed)
 
     def _run_move(
-        self, plate_move: PlateMove, feed_mm_min: float, action: str, pause: Pause
+        self, path: PlateMove, feed_mm_min: float, action: str, pause: Pause
     ) -> dict[str, float]:
         """Start the move and return the final position: Idle at the target."""
-        line = grbl_lines.move_line(plate_move.target_mm, feed_mm_min)
-        timeout_s = MOVE_TIMEOUT_MARGIN_S + 60.0 * plate_move.length_mm / min(
+        line = grbl_lines.move_line(path.target_mm, feed_mm_min)
+        timeout_s = MOVE_TIMEOUT_MARGIN_S + 60.0 * path.length_mm / min(
             feed_mm_min, self._allowed_mm_min()
         )
         timeout_s += self._braking_time_s()
         start_s = state_since_s = self._clock()
         state = ""
-        for report in self._link.stream_reports(line, action, pause):
+        for report in self._link.reports(line, action, pause):
             now_s = self._clock()
             if report.state != state:
                 state, state_since_s = report.state, now_s
-            position_mm = self._link.machine_position_mm(report)
-            if (
-                state == "Idle"
-                and position_mm is not None
-                and not plate_move.off_target_message(position_mm)
-            ):
+            position_mm = self._link.reported_mm(report)
+            if state == "Idle" and position_mm is not None and not path.target_error(position_mm):
                 self._link.is_unacknowledged = False
                 return position_mm
-            problem = _find_problem(plate_move, report, position_mm, now_s - state_since_s)
+            problem = _find_problem(path, report, position_mm, now_s - state_since_s)
             if not problem and now_s - start_s > timeout_s:
                 problem = (
                     f"did not arrive within {timeout_s:.0f} s; check for an obstacle or a feed "
@@ -212,7 +208,7 @@ class GrblStage:
                     f"{self._link.name} still reports {report.state_text} {timeout_s:.0f} s after "
                     f"the hold; switch its power off"
                 )
-            pause(STATE_POLL_INTERVAL_S)
+            pause(POLL_INTERVAL_S)
 
     def _allowed_mm_min(self) -> float:
         """Return the actual feed of the stage."""
@@ -243,7 +239,7 @@ class GrblStage:
 
 
 def _find_problem(
-    plate_move: PlateMove,
+    path: PlateMove,
     report: grbl_lines.StatusReport,
     position_mm: Mapping[str, float] | None,
     since_s: float,
@@ -253,7 +249,7 @@ def _find_problem(
         # A single wrong digit in a report at rest is harmless: the next report is right.
         if since_s < IDLE_TIMEOUT_S or position_mm is None:
             return ""
-        return f"stopped at {plate_move.off_target_message(position_mm)}; home it and start again"
+        return f"stopped at {path.target_error(position_mm)}; home it and start again"
     if report.state in OTHER_STATES:
         return f"reports {report.state_text}; reset it and start again"
     if report.state == "Hold" and since_s >= HOLD_TIMEOUT_S:
@@ -261,7 +257,7 @@ def _find_problem(
             f"reports {report.state_text} for {HOLD_TIMEOUT_S:g} s, caused by its feed-hold button "
             f"or noise on that pin; release it and start again"
         )
-    if position_mm is not None and (off_path := plate_move.off_path_message(position_mm)):
+    if position_mm is not None and (off_path := path.path_error(position_mm)):
         return (
             f"is at {off_path}: a digit was wrong on the line; check cable and grounding, then "
             f"home it and start again"
@@ -311,7 +307,7 @@ class PlateMove:
         """Sum over axes, an upper bound of the path length."""
         return sum(abs(mm - self.start_mm[axis]) for axis, mm in self.target_mm.items())
 
-    def off_path_message(self, position_mm: Mapping[str, float]) -> str:
+    def path_error(self, position_mm: Mapping[str, float]) -> str:
         """Return how a position leaves the path; "" if it is on the path."""
         for axis, target_mm in self.target_mm.items():
             low_mm, high_mm = sorted((self.start_mm[axis], target_mm))
@@ -326,7 +322,7 @@ class PlateMove:
                 )
         return ""
 
-    def off_target_message(self, position_mm: Mapping[str, float]) -> str:
+    def target_error(self, position_mm: Mapping[str, float]) -> str:
         """Return how a position differs from the target; "" if it is the target."""
         for axis, target_mm in self.target_mm.items():
             allowed_mm = ARRIVAL_TOLERANCE_MM + 0.5 * self.steps_mm[axis]

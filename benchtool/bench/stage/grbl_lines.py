@@ -266,7 +266,7 @@ class GrblSettings:
     def braking_time_s(self, letters: Iterable[str], feed_mm_min: float) -> float:
         return feed_mm_min / 60.0 / self._min_acceleration_mm_s2(letters)
 
-    def max_stoppable_feed_mm_min(
+    def stoppable_feed_mm_min(
         self, letters: Iterable[str], within_mm: float, reaction_s: float
     ) -> float:
         """Return the feed whose braking path v t + v^2 / (2 a) fits; a: $120 to $122."""

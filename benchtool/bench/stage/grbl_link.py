@@ -17,7 +17,7 @@ REPLY_TIMEOUT_S = 2.0  # 95 % of replies come in 13 ms, except while homing; lon
 LISTEN_S = 0.02
 AFTER_BANNER_S = 0.1  # the message that G-code is locked follows the banner immediately
 
-STATE_POLL_INTERVAL_S = 0.2
+POLL_INTERVAL_S = 0.2
 REPORT_INTERVAL_S = 0.05  # while it moves: 5 mm at 100 mm/s
 MAX_REACTION_S = 0.1  # interval, reply (95 % in 13 ms) and a read of the bench; assumed
 SETTINGS_ATTEMPTS = 3
@@ -114,9 +114,7 @@ class GrblLink:
                 lines.append(message)
         raise self.timeout_error(action, timeout_s)
 
-    def stream_reports(
-        self, line: bytes, action: str, pause: Pause
-    ) -> Iterator[grbl_lines.StatusReport]:
+    def reports(self, line: bytes, action: str, pause: Pause) -> Iterator[grbl_lines.StatusReport]:
         """Send a line and yield every report from then on, while polling; never ends.
 
         A requested report is awaited without a pause. The line's `ok` adds nothing to the reports:
@@ -160,7 +158,7 @@ class GrblLink:
         deadline_s = self._clock() + REPLY_TIMEOUT_S
         while (requested_s := self._clock()) < deadline_s:
             self._transport.write(grbl_lines.STATUS)
-            while self._clock() - requested_s < STATE_POLL_INTERVAL_S:
+            while self._clock() - requested_s < POLL_INTERVAL_S:
                 for message in self._receive():
                     self._raise_if_error(message, action)
                     if isinstance(message, grbl_lines.StatusReport):
@@ -171,7 +169,7 @@ class GrblLink:
     def position_mm(self, pause: Pause) -> dict[str, float]:
         """Return the machine position by axis letter; poll until it is known."""
         for _ in range(MAX_REPORTS):
-            position_mm = self.machine_position_mm(self.request_report(pause))
+            position_mm = self.reported_mm(self.request_report(pause))
             if position_mm is not None:
                 return position_mm
         raise StageError(
@@ -179,7 +177,7 @@ class GrblLink:
             f"position) and start again"
         )
 
-    def machine_position_mm(self, report: grbl_lines.StatusReport) -> dict[str, float] | None:
+    def reported_mm(self, report: grbl_lines.StatusReport) -> dict[str, float] | None:
         """Return the machine position in a report by axis letter, or None if it is unknown."""
         position_mm = self._decoder.machine_mm(report)
         return None if position_mm is None else dict(zip("XYZABC", position_mm, strict=False))

@@ -85,19 +85,15 @@ class LinkEndpoint(ABC):
         return result
 
 
-_BUSY_ERRORS = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK}
-_DENIED_ERRORS = {errno.EACCES, errno.EPERM}
+_BUSY = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK}
+_DENIED = {errno.EACCES, errno.EPERM}
 
 
 def opening_error(error: Exception, where: str, windows: bool = False) -> LinkError:
     """Return the error for an exception raised while opening."""
     number = _error_number(error)
     text = _error_text(error)
-    if (
-        number in _BUSY_ERRORS
-        or "exclusively lock" in text
-        or (windows and _is_denied(number, text))
-    ):
+    if number in _BUSY or "exclusively lock" in text or (windows and _is_denied(number, text)):
         return PortBusy(
             f"{where} is in use by {format_port_owners(where)}; end that program and try again"
         )
@@ -143,7 +139,7 @@ def _error_number(error: Exception) -> int | None:
 
 
 def _is_denied(number: int | None, text: str) -> bool:
-    return number in _DENIED_ERRORS or "PermissionError" in text or "Permission denied" in text
+    return number in _DENIED or "PermissionError" in text or "Permission denied" in text
 
 
 _PTY_MASTERS = ("/dev/ptmx", "/dev/pts/ptmx")
