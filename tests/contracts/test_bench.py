@@ -225,7 +225,7 @@ def test_a_replay_keeps_what_applies_to_it(tmp_path):
         assert isinstance(bench, Bench)
         assert [channel.name for channel in bench.identity.channels] == names
         rows = gather(bench, 1.5)
-        with pytest.raises(BenchError, match="takes no commands"):
+        with pytest.raises(BenchError, match="accepts no commands"):
             bench.set_pwm(np.array([1400.0]))
         bench.stop()
     bench.close()

@@ -58,7 +58,7 @@ def test_a_stage_moves_the_plate_and_no_sample_is_lost(tmp_path, environment):
         words = ["sweep", f"serial:{bench}", *SMALL, "--yes", "--out", str(out)]
         unmoved = run(words, environment)
         assert unmoved.returncode == 2
-        assert "this device does not move the plate; use --stage hand" in unmoved.stderr
+        assert "this device does not move the plate; give --stage hand" in unmoved.stderr
         # Its address is another device's, as far as a bench is concerned.
         mistaken = run(["sweep", f"serial:{stage}", *words[2:]], environment)
         assert mistaken.returncode == 3
