@@ -19,9 +19,9 @@ from benchtool.simulate.campaign_flight import flight_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
+from benchtool.simulate.flight.inputs import setup_of as build_flight_setup
 from benchtool.simulate.pitch.inputs import PitchInputs
-from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
+from benchtool.simulate.pitch.inputs import setup_of as build_pitch_setup
 from benchtool.tasks import TaskStore, Work, run_tasks
 
 MAX_BLOCKS = 400
@@ -35,9 +35,9 @@ def campaign_of(
 ) -> Campaign:
     """Return the campaign of the inputs; `permit` is called before user code of a model is run."""
     if isinstance(inputs, PitchInputs):
-        pitch = {gains: pitch_setup_of(inputs, gains, permit) for gains in inputs.study.gains}
+        pitch = {gains: build_pitch_setup(inputs, gains, permit) for gains in inputs.study.gains}
         return pitch_campaign(pitch)
-    flight = {gains: flight_setup_of(inputs, gains, permit) for gains in inputs.study.gains}
+    flight = {gains: build_flight_setup(inputs, gains, permit) for gains in inputs.study.gains}
     return flight_campaign(flight, inputs.controllers or ("oge", "pid"))
 
 

@@ -173,7 +173,6 @@ def gains_from_toml(text: str, where: str) -> Gains:
     gains = build_dataclass(Gains, data, where)
     if gains.control_rate_Hz > 1e5:
         raise FileFormatError(
-            where,
-            f"control_rate_Hz = {gains.control_rate_Hz:g} is out of range; limit: 100000",
+            where, f"control_rate_Hz = {gains.control_rate_Hz:g} is out of range; limit: 100000"
         )
     return replace(gains, sources=value_sources.by_key, assumed=tuple(value_sources.assumed))

@@ -207,20 +207,20 @@ class Axis:
     """Axis that moves at constant feed, with backlash.
 
     Attributes:
-        shown: position that the stage reports.
-        true: position of the plate. Equal to `shown` after an approach from farther, as in a sweep
-            and at the zero measurement; otherwise nearer by at most the backlash.
+        reported: position that the stage reports.
+        true: position of the plate. Equal to `reported` after an approach from farther, as in a
+            sweep and at the zero measurement; otherwise nearer by at most the backlash.
     """
 
     def __init__(self, feed: float, start: float, backlash: float = 0.0) -> None:
-        self.target = self.shown = self.true = start
+        self.target = self.reported = self.true = start
         self._feed = feed
         self._backlash = backlash
 
     @property
     def moving(self) -> bool:
         """True until the stage reaches its target."""
-        return self.shown != self.target
+        return self.reported != self.target
 
     def advance(self, elapsed_s: Array) -> tuple[Array, Array]:
         """Return reported and true positions (m,) at times from now; keep the last ones as state.
@@ -230,12 +230,14 @@ class Axis:
         """
         if not self.moving:
             ones = np.ones_like(elapsed_s)
-            return self.shown * ones, self.true * ones
-        remaining = self.target - self.shown
+            return self.reported * ones, self.true * ones
+        remaining = self.target - self.reported
         travelled = np.minimum(self._feed * elapsed_s, abs(remaining))
-        shown = np.where(
-            travelled >= abs(remaining), self.target, self.shown + np.copysign(travelled, remaining)
+        reported = np.where(
+            travelled >= abs(remaining),
+            self.target,
+            self.reported + np.copysign(travelled, remaining),
         )
-        true = np.clip(self.true, shown - self._backlash, shown)
-        self.shown, self.true = float(shown[-1]), float(true[-1])
-        return shown, true
+        true = np.clip(self.true, reported - self._backlash, reported)
+        self.reported, self.true = float(reported[-1]), float(true[-1])
+        return reported, true

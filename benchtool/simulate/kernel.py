@@ -34,10 +34,9 @@ PLAN = Slot(0, LoopPlan())
 
 Build = namedtuple("Build", "lanes slots")  # compile-time settings: lanes, slots of records
 
+# State of the loop: tick, its start time, plant step within it, plan; the geometry with the length
+# of a plant step `dt_s`, common to all lanes, and the schedule entry of the tick.
 Instant = namedtuple("Instant", "tick time_s part plan geometry scheduled")
-"""State of the loop: tick, its start time, plant step within it, plan; the geometry with the length
-of a plant step `dt_s`, common to all lanes, and the schedule entry of the tick.
-"""
 
 Phases = namedtuple("Phases", "geometry scheduled law mix move sense is_running")
 """Phases of a tick.

@@ -18,24 +18,21 @@ from benchtool.physics.model import Model
 
 Rotors = namedtuple("Rotors", "speed_rad_s")  # per disc, in flight per rotor: speed (rad/s)
 
+# Per disc, in flight per rotor: last commanded speed, and the delayed commands at the beginning and
+# the end of a plant step.
 Targets = namedtuple("Targets", "sent_rad_s old_rad_s new_rad_s")
-"""Per disc, in flight per rotor: last commanded speed, and the delayed commands at the beginning
-and the end of a plant step.
-"""
 
+# Weights over half a plant step: of the speed before it, and of the delayed commands at beginning
+# and end of the step.
 Lag = namedtuple("Lag", "remains old new", defaults=(0.0, 0.0, 0.0))
-"""Weights over half a plant step: of the speed before it, and of the delayed commands at beginning
-and end of the step.
-"""
 
+# Over a plant step: lag of both halves, decay factor of the random torque and standard deviation of
+# its innovation (N m), and delay of commands in whole steps.
 Motion = namedtuple(
     "Motion",
     "first second wake_remains wake_kick_Nm delay_steps",
     defaults=(Lag(), Lag(), 0.0, 0.0, 0.0),
 )
-"""Over a plant step: lag of both halves, decay factor of the random torque and standard deviation
-of its innovation (N m), and delay of commands in whole steps.
-"""
 
 
 @expression
@@ -51,20 +48,18 @@ def first_order_lag(lag: Any, speed: Any, old: Any, new: Any) -> Any:
 
 @inlined_expression
 def apply_delayed_commands(
-    w: Any, lane: Any, n_lanes: Any, sent: Any, step: Any, substeps: Any, slots: Any
+    w: Any, lane: Any, lanes: Any, sent: Any, step: Any, substeps: Any, slots: Any
 ) -> None:
     """Write the delayed commands at beginning and end of a plant step."""
-    motion, targets = (
-        read_record(w, slots.motion, lane, n_lanes),
-        read_record(w, slots.targets, lane, n_lanes),
-    )
+    motion = read_record(w, slots.motion, lane, lanes)
+    targets = read_record(w, slots.targets, lane, lanes)
     delayed_step, ring = step - int(motion.delay_steps), sent.shape[1]
     before, after = ((delayed_step - 1) // substeps) % ring, (delayed_step // substeps) % ring
     old, new = targets.old_rad_s, targets.new_rad_s
     for i in range(len(old)):
         old = with_fields(old, i, sent[i, before, lane])
         new = with_fields(new, i, sent[i, after, lane])
-    write_record(w, slots.targets, lane, n_lanes, Targets(targets.sent_rad_s, old, new))
+    write_record(w, slots.targets, lane, lanes, Targets(targets.sent_rad_s, old, new))
 
 
 def build_motion(model: Model, dt_s: float) -> Motion:
@@ -89,8 +84,6 @@ def build_motion(model: Model, dt_s: float) -> Motion:
         sd, correlation_s = model.random_torque
         wake_remains = np.exp(-dt_s / correlation_s)
         wake_innovation = sd * np.sqrt(1.0 - wake_remains**2)
-    first, second = (
-        half_step_lag(min(remaining_delay_s, half_s)),
-        half_step_lag(max(remaining_delay_s - half_s, 0.0)),
-    )
+    first = half_step_lag(min(remaining_delay_s, half_s))
+    second = half_step_lag(max(remaining_delay_s - half_s, 0.0))
     return Motion(first, second, wake_remains, wake_innovation, float(delay_steps))

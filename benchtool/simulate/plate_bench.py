@@ -172,14 +172,14 @@ class PlateBench:
     def halt_plate(self) -> None:
         """Stop the plate at its present position."""
         for axis in (self._z, self._x, self._tilt):
-            axis.target = axis.shown
+            axis.target = axis.reported
 
     def tare(self) -> None:
         """Set the mean of the last conversions as zero thrust, which removes offset and creep."""
         if not self._cell.has_read:
             self.advance(max(1, round(self._rate_Hz * FIRST_TARE_S)))
-        one = np.ones(1)
-        position = PlatePosition(self._z.true * one, self._x.true * one, self._tilt.true * one)
+        ones = np.ones(1)
+        position = PlatePosition(self._z.true * ones, self._x.true * ones, self._tilt.true * ones)
         time_s = self.time_s
         self._cell.tare(
             self._thrust.at_rest_N(position, time_s - self._tared_s, time_s),

@@ -30,14 +30,13 @@ from benchtool.simulate.gain_file import Gains
 
 RAMP_MAX_SPEED_M_S = 3.0  # speed limit with a ramp: the ramp sets the speed; assumed
 
+# Numbers of the law: loops, bandwidth and start of the observer; `compensate` is 1 to subtract the
+# estimated torque, `ramp` 1 where a moving reference replaces the speed limit.
 FlightNumbers = namedtuple(
     "FlightNumbers",
     "position roll pitch yaw k_z_per_s2 k_vz_per_s k_iz_per_s3 climb_limit_m_s2 observer_per_s "
     "compensate from_s ramp mass_kg gravity_m_s2",
 )
-"""Numbers of the law: loops, bandwidth and start of the observer; `compensate` is 1 to subtract the
-estimated torque, `ramp` 1 where a moving reference replaces the speed limit.
-"""
 
 Wrench = namedtuple(  # force in world axes (N) and torque in body axes (N m), or their momenta
     "Wrench",
@@ -123,6 +122,8 @@ def lifting_thrust(
     return mass_kg * (gravity_m_s2 + climb_m_s2) / np.maximum(cos_tilt, 0.5)
 
 
+# Horizontal axes, climb integral (m/s2), integrals of the attitude loops, momentum explained by the
+# observer, its estimate, and the last attitude command.
 FlightLawState = namedtuple(
     "FlightLawState",
     "x y climb_m_s2 roll pitch yaw explained estimate attitude",
@@ -131,9 +132,6 @@ FlightLawState = namedtuple(
         Attitude(),
     ),
 )  # fmt: skip
-"""Horizontal axes, climb integral (m/s2), integrals of the attitude loops, momentum explained by
-the observer, its estimate, and the last attitude command.
-"""
 
 
 @expression
@@ -232,16 +230,9 @@ def flight_step(
     )
     explained = _explain_all(momentum, state.explained, force, estimate, enabled, dt_s)
     next_state = FlightLawState(
-        x,
-        y,
-        climb_integral,
-        roll_loop,
-        pitch_loop,
-        yaw_loop,
-        Wrench(*explained),
-        estimate,
+        x, y, climb_integral, roll_loop, pitch_loop, yaw_loop, Wrench(*explained), estimate,
         attitude,
-    )
+    )  # fmt: skip
     return next_state, FlightCommand(thrust, tx, ty, tz, ())
 
 
@@ -251,31 +242,15 @@ def flight_numbers(case: Any, body: Body) -> FlightNumbers:
     attitude, yaw, position = gains.attitude, gains.yaw, gains.position
 
     def build_tilt_loop(inertia_kgm2: float) -> AttitudePid:
-        return AttitudePid(
-            attitude.k_theta_per_s,
-            attitude.k_i_theta_per_s2,
-            attitude.theta_integral_limit_rad_s,
-            attitude.rate_limit_rad_s,
-            attitude.k_q_per_s,
-            attitude.k_i_q_per_s2,
-            attitude.q_integral_limit_rad_s2,
-            inertia_kgm2,
-            math.inf,
-        )
+        values = {name: getattr(attitude, name) for name in attitude.__slots__}
+        return AttitudePid(**values, inertia_kgm2=inertia_kgm2, torque_limit_Nm=math.inf)
 
     yaw_loop = AttitudePid(
         yaw.k_psi_per_s, 0.0, 1.0, attitude.rate_limit_rad_s, yaw.k_r_per_s, 0.0, 1.0,
         body.inertia_zz_kgm2, math.inf,
     )  # fmt: skip
     return FlightNumbers(
-        PositionLoop(
-            position.k_x_per_s,
-            position.k_v_per_s,
-            position.k_iv_per_s2,
-            position.integral_limit_m_s2,
-            position.slew_limit_m_s2,
-            position.pitch_limit_rad,
-        ),
+        PositionLoop(*(getattr(position, name) for name in PositionLoop._fields)),
         build_tilt_loop(body.inertia_xx_kgm2),
         build_tilt_loop(body.inertia_yy_kgm2),
         yaw_loop,

@@ -157,14 +157,13 @@ BlockRow = namedtuple(  # a `Block` in the compiled loop, with the number of its
 )
 BLOCK = Slot(0, BlockRow())  # one column of `Tables.blocks`
 
+# First node and steps of a grid (m; 0 without grid), height of the floor (m, -inf without), and
+# number of surfaces of the blocks.
 MapNumbers = namedtuple(
     "MapNumbers",
     "grid_x_m grid_y_m step_x_m step_y_m floor_m n_planes",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""First node and steps of a grid (m; 0 without grid), height of the floor (m, -inf without), and
-number of surfaces of the blocks.
-"""
 
 MAP = Slot(0, MapNumbers())  # `Tables.numbers`
 

@@ -215,11 +215,11 @@ class FlightLoop:
         law = law_of(case.control, "free")
         law_numbers = law.numbers(case, rig.body)
         n_numbers = sum(len(effect.parameters) for effect in effects)
-        disc_of_rotor = tuple(int(disc) for disc in rig.disc_of_rotor)
+        rotor_disc = tuple(int(disc) for disc in rig.disc_of_rotor)
         self.layout = r.flight_layout(
             rig.n_discs, rig.n_rotors, n_numbers, allocate(law_numbers), law.state
         )
-        self.loops = flight_loops(effects, self.layout, disc_of_rotor, model.image_rules, law.step)
+        self.loops = flight_loops(effects, self.layout, rotor_disc, model.image_rules, law.step)
         feeds_forward = case.feeds_forward
         map_use = r.MapUse(
             case.map_strength if feeds_forward and not external else 0.0,

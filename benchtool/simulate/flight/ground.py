@@ -45,12 +45,11 @@ to OGE.
 disc touches a surface and if a height was clamped.
 """
 
+# A disc over one surface: its centre in the world (m), its share and height (m) over the surface,
+# and the share not covered by any surface so far.
 DiscBelow = namedtuple(
     "DiscBelow", "x_m y_m z_m share height_m uncovered", defaults=(0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
 )
-"""A disc over one surface: its centre in the world (m), its share and height (m) over the surface,
-and the share not covered by any surface so far.
-"""
 
 DISC = Slot(0, DiscBelow())  # one column of the scratch array: a disc
 MIN_SHARE = 1e-300  # avoids 0/0 for a surface under no disc
@@ -298,13 +297,9 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
                         is_clamped = 1.0
                     if disc.share >= 0.5 or height[i] == np.inf:
                         height = with_fields(height, i, flow.height_m[i])
+                uncovered = disc.uncovered - disc.share
                 next_disc = DiscBelow(
-                    disc.x_m,
-                    disc.y_m,
-                    disc.z_m,
-                    disc.share,
-                    disc.height_m,
-                    disc.uncovered - disc.share,
+                    disc.x_m, disc.y_m, disc.z_m, disc.share, disc.height_m, uncovered
                 )
                 write_record(scratch, DISC, i, n, next_disc)
         finite_height = height

@@ -53,10 +53,9 @@ from benchtool.simulate.layout import Layout
 from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 
+# Loops of a flight: run(arrays, plan, first, last) -> the tick at which it ended, with arrays from
+# `layout.lend_rows`; and look, see `ground.build_look_below`.
 FlightLoops = namedtuple("FlightLoops", "run look")
-"""Loops of a flight: run(arrays, plan, first, last) -> the tick at which it ended, with arrays from
-`layout.lend_rows`; and look, see `ground.build_look_below`.
-"""
 
 
 @inlined_expression
@@ -81,7 +80,7 @@ def control_vehicle(arrays: Any, now: Any, slots: Any, law: Any) -> None:
 
 @inlined_expression
 def mix_vehicle(
-    arrays: Any, now: Any, slots: Any, hooks: Any, rotor_speeds: Any, disc_of_rotor: Any
+    arrays: Any, now: Any, slots: Any, hooks: Any, rotor_speeds: Any, rotor_disc: Any
 ) -> None:  # fmt: skip
     """Allocate thrust and torques to rotor speeds; log the torques by ground effect."""
     w, command = arrays.w, read_record(arrays.w, slots.command, 0, 1)
@@ -91,7 +90,7 @@ def mix_vehicle(
     for i in range(len(speeds)):
         thrust = craft.per_thrust[i] * command.thrust_N + craft.per_roll[i] * command.roll_Nm
         thrust += craft.per_pitch[i] * command.pitch_Nm + craft.per_yaw[i] * command.yaw_Nm
-        compensated_N = compensated_thrust(thrust, command.divide_by[disc_of_rotor[i]])
+        compensated_N = compensated_thrust(thrust, command.divide_by[rotor_disc[i]])
         speed = min(speed_from_thrust(compensated_N, craft.k_N_s2), craft.top_speed_rad_s)
         speeds = with_fields(speeds, i, speed)
     flow = hooks.bare(
@@ -109,22 +108,20 @@ def mix_vehicle(
         factor = read_record(w, slots.below, 0, 1).factor
         roll, pitch = 0.0, 0.0
         for i in range(len(speeds)):
-            added_N = ground_effect_thrust_N(
-                speeds[i], craft.k_N_s2, factor[disc_of_rotor[i]] - 1.0
-            )
+            added_N = ground_effect_thrust_N(speeds[i], craft.k_N_s2, factor[rotor_disc[i]] - 1.0)
             roll += craft.y_m[i] * added_N
             pitch -= craft.x_m[i] * added_N
         write_record(w, slots.ground, 0, 1, GroundTorque(roll, pitch))
 
 
 @expression
-def disc_speeds(speeds: Any, ones: Any, disc_of_rotor: Any) -> Any:
+def disc_speeds(speeds: Any, ones: Any, rotor_disc: Any) -> Any:
     """Return the root of the summed squared rotor speeds of each disc: rad/s."""
     speed = ones
     for i in range(len(ones)):
         speed = with_fields(speed, i, 0.0 * ones[i])
     for j in range(len(speeds)):
-        i = disc_of_rotor[j]
+        i = rotor_disc[j]
         speed = with_fields(speed, i, speed[i] + speeds[j] * speeds[j])
     for i in range(len(ones)):
         speed = with_fields(speed, i, np.sqrt(speed[i]))
@@ -166,7 +163,7 @@ def next_velocity(time_s: Any, body: Any, lift_N: Any, craft: Any, gusts: Any, d
 
 @inlined_expression
 def move_vehicle(
-    arrays: Any, now: Any, slots: Any, hooks: Any, look_below: Any, disc_of_rotor: Any, ones: Any
+    arrays: Any, now: Any, slots: Any, hooks: Any, look_below: Any, rotor_disc: Any, ones: Any
 ) -> None:  # fmt: skip
     """Advance one plant step: half drift, forces at the middle, half drift."""
     w, discs, dt_s = arrays.w, now.geometry, now.geometry.dt_s
@@ -174,29 +171,25 @@ def move_vehicle(
     p, targets = read_record(w, slots.effects, 0, 1), read_record(w, slots.targets, 0, 1)
     outcome = read_record(w, slots.outcome, 0, 1)
     old, new = targets.old_rad_s, targets.new_rad_s
-    middle_rad_s = first_order_lag(
-        motion.first, read_record(w, slots.rotors, 0, 1).speed_rad_s, old, new
-    )
-    write_record(
-        w, slots.rotors, 0, 1, Rotors(first_order_lag(motion.second, middle_rad_s, old, new))
-    )
+    start_rad_s = read_record(w, slots.rotors, 0, 1).speed_rad_s
+    middle_rad_s = first_order_lag(motion.first, start_rad_s, old, new)
+    end_rad_s = first_order_lag(motion.second, middle_rad_s, old, new)
+    write_record(w, slots.rotors, 0, 1, Rotors(end_rad_s))
 
     time_s = now.time_s + (now.part + 0.5) * dt_s
     body = drift(read_record(w, slots.body, 0, 1), 0.5 * dt_s)
-    speed, pitch = disc_speeds(middle_rad_s, ones, disc_of_rotor), pitch_angle(body)
+    speed, pitch = disc_speeds(middle_rad_s, ones, rotor_disc), pitch_angle(body)
     below, flow = look_below(
         time_s, pitch, body, craft, discs, speed, p, arrays.below, 0.0, arrays.scratch
     )
     lift, roll, pitching, yaw = 0.0, 0.0, 0.0, 0.0
     for i in range(len(middle_rad_s)):
-        thrust = ground_effect_thrust_N(
-            middle_rad_s[i], craft.k_N_s2, below.factor[disc_of_rotor[i]]
-        )
+        thrust = ground_effect_thrust_N(middle_rad_s[i], craft.k_N_s2, below.factor[rotor_disc[i]])
         lift += thrust
         roll += craft.y_m[i] * thrust
         pitching -= craft.x_m[i] * thrust
         drag = drag_torque_Nm(middle_rad_s[i], craft.c_Nm_s2)
-        yaw -= craft.spin[i] * drag * below.drag[disc_of_rotor[i]]
+        yaw -= craft.spin[i] * drag * below.drag[rotor_disc[i]]
     pitching += body.wake_Nm
     rate, rate_per_torque = body.q_rad_s, dt_s / craft.inertia_kgm2[1]
     flow = hooks.bare(
@@ -229,17 +222,15 @@ def move_vehicle(
 
 @inlined_expression
 def sense_vehicle(
-    arrays: Any, now: Any, slots: Any, hooks: Any, look_below: Any, disc_of_rotor: Any, ones: Any
+    arrays: Any, now: Any, slots: Any, hooks: Any, look_below: Any, rotor_disc: Any, ones: Any
 ) -> None:
-    """Measure state and gyro at the beginning of a tick; evaluate the surfaces below, those of the
-    map if it is used, the true ones if the tick is logged.
-    """
+    """Measure the state; look below on the map if it is used, in truth if the tick is logged."""
     w, body = arrays.w, read_record(arrays.w, slots.body, 0, 1)
     craft, map_use = read_record(w, slots.craft, 0, 1), read_record(w, slots.map_use, 0, 1)
     p, outcome = read_record(w, slots.effects, 0, 1), read_record(w, slots.outcome, 0, 1)
     speeds = read_record(w, slots.rotors, 0, 1).speed_rad_s
     discs, time_s = now.geometry, now.time_s
-    speed, pitch = disc_speeds(speeds, ones, disc_of_rotor), pitch_angle(body)
+    speed, pitch = disc_speeds(speeds, ones, rotor_disc), pitch_angle(body)
     for on_map in range(2):
         if on_map > 0:
             is_due, tables, whole = map_use.is_used > 0.0, arrays.map, map_use.whole_discs
@@ -279,13 +270,13 @@ def is_flying(arrays: Any, slots: Any) -> Any:
 def flight_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
-    disc_of_rotor: tuple[int, ...],
+    rotor_disc: tuple[int, ...],
     rules: ImageRules,
     step: Any,
 ) -> FlightLoops:
     """Return the loops for these effects and this law."""
-    n, slots = max(disc_of_rotor) + 1, layout.slots
-    ones, n_rotors, like = (1.0,) * n, len(disc_of_rotor), FlightArrays()
+    n, slots = max(rotor_disc) + 1, layout.slots
+    ones, n_rotors, like = (1.0,) * n, len(rotor_disc), FlightArrays()
     hooks = joined_hooks(effects, n, rules)
     slot, build = geometry_slot(n, rules.n_body), Build((0,), slots)
     look_below = build_look_below(n, hooks)
@@ -299,21 +290,17 @@ def flight_loops(
     )
     law = inlined_expression(lambda arrays, now: control_vehicle(arrays, now, slots, step))
     mix = inlined_expression(
-        lambda arrays, now: mix_vehicle(arrays, now, slots, hooks(), rotor_speeds, disc_of_rotor)
+        lambda arrays, now: mix_vehicle(arrays, now, slots, hooks(), rotor_speeds, rotor_disc)
     )
     move = inlined_expression(
-        lambda arrays, now: move_vehicle(
-            arrays, now, slots, hooks(), look_below, disc_of_rotor, ones
-        )
+        lambda arrays, now: move_vehicle(arrays, now, slots, hooks(), look_below, rotor_disc, ones)
     )
     sense = inlined_expression(
-        lambda arrays, now: sense_vehicle(
-            arrays, now, slots, hooks(), look_below, disc_of_rotor, ones
-        )
+        lambda arrays, now: sense_vehicle(arrays, now, slots, hooks(), look_below, rotor_disc, ones)
     )
     is_running = inlined_expression(lambda arrays: is_flying(arrays, slots))
     phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
-    key = repr((disc_of_rotor, rules, identity(step), layout.records, identities(effects)))
+    key = repr((rotor_disc, rules, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())

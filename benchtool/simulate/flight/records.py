@@ -47,10 +47,9 @@ class FlightGeometry(NamedTuple):
     body: BodyImages
 
 
+# Use of the map: strength and start time of the feedforward, 1 if a disc is covered as a whole or
+# not at all, 1 if the map is used.
 MapUse = namedtuple("MapUse", "strength from_s whole_discs is_used", defaults=(0.0, 0.0, 0.0, 0.0))
-"""Use of the map: strength and start time of the feedforward, 1 if a disc is covered as a whole or
-not at all, 1 if the map is used.
-"""
 
 FlightTick = namedtuple(  # one column of the schedule: setpoint and current goal (m)
     "FlightTick",

@@ -20,14 +20,13 @@ from benchtool.physics.expression import expression, inlined_expression
 GRAVITY_M_S2 = 9.81  # standard gravity rounded as in the notes' prototype: m/s2
 SMALL_TURN = 1e-4  # rad2; below it the series in `drift` are exact to rounding (2e-16)
 
+# State of a body: position and velocity in the world, attitude, body rates, and the random torque
+# about the pitch axis.
 FreeBody = namedtuple(
     "FreeBody",
     "x_m y_m z_m vx_m_s vy_m_s vz_m_s qw qx qy qz p_rad_s q_rad_s r_rad_s wake_Nm",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""State of a body: position and velocity in the world, attitude, body rates, and the random torque
-about the pitch axis.
-"""
 
 
 def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> FreeBody:

@@ -25,11 +25,7 @@ from benchtool.simulate.ranges import check_range
 # Short names of effect parameters, with their own names.
 SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
 
-RULES = (
-    "wake_rule",
-    "tilt_rule",
-    "body_distance",
-)  # interpretations of the paper, selected by a model
+RULES = ("wake_rule", "tilt_rule", "body_distance")  # model choices, from ambiguities of the paper
 
 RANGES = {
     "K_b": (0.0, 50.0),

@@ -23,10 +23,9 @@ from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 
 FREE, CORRECT, RESTART = range(3)  # predict without readings, correct by them, restart from them
 
+# One column of a log: setpoint and pulse widths as in `records.Tick`, filter mode, and readings of
+# pitch (rad), gyro (rad/s) and speed of each disc (rad/s); nan where there is none.
 LoggedTick = namedtuple("LoggedTick", "setpoint pwm_us mode theta_rad gyro_rad_s speed_rad_s")
-"""One column of a log: setpoint and pulse widths as in `records.Tick`, filter mode, and readings of
-pitch (rad), gyro (rad/s) and speed of each disc (rad/s); nan where there is none.
-"""
 
 
 def logged_slot(n_discs: int) -> Slot:
@@ -35,31 +34,29 @@ def logged_slot(n_discs: int) -> Slot:
     return Slot(0, LoggedTick(Setpoint(), discs, 0.0, 0.0, 0.0, discs))
 
 
+# Gains from pitch and gyro innovations to pitch, rate and random torque, and of the speeds.
 FilterGains = namedtuple(
     "FilterGains",
     "theta_by_theta theta_by_gyro rate_by_theta rate_by_gyro wake_by_theta wake_by_gyro speed",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""Gains from pitch and gyro innovations to pitch, rate and random torque, and of the speeds."""
 
 GAINS = Slot(0, FilterGains())
 
 
 @inlined_expression
 def correct_lane(
-    w: Any, lane: Any, n_lanes: Any, now: Any, gains: Any, slots: Any, hooks: Any
+    w: Any, lane: Any, lanes: Any, now: Any, gains: Any, slots: Any, hooks: Any
 ) -> None:
     """Predict the readings of a tick and correct the state of one lane by the logged readings."""
     logged = now.scheduled
-    hinge, rotors = (
-        read_record(w, slots.hinge, lane, n_lanes),
-        read_record(w, slots.rotors, lane, n_lanes),
-    )
-    readings = read_record(w, slots.readings, lane, n_lanes)
-    p = read_record(w, slots.effects, lane, n_lanes)
+    hinge = read_record(w, slots.hinge, lane, lanes)
+    rotors = read_record(w, slots.rotors, lane, lanes)
+    readings = read_record(w, slots.readings, lane, lanes)
+    p = read_record(w, slots.effects, lane, lanes)
     gyro = hooks.gyro(now.time_s, hinge.theta_rad, hinge.rate_rad_s, hinge.acceleration_rad_s2, p)
     predicted = SensorReadings(hinge.theta_rad, gyro, readings.plate_z_m, rotors.speed_rad_s)
-    write_record(w, slots.readings, lane, n_lanes, predicted)
+    write_record(w, slots.readings, lane, lanes, predicted)
     pitch_error, rate_error = logged.theta_rad - hinge.theta_rad, logged.gyro_rad_s - gyro
     pitch_error = pitch_error if pitch_error == pitch_error else 0.0
     rate_error = rate_error if rate_error == rate_error else 0.0
@@ -79,8 +76,8 @@ def correct_lane(
         elif logged.mode == RESTART:
             speeds = with_fields(speeds, i, speeds[i] + error)
     corrected = Hinge(
-        theta, rate, wake, hinge.bent, hinge.clamped_steps, hinge.stopped_steps,
+        theta, rate, wake, hinge.deflection, hinge.clamped_steps, hinge.stopped_steps,
         hinge.acceleration_rad_s2,
     )  # fmt: skip
-    write_record(w, slots.hinge, lane, n_lanes, corrected)
-    write_record(w, slots.rotors, lane, n_lanes, Rotors(speeds))
+    write_record(w, slots.hinge, lane, lanes, corrected)
+    write_record(w, slots.rotors, lane, lanes, Rotors(speeds))

@@ -96,22 +96,16 @@ def scaled(values: Any, factor: Any) -> Any:
 
 
 @inlined_expression
-def step_lane(
-    w: Any, lane: Any, n_lanes: Any, states: Any, now: Any, slots: Any, hooks: Any
-) -> None:
+def step_lane(w: Any, lane: Any, lanes: Any, states: Any, now: Any, slots: Any, hooks: Any) -> None:
     """Advance the bench of one lane by one plant step."""
     discs, time_s = now.geometry, now.time_s
-    body, motion = (
-        read_record(w, slots.body, lane, n_lanes),
-        read_record(w, slots.motion, lane, n_lanes),
-    )
-    hinge, rotors = (
-        read_record(w, slots.hinge, lane, n_lanes),
-        read_record(w, slots.rotors, lane, n_lanes),
-    )
-    plate = read_record(w, slots.setpoint, lane, n_lanes)
-    p = read_record(w, slots.effects, lane, n_lanes)
-    targets = read_record(w, slots.targets, lane, n_lanes)
+    body = read_record(w, slots.body, lane, lanes)
+    motion = read_record(w, slots.motion, lane, lanes)
+    hinge = read_record(w, slots.hinge, lane, lanes)
+    rotors = read_record(w, slots.rotors, lane, lanes)
+    plate = read_record(w, slots.setpoint, lane, lanes)
+    p = read_record(w, slots.effects, lane, lanes)
+    targets = read_record(w, slots.targets, lane, lanes)
     old, new = targets.old_rad_s, targets.new_rad_s
     start_rad_s = rotors.speed_rad_s
     middle_rad_s = hooks.followed(
@@ -120,7 +114,7 @@ def step_lane(
     end_rad_s = hooks.followed(
         middle_rad_s, first_order_lag(motion.second, middle_rad_s, old, new), p
     )
-    write_record(w, slots.rotors, lane, n_lanes, Rotors(end_rad_s))
+    write_record(w, slots.rotors, lane, lanes, Rotors(end_rad_s))
 
     x, dt_s, rate = discs.x_m, discs.dt_s, hinge.rate_rad_s
     theta = hinge.theta_rad + 0.5 * dt_s * rate
@@ -147,7 +141,9 @@ def step_lane(
     stiffness_share = friction_limit / np.maximum(
         hinge_give + friction_limit + hooks.dry_width(0, flow, p), MIN_DIVISOR
     )
-    friction = clip((hinge_give * hinge.bent + frictionless_rate) * stiffness_share, friction_limit)
+    friction = clip(
+        (hinge_give * hinge.deflection + frictionless_rate) * stiffness_share, friction_limit
+    )
     previous_rate, rate = rate, frictionless_rate - friction
     theta = theta + 0.5 * dt_s * rate
     clipped_theta = clip(theta, body.stop_rad)
@@ -165,27 +161,20 @@ def step_lane(
         friction / np.maximum(friction_limit, MIN_DIVISOR), hinge.clamped_steps + is_clamped,
         hinge.stopped_steps + is_stopped, (rate - previous_rate) / dt_s,
     )  # fmt: skip
-    write_record(w, slots.hinge, lane, n_lanes, next_hinge)
+    write_record(w, slots.hinge, lane, lanes, next_hinge)
 
 
 @inlined_expression
 def sense_lane(
-    w: Any, lane: Any, n_lanes: Any, states: Any, fresh: Any, time_s: Any, slots: Any, hooks: Any
+    w: Any, lane: Any, lanes: Any, states: Any, fresh: Any, time_s: Any, slots: Any, hooks: Any
 ) -> None:
-    """Write the new readings of encoder, gyro, plate and rotor speeds of one lane.
-
-    `fresh` contains 1 for sensors with a new reading.
-    """
-    previous, delayed = (
-        read_record(w, slots.readings, lane, n_lanes),
-        read_record(w, slots.delayed, lane, n_lanes),
-    )
-    sensors, rotors = (
-        read_record(w, slots.sensors, lane, n_lanes),
-        read_record(w, slots.rotors, lane, n_lanes),
-    )
-    p = read_record(w, slots.effects, lane, n_lanes)
-    acceleration = read_record(w, slots.hinge, lane, n_lanes).acceleration_rad_s2
+    """Write the readings of one lane; `fresh` is 1 for sensors with a new reading."""
+    previous = read_record(w, slots.readings, lane, lanes)
+    delayed = read_record(w, slots.delayed, lane, lanes)
+    sensors = read_record(w, slots.sensors, lane, lanes)
+    rotors = read_record(w, slots.rotors, lane, lanes)
+    p = read_record(w, slots.effects, lane, lanes)
+    acceleration = read_record(w, slots.hinge, lane, lanes).acceleration_rad_s2
     a = next_state(states[lane])
     b = next_state(a)
     theta = read(delayed.theta_rad, normal(a, b), sensors.theta)
@@ -209,4 +198,4 @@ def sense_lane(
         plate if fresh.plate else previous.plate_z_m,
         speeds,
     )
-    write_record(w, slots.readings, lane, n_lanes, readings)
+    write_record(w, slots.readings, lane, lanes, readings)

@@ -50,69 +50,57 @@ from benchtool.simulate.pitch.records import (
 
 PAST_MASK = PAST - 1  # index of a tick in the ring of `PAST` ticks
 
+# Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
+# the same along a log.
 PitchLoops = namedtuple("PitchLoops", "run filter")
-"""Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
-the same along a log.
-"""
 
 
 @inlined_expression
-def control_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, law: Any) -> None:
+def control_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, law: Any) -> None:
     """Run one step of the built-in law of one lane, with its state in the records of the lane."""
-    readings, setpoint = read_record(w, slots.readings, lane, n_lanes), now.scheduled.setpoint
-    previous = read_record(w, slots.command, lane, n_lanes)
+    readings, scheduled = read_record(w, slots.readings, lane, lanes), now.scheduled
+    previous, setpoint = read_record(w, slots.command, lane, lanes), scheduled.setpoint
+    theta_rad, gyro_rad_s, plate_z_m, speed_rad_s = readings
     state, command = law(
-        read_record(w, slots.law, lane, n_lanes),
-        read_record(w, slots.law_state, lane, n_lanes),
-        PitchMeasurement(
-            now.time_s,
-            readings.theta_rad,
-            readings.gyro_rad_s,
-            readings.plate_z_m,
-            readings.speed_rad_s,
-        ),
-        PitchReference(setpoint.reference_rad, setpoint.collective_N, now.scheduled.observer),
+        read_record(w, slots.law, lane, lanes),
+        read_record(w, slots.law_state, lane, lanes),
+        PitchMeasurement(now.time_s, theta_rad, gyro_rad_s, plate_z_m, speed_rad_s),
+        PitchReference(setpoint.reference_rad, setpoint.collective_N, scheduled.observer),
         now.plan.substeps * now.geometry.dt_s,
     )
-    write_record(w, slots.law_state, lane, n_lanes, state)
-    next_command = Command(
-        command.torque_Nm, command.difference_us, previous.factor, previous.pwm_us
-    )
-    write_record(w, slots.command, lane, n_lanes, next_command)
+    write_record(w, slots.law_state, lane, lanes, state)
+    factor, pwm_us = previous.factor, previous.pwm_us
+    next_command = Command(command.torque_Nm, command.difference_us, factor, pwm_us)
+    write_record(w, slots.command, lane, lanes, next_command)
 
 
 @inlined_expression
-def divide_lane(w: Any, lane: Any, n_lanes: Any, factor: Any, slots: Any) -> None:
+def divide_lane(w: Any, lane: Any, lanes: Any, factor: Any, slots: Any) -> None:
     """Write the factors by which the mixer of one lane divides the thrusts."""
-    command = read_record(w, slots.command, lane, n_lanes)
+    command = read_record(w, slots.command, lane, lanes)
     compensated = Command(command.torque_Nm, command.difference_us, factor, command.pwm_us)
-    write_record(w, slots.command, lane, n_lanes, compensated)
+    write_record(w, slots.command, lane, lanes, compensated)
 
 
 @inlined_expression
-def drive_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any) -> None:
+def drive_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
     """Write the setpoint of one lane, and the scheduled pulse widths as its command."""
-    write_record(w, slots.setpoint, lane, n_lanes, now.scheduled.setpoint)
-    command = read_record(w, slots.command, lane, n_lanes)
+    write_record(w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
+    command = read_record(w, slots.command, lane, lanes)
     next_command = Command(
         command.torque_Nm, command.difference_us, command.factor, now.scheduled.pwm_us
     )
-    write_record(w, slots.command, lane, n_lanes, next_command)
+    write_record(w, slots.command, lane, lanes, next_command)
 
 
 @inlined_expression
-def expect_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
+def expect_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
     """Write the expected factors for the feedforward of one lane."""
-    nominal, scheduled, discs = (
-        read_record(w, slots.nominal, lane, n_lanes),
-        now.scheduled,
-        now.geometry,
-    )
-    body, readings = (
-        read_record(w, slots.body, lane, n_lanes),
-        read_record(w, slots.readings, lane, n_lanes),
-    )
-    p = read_record(w, slots.nominal_effects, lane, n_lanes)
+    nominal, scheduled = read_record(w, slots.nominal, lane, lanes), now.scheduled
+    discs = now.geometry
+    body = read_record(w, slots.body, lane, lanes)
+    readings = read_record(w, slots.readings, lane, lanes)
+    p = read_record(w, slots.nominal_effects, lane, lanes)
     plane = plane_below(scheduled.nominal_plate_z_m, readings.theta_rad, hooks.tilt(p))
     heights = heights_over(plane, discs.x_m, discs.y_m)
     areas = scaled(body.covered, scheduled.nominal_share)
@@ -123,18 +111,16 @@ def expect_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, hooks: An
     factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
         factor = with_fields(factor, i, expected_factor(factor[i], nominal.strength))
-    divide_lane(w, lane, n_lanes, factor, slots)
+    divide_lane(w, lane, lanes, factor, slots)
 
 
 @inlined_expression
-def mix_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any) -> None:
+def mix_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
     """Write the setpoint of one lane; allocate torque and collective to clipped pulse widths."""
-    write_record(w, slots.setpoint, lane, n_lanes, now.scheduled.setpoint)
-    command, nominal = (
-        read_record(w, slots.command, lane, n_lanes),
-        read_record(w, slots.nominal, lane, n_lanes),
-    )
-    setpoint, limits = now.scheduled.setpoint, read_record(w, slots.limits, lane, n_lanes)
+    write_record(w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
+    command = read_record(w, slots.command, lane, lanes)
+    nominal = read_record(w, slots.nominal, lane, lanes)
+    setpoint, limits = now.scheduled.setpoint, read_record(w, slots.limits, lane, lanes)
     x, pulses, pwm_us = now.geometry.x_m, nominal.pulses, command.pwm_us
     for i in range(len(x)):
         thrust_N = setpoint.collective_N - x[i] / now.geometry.span_m2 * command.torque_Nm
@@ -145,28 +131,24 @@ def mix_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any) -> None:
         pwm = np.minimum(np.maximum(pwm, limits.min_us), limits.max_us)
         pwm_us = with_fields(pwm_us, i, rounded(pwm, limits.quantum_us))
     mixed = Command(command.torque_Nm, command.difference_us, command.factor, pwm_us)
-    write_record(w, slots.command, lane, n_lanes, mixed)
+    write_record(w, slots.command, lane, lanes, mixed)
 
 
 @inlined_expression
-def turn_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
+def turn_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
     """Write the steady rotor speeds for the pulse widths of one lane as targets."""
     discs, time_s = now.geometry, now.time_s
-    command, pulses = (
-        read_record(w, slots.command, lane, n_lanes),
-        read_record(w, slots.pulses, lane, n_lanes),
-    )
-    targets, body = (
-        read_record(w, slots.targets, lane, n_lanes),
-        read_record(w, slots.body, lane, n_lanes),
-    )
+    command = read_record(w, slots.command, lane, lanes)
+    pulses = read_record(w, slots.pulses, lane, lanes)
+    targets = read_record(w, slots.targets, lane, lanes)
+    body = read_record(w, slots.body, lane, lanes)
     slope, start, steady = pulses.slope_rad_s_per_us, pulses.start_us, targets.sent_rad_s
     for i in range(len(steady)):
         speed = speed_from_pwm(command.pwm_us[i], slope, start, 1.0, 1.0)
         steady = with_fields(steady, i, speed)
     flow = hooks.bare(body.radius_m, discs.x_m, discs.y_m, LEVEL, steady, steady, steady, time_s)
-    target = hooks.speeds(flow, read_record(w, slots.effects, lane, n_lanes))
-    write_record(w, slots.targets, lane, n_lanes, Targets(target, target, target))
+    target = hooks.speeds(flow, read_record(w, slots.effects, lane, lanes))
+    write_record(w, slots.targets, lane, lanes, Targets(target, target, target))
 
 
 @lru_cache(maxsize=64)

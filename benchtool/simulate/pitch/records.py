@@ -18,15 +18,14 @@ from benchtool.simulate.motors import Motion, Rotors, Targets
 
 PAST = 64  # longest sensor delay in control ticks; a power of two, see `PAST_MASK`
 
+# State of the body: pitch (positive nose down), rate, random torque, elastic deflection of the dry
+# friction as a share (-1 to 1) of its maximum torque; number of plant steps with a disc below the
+# validity limit, and at the end stop; acceleration in the last step.
 Hinge = namedtuple(
     "Hinge",
-    "theta_rad rate_rad_s wake_Nm bent clamped_steps stopped_steps acceleration_rad_s2",
+    "theta_rad rate_rad_s wake_Nm deflection clamped_steps stopped_steps acceleration_rad_s2",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""State of the body: pitch (positive nose down), rate, random torque, elastic deflection of the dry
-friction as a share (-1 to 1) of its maximum torque; number of plant steps with a disc below the
-validity limit, and at the end stop; acceleration in the last step.
-"""
 
 # True values with the delay of the sensors.
 Delayed = namedtuple("Delayed", "theta_rad rate_rad_s plate_z_m", defaults=(0.0, 0.0, 0.0))
@@ -34,22 +33,19 @@ Delayed = namedtuple("Delayed", "theta_rad rate_rad_s plate_z_m", defaults=(0.0,
 # Last readings; speeds per disc.
 SensorReadings = namedtuple("SensorReadings", "theta_rad gyro_rad_s plate_z_m speed_rad_s")
 
+# Scheduled attitude (rad), collective (N per rotor), true plate distance with the body level (m),
+# and inserted share of the plate (0 to 1).
 Setpoint = namedtuple(
     "Setpoint", "reference_rad collective_N plate_z_m plate_share", defaults=(0.0, 0.0, 0.0, 0.0)
 )
-"""Scheduled attitude (rad), collective (N per rotor), true plate distance with the body level (m),
-and inserted share of the plate (0 to 1).
-"""
 
+# Motor command: torque for the mixer (N m), difference of pulse widths (us); per disc the factor of
+# the feedforward and the pulse width (us).
 Command = namedtuple("Command", "torque_Nm difference_us factor pwm_us")
-"""Motor command: torque for the mixer (N m), difference of pulse widths (us); per disc the factor
-of the feedforward and the pulse width (us).
-"""
 
+# Numbers of hinge and rotors: plant step over inertia (s/(kg m2)), weight (N), k (N/(rad/s)2),
+# effective radius (m), end stop (rad), and coverage of each disc by the fully inserted plate.
 HingedBody = namedtuple("HingedBody", "step_over_inertia weight_N k radius_m stop_rad covered")
-"""Numbers of hinge and rotors: plant step over inertia (s/(kg m2)), weight (N), k (N/(rad/s)2),
-effective radius (m), end stop (rad), and coverage of each disc by the fully inserted plate.
-"""
 
 # Map from pulse width to speed: slope, and the pulse width at which a rotor starts.
 PulseMap = namedtuple("PulseMap", "slope_rad_s_per_us start_us", defaults=(0.0, 0.0))
@@ -65,10 +61,9 @@ Sensors = namedtuple(  # all sensors of a pitch bench
     defaults=(SensorErrors(), SensorErrors(), SensorErrors(), SensorErrors()),
 )
 
+# Nominal values for mixer and feedforward: k, effective radius, pulse map, and compensated share of
+# the expected ground effect.
 Nominal = namedtuple("Nominal", "k radius_m pulses strength", defaults=(0.0, 0.0, PulseMap(), 0.0))
-"""Nominal values for mixer and feedforward: k, effective radius, pulse map, and compensated share
-of the expected ground effect.
-"""
 
 Tick = namedtuple(
     "Tick", "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us"

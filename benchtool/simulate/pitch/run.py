@@ -150,7 +150,7 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
 
 FILTERED = (  # record fields from a filter, in the order of `Predictions`
     "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
-    "hinge.wake_Nm", "hinge.bent", "readings.speed_rad_s", "rotors.speed_rad_s",
+    "hinge.wake_Nm", "hinge.deflection", "readings.speed_rad_s", "rotors.speed_rad_s",
 )  # fmt: skip
 
 

@@ -89,7 +89,7 @@ def test_a_plate_slides_in_and_out():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Block(x_m=(5.0, 3.0)), "x_m runs from 5 to 3"),
+        (lambda: Block(x_m=(5.0, 3.0)), "x_m is 5 to 3 m"),
         (lambda: Block(x_m=(3.0, inf), slope_x=0.1), "needs finite ends"),
         (lambda: Block(x_m=(3.0, 5.0), top_m=np.nan), "top_m is nan"),
         (lambda: Block(x_m=(0.0, 1.0), times_s=(2.0, 1.0, 3.0, 4.0)), "do not increase"),
@@ -108,7 +108,7 @@ def test_a_plate_slides_in_and_out():
         ),
         (
             lambda: grid_of(0.5).check_coverage(np.array([[0.0, 0.0], [9.0, 0.0]]), 0.3, "it"),
-            "the map does not cover it: x = 9 m",
+            "the map does not cover it: x is 9 m",
         ),
     ],
 )  # fmt: skip

@@ -84,7 +84,7 @@ def test_a_vehicle_comes_from_a_model():
     beside = replace(short, vehicle=hinged)
     np.testing.assert_array_equal(fly(beside).log, fly(short).log)
     said = warnings_of([fly_and_measure(beside)] * 2)
-    assert "coulomb_friction: of the model, but not of a vehicle in flight; left out" in said
+    assert "coulomb_friction: effects of the model that do not act in flight; ignored" in said
 
 
 def test_measures_of_simple_traces():

@@ -75,7 +75,7 @@ def test_the_plate_moves_at_its_feed_and_stops_on_target():
 
 
 def test_the_plate_stands_where_it_reads_from_farther_and_by_the_play_nearer_from_nearer():
-    axis = Axis(0.1, 1.0, play=0.002)
+    axis = Axis(0.1, 1.0, backlash=0.002)
     moves = []
     for target in (0.5, 0.8, 0.5):
         axis.target = target
