@@ -50,4 +50,4 @@ def export(inputs: ExportInputs) -> None:
         permit=announce_code,
         **input_values(inputs.stand),
     ):
-        print(f"wrote {path}")
+        print(f"written: {path}")

@@ -1,4 +1,4 @@
-"""Options that several commands share: a recipe, a table, a motor test."""
+"""Shared options of several commands: recipe, table and motor fit."""
 
 from __future__ import annotations
 

@@ -18,19 +18,19 @@ Every error is one sentence on standard error with the prefix `benchtool: `.
 """
 
 OTHERS = (
-    (0, "", "Success."),
-    (1, "`typer.Abort`", "Question not answered; nothing was done."),
+    (0, "", "The command succeeded."),
+    (1, "`typer.Abort`", "A prompt was not answered; the command stopped."),
     (
         2,
         "`typer.TyperException`",
-        "Unknown option, missing argument or invalid value.",
+        "An unknown option, a missing argument or an invalid value.",
     ),
     (
         UNEXPECTED_ERROR_CODE,
         "",
-        "Internal error; the message names a file with the traceback.",
+        "Internal error; the message contains the path of a file with the traceback.",
     ),
-    (130, "", "Ctrl-C in a command without motors."),
+    (130, "", "Ctrl-C while no motors can turn."),
 )
 """Codes that belong to no error class of ours: (code, class, meaning)."""
 
