@@ -12,7 +12,7 @@ from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.plural import pluralize
-from benchtool.fit.jacobian import Way, select_method
+from benchtool.fit.jacobian import DerivativeMethod, select_method
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem, normal_log_density
 from benchtool.fit.solve import row_jacobian
@@ -155,7 +155,7 @@ def predicted(problem: Problem, training: Problem, result: FitResult) -> tuple[A
     return normal_log_density(residuals / sd, sd), residuals
 
 
-def _slopes(problem: Problem, method: Way, shape: Array) -> Array:
+def _slopes(problem: Problem, method: DerivativeMethod, shape: Array) -> Array:
     """Return d prediction / d shape (m, n_shape)."""
     n_points = len(problem)
     identity = Whitening(np.ones(n_points), np.empty((n_points, 0)))

@@ -144,7 +144,7 @@ def _verdict(problem: Problem, result: FitResult, p_value: float) -> Verdict:
 
 
 def _verdict_messages(
-    verdict: Verdict, result: FitResult, chance: float, misfit_ratio: float
+    verdict: Verdict, result: FitResult, p_value: float, misfit: float
 ) -> tuple[str, ...]:
     message = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
     noise_is_free = any(estimate.name.startswith("noise.") for estimate in result.estimates)
@@ -157,13 +157,13 @@ def _verdict_messages(
         advice = "add an effect"
         if not noise_is_free:
             advice += ", or free noise.scale if the stated errors are too small"
-        if misfit_ratio:
-            advice = f"its misfit is {misfit_ratio:.2g} times the scatter of repeats: {narrow_text}"
+        if misfit:
+            advice = f"its misfit is {misfit:.2g} times the scatter of repeats: {narrow_text}"
         elif has_misfit(result):
             advice = f"{scatter_text}: {narrow_text}"
         return (
             f"{message}: model {result.model!r} is rejected at the stated standard errors (chance "
-            f"{f'{chance:.1g}' if chance > 1e-12 else 'below 1e-12'}); {advice}",
+            f"{f'{p_value:.1g}' if p_value > 1e-12 else 'below 1e-12'}); {advice}",
         )
     if verdict == "scatter":
         noise_text = (

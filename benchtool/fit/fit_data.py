@@ -28,7 +28,12 @@ from benchtool.data.run.read import changed_points, is_pitch_run, is_run, read_p
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
-from benchtool.fit.uncertainty.bench_errors import SHOWS, Visits, bench_errors, joined_visits
+from benchtool.fit.uncertainty.bench_errors import (
+    MIN_EFFECT,
+    Visits,
+    bench_errors,
+    concatenate_visits,
+)
 from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
 from benchtool.fit.uncertainty.zero_drift import add_zero_drift
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
@@ -78,7 +83,7 @@ class FitData:
         return tuple(
             replace(source, columns=columns)
             for source, columns in changed_sources
-            if np.abs(columns[self.used]).max() > SHOWS
+            if np.abs(columns[self.used]).max() > MIN_EFFECT
         )
 
     @property
@@ -231,7 +236,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error_sources=sources,
         load_cells=load_cells(recipe.data, parts, recipe.calibration),
         by_thrust=by_thrust,
-        visits=joined_visits(
+        visits=concatenate_visits(
             [Visits.of(part, Conditions.from_recording(part, rig), rig) for part in parts]
         ),
     )

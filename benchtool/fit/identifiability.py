@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from benchtool.core.array_type import Array
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import PART, select_method, spread_of
+from benchtool.fit.jacobian import PART, estimate_covariance, select_method
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.physics.catalogue import EFFECTS
@@ -69,7 +69,7 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
         method = select_method(problem.predict, shape, len(problem), lower, upper)
         jacobian = row_jacobian(problem, method)(shape, problem.whitening(noise))
     names = problem.shape_names
-    estimate = spread_of(jacobian, method)
+    estimate = estimate_covariance(jacobian, method)
     if estimate.undetermined:
         return _undetermined_groups(names, estimate.directions)
     confused: list[Confusion] = []

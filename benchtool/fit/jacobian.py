@@ -14,7 +14,7 @@ import numpy as np
 
 from benchtool.core.array_type import Array
 
-Way = Literal["complex_step", "central_differences"]
+DerivativeMethod = Literal["complex_step", "central_differences"]
 
 STEP = 1e-25  # complex step relative to the value: its square is below the rounding of 1
 
@@ -62,7 +62,7 @@ def central_differences(
 
 def select_method(
     predict: Callable[[Any], Any], values: Array, m: int, lower: Array, upper: Array
-) -> Way:
+) -> DerivativeMethod:
     """Return the method for a function: complex step if both methods agree at `values`."""
     differences = central_differences(predict, values, m, lower, upper)
     try:
@@ -81,12 +81,12 @@ def select_method(
 
 # Singular values of the column-scaled Jacobian below this share of the largest count as zero; some
 # digits above the rounding of the derivatives.
-RANK_LIMIT: dict[Way, float] = {"complex_step": 1e-12, "central_differences": 1e-8}
+RANK_LIMIT: dict[DerivativeMethod, float] = {"complex_step": 1e-12, "central_differences": 1e-8}
 PART = 1e-3  # minimum component of a parameter that belongs to an undetermined direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spread:
+class CovarianceEstimate:
     """Covariance and rank of a weighted Jacobian.
 
     Attributes:
@@ -100,7 +100,9 @@ class Spread:
     condition: float
 
 
-def spread_of(jacobian: Array, way: Way = "complex_step") -> Spread:
+def estimate_covariance(
+    jacobian: Array, method: DerivativeMethod = "complex_step"
+) -> CovarianceEstimate:
     """Return covariance (J^T J)^-1 and rank of a weighted Jacobian (rows, n), by its SVD."""
     n = jacobian.shape[1]
     norms = np.linalg.norm(jacobian, axis=0)
@@ -110,7 +112,7 @@ def spread_of(jacobian: Array, way: Way = "complex_step") -> Spread:
     if rows.shape[0] < n:
         rows = np.concatenate([rows, np.zeros((n - rows.shape[0], n))])
     _, singular, directions = np.linalg.svd(rows, full_matrices=False)
-    is_null = singular <= RANK_LIMIT[way] * singular[0]
+    is_null = singular <= RANK_LIMIT[method] * singular[0]
     inverse = np.where(is_null, 0.0, 1.0 / np.where(is_null, 1.0, singular))
     factor = directions.T * inverse / norms[:, None]
     covariance = factor @ factor.T
@@ -118,7 +120,7 @@ def spread_of(jacobian: Array, way: Way = "complex_step") -> Spread:
     for i in undetermined:
         covariance[i, :] = covariance[:, i] = 0.0
         covariance[i, i] = np.inf
-    return Spread(
+    return CovarianceEstimate(
         covariance=covariance,
         undetermined=tuple(int(i) for i in undetermined),
         directions=directions[is_null],

@@ -9,7 +9,7 @@ import numpy as np
 from benchtool.core.errors import EstimationError, UnknownChoice
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.interval import half_widths, interval_around
-from benchtool.fit.jacobian import spread_of
+from benchtool.fit.jacobian import estimate_covariance
 from benchtool.fit.noise import fit_noise
 from benchtool.fit.problem import Problem
 from benchtool.fit.robust import LOSSES, Loss, robust_chi2, robust_inflation
@@ -44,30 +44,28 @@ def fit_least_squares(
     if problem.noise_name is not None:
 
         def refit(value: float, near: Solution) -> Solution:
-            return solve(problem, problem.whitening(value), near.shape, loss=loss, way=near.way)
+            whitening = problem.whitening(value)
+            return solve(problem, whitening, near.shape, loss=loss, method=near.method)
 
         noise, best = fit_noise(problem, best, refit, robust=loss != "linear")
     m, n_shape, value = len(problem), len(best.shape), None if noise is None else noise.value
     whitening, jacobian, points_dof, factor = problem.whitening(value), best.jacobian, 0.0, 1.0
     if loss != "linear":
         points_dof = best.points_dof(m)
-        inflation = robust_inflation(best.rows[:m], points_dof, loss, stated=noise is None)
+        inflation = robust_inflation(best.rows[:m], points_dof, loss, is_stated=noise is None)
         factor = float(np.sqrt(inflation))
         whitening, jacobian = problem.whitening(value, factor).own, jacobian.copy()
         jacobian[:m] /= factor
-    spread = spread_of(jacobian, best.way)
-    covariance = spread.covariance[:n_shape, :n_shape]
+    uncertainty = estimate_covariance(jacobian, best.method)
+    covariance = uncertainty.covariance[:n_shape, :n_shape]
     sd = np.sqrt(np.diag(covariance))
-    dof, growth = (
-        column[:n_shape]
-        for column in parameter_dof(problem, jacobian, spread.covariance, whitening)
-    )
+    dof, growth = parameter_dof(problem, jacobian, uncertainty.covariance, whitening)
     by_name = {
         name: interval_around(
             name, problem.parameters[name], value, deviation, half_widths(float(parameter_nu))
         )
         for name, value, deviation, parameter_nu in zip(
-            problem.shape_names, best.shape, sd * growth, dof, strict=True
+            problem.shape_names, best.shape, sd * growth[:n_shape], dof[:n_shape], strict=True
         )
     }
     if noise is not None:
@@ -93,7 +91,7 @@ def fit_least_squares(
         chi2=chi2,
         dof=problem.dof if loss == "linear" else round(points_dof),
         log_likelihood=log_likelihood,
-        outcome=_outcome(best, [problem.shape_names[i] for i in spread.undetermined]),
+        outcome=_outcome(best, [problem.shape_names[i] for i in uncertainty.undetermined]),
         warnings=tuple(
             f"{estimate.name} ended {estimate.bound} "
             f"{f'{estimate.value:g} {estimate.unit}'.removesuffix(' 1')}; its intervals are "
@@ -105,8 +103,8 @@ def fit_least_squares(
             **problem.facts,
             "points": len(problem),
             "prior_rows": len(problem.priors),
-            "derivatives": best.way,
-            "condition": spread.condition,
+            "derivatives": best.method,
+            "condition": uncertainty.condition,
             "loss": loss,
             "loss_factor": factor,
             "starts": 1,  # keys of result.json

@@ -1,16 +1,15 @@
-"""The problem: data, prediction, parameters and priors, as both estimators take it.
+"""Estimation problem of both estimators: data, prediction, parameters and priors.
 
-An estimator is a function of a problem that returns a `FitResult`: it leaves the problem as it is,
-gives the same answer for the same seed, orders its estimates as `Problem.free_names`, says in the
-outcome how it ended, and raises `EstimationError` only where there is no result at all.
+An estimator is a function from a problem to a `FitResult`. It does not modify the problem, is
+deterministic for a seed, orders estimates as `Problem.free_names`, reports convergence in the
+outcome, and raises `EstimationError` only without any result.
 
-The free parameters fall in two kinds. Shape parameters move the prediction. A noise parameter
-moves the errors only: `noise.scale` multiplies the points' own standard errors and the sources
-that say so, `noise.sd...` adds in quadrature, `noise.place_m` is the sd of a source of its own.
+Free parameters are of two kinds. Shape parameters change the prediction. A noise parameter changes
+errors only: `noise.scale` multiplies the standard errors of points and of scaled error sources,
+`noise.sd...` adds in quadrature, `noise.place_m` is the sd of a separate error source.
 
-All errors together make the covariance V of the points; estimators see residuals whitened by it
-(`Problem.whitening`), so that chi-square, intervals, robust losses and residuals mean the same
-with shared errors as without.
+Independent and shared errors make the covariance V of the points. Estimators use residuals whitened
+by V (`Problem.whitening`), so chi-square, intervals and robust losses keep their meaning.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ from benchtool.physics.effects.effect import Effect
 
 IntArray = NDArray[np.intp]
 
+# predict(values) -> prediction: values (n_shape,) or (n_shape, w, 1), real or complex, in the order
+# of `Problem.shape_names`; prediction (m,) or (w, m).
 Predict = Callable[[Any], Any]
-"""predict(values) -> prediction: values (n_shape,) or (n_shape, w, 1), real or complex, in the
-order of `Problem.shape_names`; prediction (m,) or (w, m)."""
 
 NOISE_SCALE = "noise.scale"
 NOISE_SD = "noise.sd"
@@ -43,25 +42,25 @@ NOISE_PLACE = "noise.place_m"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """State what is to be estimated from what.
+    """Estimation problem: observations, prediction, parameters, priors.
 
     Attributes:
-        groups: (m,) which points belong to one setting; held out together by `compare`.
-        covariates: (m,) each, against which residuals are looked at ("z_over_R", "time_s").
-        error_sources: errors that points share, beside their own `standard_error`.
+        groups: (m,) setting number of each point; `compare` holds out a setting together.
+        covariates: (m,) each, for trends of residuals ("z_over_R", "time_s").
+        error_sources: errors shared by points, in addition to `standard_error`.
         joint_priors: normal priors on several parameters, for example of a calibration.
-        facts: carried into the result (counts, hashes).
-        missing: missing(covariate) -> effects that may be missing where residuals trend over it.
+        facts: copied into the result (counts, hashes).
+        missing: missing(covariate) -> effects that can explain a trend of residuals over it.
     """
 
     model: str  # name for results
     parameters: Parameters  # all parameters; the free ones are estimated
     predict: Predict  # see `Predict`
-    observed: Array  # (m,) what was measured
-    standard_error: Array  # (m,) its stated standard errors, above 0 and independent
+    observed: Array  # (m,) observations
+    standard_error: Array  # (m,) stated standard errors, above 0 and independent
     error_sources: tuple[ErrorSource, ...] = ()
-    basis: str = "joint"  # what is held equal when thrust is compared, or "joint"
-    labels: tuple[str, ...] = ()  # (m,) names of the points for messages; numbered when left out
+    basis: str = "joint"  # quantity at which thrusts are compared, or "joint"
+    labels: tuple[str, ...] = ()  # (m,) names of the points for messages; numbered by default
     groups: IntArray | None = None
     covariates: Mapping[str, Array] = field(default_factory=dict)
     joint_priors: tuple[JointPrior, ...] = ()
@@ -82,7 +81,7 @@ class Problem:
                 raise InputError(f"{m} points were observed, but {name} has {size} entries")
         if not self.shape_names:
             raise InputError(
-                f"model {self.model!r} has no free parameter that moves its prediction; free one "
+                f"model {self.model!r} has no free parameter that changes its prediction; free one "
                 f"of: {', '.join(name for name in self.parameters if not _is_noise(name))}"
             )
         if sum(_is_noise(name) for name in self.parameters.free_names) > 1:
@@ -92,18 +91,18 @@ class Problem:
             source.parameter == NOISE_PLACE for source in self.error_sources
         ):
             raise InputError(
-                f"{NOISE_PLACE} is free, but no point feels where the plate stands; fix it, or "
+                f"{NOISE_PLACE} is free, but no point depends on the plate position; fix it, or "
                 f"measure nearer to the plate"
             )
         for i in np.flatnonzero(~np.isfinite(self.observed))[:1]:
             raise InputError(
-                f"{self.label(int(i))} was observed as {self.observed[i]}; leave it out"
+                f"observation of {self.label(int(i))} is {self.observed[i]}; remove the point"
             )
         bad = ~(np.isfinite(self.standard_error) & (self.standard_error > 0.0))
         for i in np.flatnonzero(bad)[:1]:
             raise InputError(
-                f"{self.label(int(i))} has standard error {self.standard_error[i]:g}, not a "
-                f"number above 0; give the scatter of repeats, or 1 with noise.scale free"
+                f"standard error of {self.label(int(i))} is {self.standard_error[i]:g}; allowed: "
+                f"above 0; use the scatter of repeats, or 1 with noise.scale free"
             )
 
     def __len__(self) -> int:
@@ -117,12 +116,12 @@ class Problem:
 
     @cached_property
     def free_names(self) -> tuple[str, ...]:
-        """Full names of all free parameters (n_free,), in the order of every answer."""
+        """Full names of all free parameters (n_free,), in the order of every result."""
         return self.parameters.free_names
 
     @cached_property
     def shape_names(self) -> tuple[str, ...]:
-        """Free parameters that move the prediction (n_shape,), in order."""
+        """Free parameters that change the prediction (n_shape,), in order."""
         return tuple(name for name in self.parameters.free_names if not _is_noise(name))
 
     @cached_property
@@ -137,7 +136,7 @@ class Problem:
 
     @cached_property
     def start(self) -> Array:
-        """Present values of the shape parameters (n_shape,)."""
+        """Initial values of the shape parameters (n_shape,)."""
         return self.parameters.pack()[self.shape_index]
 
     @cached_property
@@ -159,43 +158,43 @@ class Problem:
     # --- residuals ------------------------------------------------------------------------
 
     def _scale_and_sd(self, noise: float | None) -> tuple[float, float]:
-        scale, added = 1.0, 0.0
-        for name, item in self.parameters.items():
+        scale, extra_sd = 1.0, 0.0
+        for name, parameter in self.parameters.items():
             if _is_noise(name):
-                value = noise if noise is not None and name == self.noise_name else item.value
+                value = noise if noise is not None and name == self.noise_name else parameter.value
                 if name == NOISE_SCALE:
                     scale = value
                 elif name != NOISE_PLACE:
-                    added = value
-        return scale, added
+                    extra_sd = value
+        return scale, extra_sd
 
     def sigma(self, noise: float | None = None) -> Array:
         """Return the independent errors (m,) at a value of the free noise parameter.
 
-        Without `noise` its present value is taken; fixed noise parameters count as they are.
+        None means its initial value. Fixed noise parameters keep their value.
         """
-        scale, added = self._scale_and_sd(noise)
-        if added == 0.0:
+        scale, extra_sd = self._scale_and_sd(noise)
+        if extra_sd == 0.0:
             return self.standard_error * scale
-        quadrature: Array = np.hypot(self.standard_error * scale, added)
+        quadrature: Array = np.hypot(self.standard_error * scale, extra_sd)
         return quadrature
 
     def shared(self, noise: float | None = None) -> Array:
         """Return the columns (m, r) of all error sources at a value of the free noise parameter."""
         scale, _ = self._scale_and_sd(noise)
         columns = []
-        for one in self.error_sources:
-            factor = scale if one.scaled else 1.0
-            if one.parameter and one.parameter == self.noise_name:
-                value = self.parameters[one.parameter].value if noise is None else noise
-                factor = value / one.sd
-            columns.append(one.columns * factor)
+        for source in self.error_sources:
+            factor = scale if source.scaled else 1.0
+            if source.parameter and source.parameter == self.noise_name:
+                value = self.parameters[source.parameter].value if noise is None else noise
+                factor = value / source.sd
+            columns.append(source.columns * factor)
         return np.concatenate([np.empty((len(self), 0)), *columns], axis=1)
 
     def whitening(self, noise: float | None = None, factor: float = 1.0) -> Whitening:
-        """Return what makes residuals independent at a value of the free noise parameter.
+        """Return the whitening of residuals at a value of the free noise parameter.
 
-        The points' own errors count `factor` times.
+        Independent errors are multiplied by `factor`.
         """
         return Whitening(factor * self.sigma(noise), self.shared(noise))
 
@@ -246,28 +245,28 @@ class Problem:
     # --- variations -----------------------------------------------------------------------
 
     def at(self, values: Array) -> Problem:
-        """Return the problem starting from these free values (n_free,)."""
+        """Return the problem with these free values (n_free,) as initial values."""
         return replace(self, parameters=self.parameters.with_values(values))
 
     def fixed(self, name: str, value: float) -> Problem:
-        """Return the problem with one free parameter held at `value`."""
+        """Return the problem with one free parameter fixed at `value`."""
         parameters = self.parameters.with_replaced(name, self.parameters[name].as_fixed(value))
         if _is_noise(name):
             return replace(self, parameters=parameters)
         position = self.shape_names.index(name)
-        inner = self.predict
+        predict_free = self.predict
 
         def predict(values: Any) -> Any:
-            return inner(np.insert(values, position, value, axis=0))
+            return predict_free(np.insert(values, position, value, axis=0))
 
         return replace(self, parameters=parameters, predict=predict)
 
     def subset(self, rows: IntArray) -> Problem:
-        """Return the problem of only those points."""
-        inner, m = self.predict, len(self)
+        """Return the problem with a subset of the points."""
+        predict_all, m = self.predict, len(self)
 
         def predict(values: Any) -> Any:
-            whole = np.asarray(inner(values))
+            whole = np.asarray(predict_all(values))
             return np.broadcast_to(whole, (*whole.shape[:-1], m))[..., rows]
 
         return replace(
@@ -292,29 +291,30 @@ class Problem:
     ) -> Problem:
         """Return the problem with the load cell's calibration as two nuisance parameters.
 
-        What is observed is `calibration.scale` times the prediction plus `calibration.offset_N`;
-        both are free under the calibration's prior, about 1 and 0.
+        An observation is `calibration.scale` times the prediction plus `calibration.offset_N`. Both
+        are free, with the prior of the calibration around 1 and 0.
 
         Args:
             covariance: (2, 2) of scale and offset: 1, N.
-            rows: (m,) which points went through it; all when left out.
-            name: stands behind the parameters' names, where there are several calibrations.
-            parts: sources of the scale's error, as a `JointPrior` has them.
+            rows: (m,) True for points that used this calibration; None means all.
+            name: suffix of the parameters' names if there are several calibrations.
+            parts: error sources of the scale, see `JointPrior`.
         """
-        own = 1.0 if rows is None else rows.astype(float)
-        behind = f"@{name}" if name else ""
+        weight = 1.0 if rows is None else rows.astype(float)
+        suffix = f"@{name}" if name else ""
         sd = np.sqrt(np.diag(covariance))
         scale = Parameter(
-            f"scale{behind}", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source
+            f"scale{suffix}", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source
         )
         offset = Parameter(
-            f"offset_N{behind}", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
+            f"offset_N{suffix}", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
         )
-        names = (f"calibration.scale{behind}", f"calibration.offset_N{behind}")
-        inner = self.predict
+        names = (f"calibration.scale{suffix}", f"calibration.offset_N{suffix}")
+        predict_all = self.predict
 
         def predict(values: Any) -> Any:
-            return (1.0 + own * (values[-2] - 1.0)) * inner(values[:-2]) + own * values[-1]
+            scale, offset = 1.0 + weight * (values[-2] - 1.0), weight * values[-1]
+            return scale * predict_all(values[:-2]) + offset
 
         return replace(
             self,
@@ -338,9 +338,9 @@ def normal_log_density(whitened: Array, sigma: Array) -> Array:
 
 
 def noise_parameter() -> Parameter:
-    """Return a free `noise.scale`: the standard errors are known up to a factor."""
-    about = "factor on the stated standard errors"
-    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=about)
+    """Return a free `noise.scale`, a common factor on the standard errors."""
+    description = "factor on the stated standard errors"
+    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=description)
 
 
 def function_problem(
@@ -349,23 +349,23 @@ def function_problem(
     predict: Predict,
     observed: Array,
     standard_error: Array | None = None,
-    **more: Any,
+    **fields: Any,
 ) -> Problem:
-    """Return the problem of fitting any function, vectorised as `Predict` says.
+    """Return the problem of a vectorised function, see `Predict`.
 
-    Without standard errors they are taken as equal and unknown: 1 times a free `noise.scale`.
+    Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
     """
-    named = Parameters(parameters.items())
+    all_parameters = Parameters(parameters.items())
     if standard_error is None:
         standard_error = np.ones(len(observed))
-        named = Parameters((*named.items(), (NOISE_SCALE, noise_parameter())))
+        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
     return Problem(
         model=name,
-        parameters=named,
+        parameters=all_parameters,
         predict=predict,
         observed=np.asarray(observed, float),
         standard_error=np.asarray(standard_error, float),
-        **more,
+        **fields,
     )
 
 

@@ -1,8 +1,7 @@
-"""Profile-likelihood intervals: how far one parameter goes while all others give way.
+"""Profile-likelihood intervals, for models whose covariance at the minimum is misleading.
 
-Where a model bends, the covariance at the minimum misleads and the profile does not. An end of an
-interval is where the least chi-square over all other parameters has risen by the square of the
-interval's half width in standard deviations.
+At an interval end the minimum chi-square over all other parameters has increased by the square of
+the half width in standard deviations.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from scipy.optimize import brentq
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.interval import half_widths
-from benchtool.fit.jacobian import Way, spread_of
+from benchtool.fit.jacobian import DerivativeMethod, estimate_covariance
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian, solve
 from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 
-MAX_SEARCH_SDS = 64.0  # an end farther than this many standard deviations counts as not there
+MAX_SEARCH_SDS = 64.0  # search range of an end in standard deviations; beyond: the bound
 
 
 def add_profile_intervals(
@@ -30,56 +29,56 @@ def add_profile_intervals(
     """Return a least-squares result whose intervals come from profiles.
 
     Args:
-        result: of `fit_least_squares`, with its plain loss.
-        names: parameters to do; all that move the prediction when left out.
+        result: of `fit_least_squares` with linear loss.
+        names: profiled parameters; None means all shape parameters.
     """
     if result.method != "least_squares" or result.facts.get("loss") != "linear":
         raise EstimationError(
             "profile intervals need a least-squares result with linear loss; fit that first"
         )
-    wanted = problem.shape_names if names is None else tuple(names)
+    selected = problem.shape_names if names is None else tuple(names)
     fitted = problem.at(result.values)
     profiled = {
-        name: _profiled(fitted, result, result[name])
-        for name in wanted
+        name: _profile(fitted, result, result[name])
+        for name in selected
         if name in fitted.free_names
     }
     return replace(
         result,
-        estimates=tuple(profiled.get(item.name, item) for item in result.estimates),
+        estimates=tuple(profiled.get(estimate.name, estimate) for estimate in result.estimates),
         facts={**result.facts, "intervals": f"profile: {', '.join(profiled)}"},
     )
 
 
-def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estimate:
+def _profile(problem: Problem, result: FitResult, estimate: Estimate) -> Estimate:
     if not np.isfinite(estimate.sd) or estimate.sd <= 0.0:
         return estimate
     shape, noise = problem.split(result.values)
     whitening = problem.whitening(noise)
-    least = float(np.sum(problem.rows(shape, whitening) ** 2))
-    way: Way = (
+    min_chi2 = float(np.sum(problem.rows(shape, whitening) ** 2))
+    method: DerivativeMethod = (
         "complex_step"
         if result.facts.get("derivatives") == "complex_step"
         else "central_differences"
     )
     position = problem.shape_names.index(estimate.name)
     others = np.delete(shape, position)
-    item = problem.parameters[estimate.name]
+    parameter = problem.parameters[estimate.name]
 
     def rise(value: float, target: float) -> float:
         nonlocal others
-        held = problem.fixed(estimate.name, value) if len(shape) > 1 else None
-        if held is None:
+        fixed = problem.fixed(estimate.name, value) if len(shape) > 1 else None
+        if fixed is None:
             rows = problem.rows(np.array([value]), whitening)
-            return float(rows @ rows) - least - target
-        solution = solve(held, whitening, others, way=way)
+            return float(rows @ rows) - min_chi2 - target
+        solution = solve(fixed, whitening, others, method=method)
         others = solution.shape
-        return solution.chi2 - least - target
+        return solution.chi2 - min_chi2 - target
 
-    def end(side: float, width: float) -> float:
+    def find_end(side: float, width: float) -> float:
         nonlocal others
         others = np.delete(shape, position)
-        bound = item.upper if side > 0 else item.lower
+        bound = parameter.upper if side > 0 else parameter.lower
         near, reach = estimate.value, 0.7 * width
         while reach < MAX_SEARCH_SDS * width:
             far = estimate.value + side * reach * estimate.sd
@@ -93,8 +92,9 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
             near, reach = far, 1.6 * reach
         return float(bound)
 
-    jacobian = row_jacobian(problem, way)(shape, whitening)
-    dof, growth = parameter_dof(problem, jacobian, spread_of(jacobian, way).covariance, whitening)
+    jacobian = row_jacobian(problem, method)(shape, whitening)
+    covariance = estimate_covariance(jacobian, method).covariance
+    dof, growth = parameter_dof(problem, jacobian, covariance, whitening)
     widths = [float(growth[position]) * width for width in half_widths(float(dof[position]))]
-    one, two = ((end(-1.0, width), end(1.0, width)) for width in widths)
-    return replace(estimate, interval_68=one, interval_95=two)
+    interval_68, interval_95 = ((find_end(-1.0, width), find_end(1.0, width)) for width in widths)
+    return replace(estimate, interval_68=interval_68, interval_95=interval_95)

@@ -1,4 +1,4 @@
-"""A recipe: which data, which model, what is free, how it is estimated."""
+"""Recipe of a fit: data, model, free parameters, estimators."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from benchtool.core.inputs import Input, Inputs
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_text
 
+# Fitted quantity: thrust in newtons ("joint"), or the ratio T_IGE/T_OGE at equal rotor speed, pulse
+# width or electrical power.
 Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
-"""What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
-rotor speed, pulse width or electrical power held equal."""
 
-LAWS = "laws"  # what is compared where no model is named: every law of thrust against distance
+LAWS = "laws"  # value of `compare` for all ground-effect laws
 
 Method = Literal["least_squares", "emcee"]
 Noise = Literal["auto", "stated", "scale", "add"]
@@ -28,16 +28,15 @@ Noise = Literal["auto", "stated", "scale", "add"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe(Inputs):
-    """State one fit.
+    """Recipe of one fit.
 
     Attributes:
         data: in a recipe file relative to that file.
-        noise: "stated" takes the standard errors as they are, "scale" fits one factor on them,
-            "add" fits scatter in quadrature; "auto" scales what a run measured within visits and
-            takes what a table states.
-        loss: "linear", or "soft_l1" and "huber" that count distant points less.
-        air: as people measured it, in place of what runs state; for k at 1.225 kg/m3.
-        min_z_over_R: points nearer are left out and counted; None for where the model's law ends.
+        noise: "stated" uses the standard errors unchanged, "scale" fits one factor on them, "add"
+            fits scatter in quadrature; "auto" means "scale" for runs and "stated" for tables.
+        loss: "linear", or "soft_l1" and "huber", which give outliers less weight.
+        air: measured air, overrides that of the runs; for k at 1.225 kg/m3.
+        min_z_over_R: points nearer are left out; None means the validity limit of the law.
     """
 
     name: str  # of the fit
@@ -49,7 +48,7 @@ class Recipe(Inputs):
     model: Annotated[
         str, Input("Model name (benchtool library models) or path of a model file.", label="Model")
     ]
-    description: str = ""  # what question it answers
+    description: str = ""  # purpose of the fit
     rig: Annotated[
         str | None,
         Input(
@@ -136,7 +135,7 @@ class Recipe(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitInputs(Inputs):
-    """What `benchtool fit` takes."""
+    """Inputs of `benchtool fit`."""
 
     folder: Annotated[Path | None, Input("Folder with a recipe.toml to run.", option="recipe")] = (
         None
@@ -166,24 +165,24 @@ class _RecipeFile(FiniteTable):
 
 
 def read_recipe(folder: Path) -> Recipe:
-    """Return the recipe of `folder/recipe.toml`, its paths made relative to the present folder."""
+    """Return the recipe of `folder/recipe.toml`, with paths relative to the current folder."""
     path = folder / "recipe.toml"
     if not os.path.lexists(path):
         raise FileFormatError(
-            str(path), "there is no recipe to read; name a folder that holds a recipe.toml"
+            str(path), "recipe not found; name a folder that contains a recipe.toml"
         )
     recipe = read_strict(_RecipeFile, read_text(path), str(path)).recipe
 
-    def beside(name: str) -> str:
-        own = folder / name
-        return str(own) if os.path.exists(own) else name
+    def resolve(name: str) -> str:
+        path = folder / name
+        return str(path) if os.path.exists(path) else name
 
     return replace(
         recipe,
         data=tuple(str(folder / name) for name in recipe.data),
-        model=beside(recipe.model),
-        rig=None if recipe.rig is None else beside(recipe.rig),
+        model=resolve(recipe.model),
+        rig=None if recipe.rig is None else resolve(recipe.rig),
         columns=None if recipe.columns is None else str(folder / recipe.columns),
-        calibration=None if recipe.calibration is None else beside(recipe.calibration),
-        compare=tuple(name if name == LAWS else beside(name) for name in recipe.compare),
+        calibration=None if recipe.calibration is None else resolve(recipe.calibration),
+        compare=tuple(name if name == LAWS else resolve(name) for name in recipe.compare),
     )

@@ -1,4 +1,4 @@
-"""result.json: everything that a fit found, for people and programs; see docs/reference."""
+"""result.json: results of a fit; see docs/reference."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from benchtool.fit.diagnose import refusal
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.model_file import LoadedModel, model_to_toml
 
-Answer = Literal["given", "model rejected", "none"]  # whether a fit has one
+Answer = Literal["given", "model rejected", "none"]  # status of the fit's estimates
 
 
 def result_tables(output: FitOutput) -> dict[str, Any]:
     """Return the contents of result.json."""
-    # Data are named as given, without folders of one machine.
+    # File names only, without folders of one machine.
     recipe = asdict(output.recipe)
     recipe["data"] = [Path(name).name for name in output.recipe.data]
     recipe["model"] = Path(output.recipe.model).name
@@ -67,7 +67,7 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
 def write_result(folder: Path, output: FitOutput) -> None:
     """Write result.json, the fitted model and the posterior samples into a folder.
 
-    A fit without an answer has no model to write.
+    A failed fit has no model file.
     """
     tables = result_tables(output)
     replace_json(folder / FIT_FILE, tables)

@@ -1,4 +1,4 @@
-"""Robust losses: how far points count less, and what chi-square then stands for."""
+"""Robust losses: weights of points, and robust scale and chi-square."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Loss = Literal["linear", "soft_l1", "huber"]
 LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
 
 HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)
+# Variance inflation without outliers: mean(psi^2) / mean(psi')^2 over the normal distribution,
+# integrated numerically. With stated errors it is the lower limit.
 NORMAL_INFLATION: dict[Loss, float] = {"linear": 1.0, "soft_l1": 1.0790, "huber": 1.0526}
-"""What a robust loss costs where no point is out of line: mean(psi^2) / mean(psi')^2 over the
-normal distribution, integrated numerically. With stated errors the covariance is not less."""
 
 MAD_TO_SD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
@@ -23,15 +23,15 @@ MAD_EFFICIENCY = 0.37  # on normal residuals (Rousseeuw, Croux, J. Am. Stat. Ass
 
 
 def robust_scale(rows: Array, dof: float) -> float:
-    """Return by how much residuals (m,) scatter in their errors, far ones not counted by size."""
+    """Return the scatter of normalised residuals (m,) from their median absolute value."""
     return MAD_TO_SD * float(np.median(np.abs(rows))) * float(np.sqrt(len(rows) / max(dof, 1)))
 
 
 def robust_chi2(rows: Array, dof: float) -> float:
-    """Return the chi-square that residuals (m,) would have without those far out.
+    """Return the chi-square of residuals (m,) from their robust scale, without outliers.
 
-    It is distributed as chi-square of `MAD_EFFICIENCY` times the degrees of freedom is, stretched:
-    on 600 simulated fits of 10 to 100 points, 0.6 to 1.0 % lie beyond the quantile of 1 %.
+    Its distribution is a scaled chi-square of `MAD_EFFICIENCY` times the degrees of freedom: in 600
+    simulated fits of 10 to 100 points, 0.6 to 1.0 % are beyond the quantile of 1 %.
     """
     return max(dof, 0.0) * robust_scale(rows, dof) ** 2
 
@@ -39,8 +39,8 @@ def robust_chi2(rows: Array, dof: float) -> float:
 def point_losses(loss: Loss, m: int) -> Callable[[Array], Array]:
     """Return rho (3, rows) of the squared rows: robust for m points, linear for the others.
 
-    Both losses as scipy defines them, with the change from quadratic to linear at one standard
-    error for soft_l1 and at `HUBER_LIMIT` for huber.
+    Both as defined by scipy; the change from quadratic to linear is at one standard error for
+    soft_l1 and at `HUBER_LIMIT` for huber.
     """
     limit2 = HUBER_LIMIT**2 if loss == "huber" else 1.0
 
@@ -64,16 +64,15 @@ def point_losses(loss: Loss, m: int) -> Callable[[Array], Array]:
     return rho
 
 
-def robust_inflation(rows: Array, dof: float, loss: Loss, *, stated: bool) -> float:
-    """Return the factor on the points' own variances where a robust loss counts some less.
+def robust_inflation(rows: Array, dof: float, loss: Loss, *, is_stated: bool) -> float:
+    """Return the inflation of the points' independent variances under a robust loss.
 
     mean(psi^2) / mean(psi')^2 of the residuals (Huber, Robust Statistics, 1981, ch. 7).
 
     Args:
-        rows: (m,) residuals in their own errors.
-        dof: degrees of freedom that they have.
-        stated: whether the errors are stated, not fitted: the factor is then not below that of
-            normal residuals.
+        rows: (m,) residuals over their independent errors.
+        dof: degrees of freedom of the residuals.
+        is_stated: errors are stated, not fitted; the factor of normal residuals is then a minimum.
     """
     if loss == "linear":
         return 1.0
@@ -84,4 +83,4 @@ def robust_inflation(rows: Array, dof: float, loss: Loss, *, stated: bool) -> fl
         psi = np.clip(rows, -HUBER_LIMIT, HUBER_LIMIT)
         slope = (np.abs(rows) <= HUBER_LIMIT).astype(float)
     ratio = float(np.sum(psi**2) / max(dof, 1.0) / max(float(np.mean(slope)), 1e-3) ** 2)
-    return max(ratio, NORMAL_INFLATION[loss]) if stated else ratio
+    return max(ratio, NORMAL_INFLATION[loss]) if is_stated else ratio

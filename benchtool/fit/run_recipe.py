@@ -1,4 +1,4 @@
-"""Run a recipe: read its data, estimate by each method, hold models against each other."""
+"""Execution of a recipe: data, estimates by each method, model comparison, budget."""
 
 from __future__ import annotations
 
@@ -31,31 +31,36 @@ from benchtool.fit.uncertainty.density import STANDARD_K, Density, air_density
 from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources, misfit
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
-from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
+from benchtool.fit.uncertainty.propagation import (
+    Propagation,
+    bound_sources,
+    build_budget,
+    build_propagation,
+)
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
-Progress = Callable[[str, int, int], None]  # progress(what, steps done, steps expected)
+Progress = Callable[[str, int, int], None]  # progress(stage, steps done, steps expected)
+# Propagation, error sources outside of the fit's covariance, error sources of one quantity.
 Propagated = tuple[Propagation, tuple[ErrorSource, ...], list[tuple[ErrorSource, str]]]
-"""How errors reach quantities, errors that the fit does not hold, and those of one quantity."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitOutput:
-    """Carry everything that a fit made.
+    """Output of a fit.
 
     Attributes:
-        comparison: of the recipe's models on held-out points, None when none were named.
-        budget: of the first method's values; None where the data leave one open.
-        density: of the air, None where nobody measured it.
-        laws: of thrust against distance on held-out distances, None when nobody wanted them.
+        comparison: cross-validation of the recipe's models; None without models to compare.
+        budget: of the first method's estimates; None if the data do not determine all.
+        density: of the air; None if not measured.
+        laws: cross-validation of ground-effect laws; None if not requested.
     """
 
-    recipe: Recipe  # as it was given, merged runs as their parts
-    loaded: LoadedModel  # the model as it was fitted, before
+    recipe: Recipe  # merged runs are replaced by their parts
+    loaded: LoadedModel  # the model before the fit
     data: FitData  # the points
-    problem: Problem  # as both estimators took it
+    problem: Problem  # input of both estimators
     results: tuple[FitResult, ...]  # one for each method, in the recipe's order
     comparison: Comparison | None = None
     budget: Budget | None = None
@@ -64,29 +69,29 @@ class FitOutput:
 
     @property
     def simulated(self) -> bool:
-        """Whether any of the data comes from no physical bench."""
+        """True if any of the data is simulated."""
         return self.data.points.simulated
 
     @property
     def fitted(self) -> Model:
-        """The model at the first method's values, its noise parameters as they were."""
-        return _fitted(self.loaded.model, self.results[0], self.recipe.name)
+        """The model at the first method's estimates, noise parameters unchanged."""
+        return _apply_estimates(self.loaded.model, self.results[0], self.recipe.name)
 
 
-def _fitted(model: Model, result: FitResult, name: str) -> Model:
-    """Return a model at a result's values, its noise parameters as they were."""
+def _apply_estimates(model: Model, result: FitResult, name: str) -> Model:
+    """Return a model at a result's estimates, noise parameters unchanged."""
     parameters = model.parameters
     for estimate in result.estimates:
         if estimate.name in parameters and not estimate.name.startswith("noise."):
-            item = parameters[estimate.name]
-            value = float(np.clip(estimate.value, item.lower, item.upper))
+            parameter = parameters[estimate.name]
+            value = float(np.clip(estimate.value, parameter.lower, parameter.upper))
             source = ", ".join(filter(None, (name, estimate.bound)))
-            fitted = replace(item.with_value(value), source=f"fitted: {source}")
+            fitted = replace(parameter.with_value(value), source=f"fitted: {source}")
             parameters = parameters.with_replaced(estimate.name, fitted)
     return model.with_values(parameters)
 
 
-@np.errstate(all="ignore")  # what is not finite is left out or refused by name
+@np.errstate(all="ignore")  # values that are not finite are excluded or raise by name
 def run_recipe(
     recipe: Recipe,
     progress: Progress = lambda what, done, expected: None,
@@ -95,34 +100,34 @@ def run_recipe(
     budget: BudgetMethod = "propagation",
     permit: CodePermit = check_code_allowed,
 ) -> FitOutput:
-    """Run a recipe and return what it made.
+    """Run a recipe.
 
     Args:
         profile: intervals of least squares from the profile likelihood.
         budget: "mc" checks the propagation of errors by Monte Carlo.
-        permit: called with the file of a model's own effects before it is run.
+        permit: called with the file of user-defined effects before it is executed.
 
     Raises:
         InputError: the data or the model do not allow the fit.
-        EstimationError: no estimate can be given.
+        EstimationError: no estimate is possible.
     """
     if profile and (recipe.loss != "linear" or "least_squares" not in recipe.methods):
         raise InputError(
-            "--profile is of least squares with --loss linear; leave --profile out, or take "
+            "--profile needs least squares with --loss linear; omit --profile, or use "
             "--method least_squares --loss linear"
         )
     recipe = replace(recipe, data=tuple(part for path in recipe.data for part in parts_of(path)))
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
-    others = _others(recipe, loaded.model, permit)
+    models = _load_models(recipe, loaded.model, permit)
     problem = recipe_problem(loaded.model, recipe, data)
-    estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
+    estimates = (_estimate(problem, recipe, result, progress, profile) for result in recipe.methods)
     density = air_density(recipe.air, recipe.data)
-    results = tuple(_named(loaded.model, data, problem, one, density) for one in estimates)
+    results = tuple(_add_diagnosis(loaded.model, data, problem, e, density) for e in estimates)
     comparison, laws = None, None
     if set(recipe.compare) - {LAWS}:
-        models = [_as_compared(other, loaded.model, recipe) for other in others]
+        models = [_prepare_comparison(other, loaded.model, recipe) for other in models]
         problems = [problem, *(recipe_problem(model, recipe, data) for model in models)]
         comparison = compare(problems, seed=recipe.seed)
     if LAWS in recipe.compare:
@@ -146,8 +151,8 @@ def run_recipe(
     return replace(output, budget=made, results=with_budget(results, made))
 
 
-def _others(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
-    """Return the models that the recipe's own is compared with, of the same rig."""
+def _load_models(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
+    """Return the models to compare, on the same rig."""
     names = [name for name in dict.fromkeys(recipe.compare) if name not in (LAWS, recipe.model)]
     try:
         return [load_model(name, model.rig, permit=permit).model for name in names]
@@ -158,88 +163,90 @@ def _others(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
 
 
 def propagate_uncertainty(output: FitOutput) -> Propagated | None:
-    """Return how errors reach the first method's values, and those that its fit does not hold.
+    """Return the propagation of errors to the first method's estimates, and further sources.
 
-    They are errors of the observations, then of one quantity alone, with its name. None where the
-    data leave a parameter open.
+    Sources outside of the fit's covariance: errors of the observations, then errors of one
+    quantity, with its name. None if the data leave a parameter open.
     """
     model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
-    free = [item.name for item in result.estimates]
-    way = propagation(problem, result, _quantities(model, free, output.density))
+    free = [estimate.name for estimate in result.estimates]
+    propagation = build_propagation(problem, result, _quantities(model, free, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
-    held = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
-    if way is None:
+    sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
+    if propagation is None:
         return None
-    known = {source.name: source for source in bounded(way, held)}
-    held = tuple(
-        replace(known[one.name], columns=known[one.name].sd / one.sd * one.columns) for one in held
+    bounds = {source.name: source for source in bound_sources(propagation, sources)}
+    sources = tuple(
+        replace(bounds[held.name], columns=bounds[held.name].sd / held.sd * held.columns)
+        for held in sources
     )
     if problem.noise_name is None and result.facts.get("verdict") == "rejected":
-        held = (*held, misfit(problem, way.whitening.sigma, result.chi2_per_dof))
-    beside = []
-    if output.density is not None and STANDARD_K in way.names:
-        beside.append(output.density.source(result[STANDARD_K].value))
-    return way, held, beside
+        sources = (*sources, misfit(problem, propagation.whitening.sigma, result.chi2_per_dof))
+    quantity_errors = []
+    if output.density is not None and STANDARD_K in propagation.names:
+        quantity_errors.append(output.density.source(result[STANDARD_K].value))
+    return propagation, sources, quantity_errors
 
 
-def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | None:
-    found = propagate_uncertainty(output)
-    if found is None:
+def _budget(output: FitOutput, use_monte_carlo: bool, progress: Progress) -> Budget | None:
+    propagated = propagate_uncertainty(output)
+    if propagated is None:
         return None
-    made = budget_of(*found, traceability=output.data.load_cells.traceability)
-    if not checked:
-        return made
+    by_propagation = build_budget(*propagated, traceability=output.data.load_cells.traceability)
+    if not use_monte_carlo:
+        return by_propagation
     return replace(
-        made, monte_carlo=monte_carlo(*found, seed=output.recipe.seed, progress=progress)
+        by_propagation,
+        monte_carlo=monte_carlo(*propagated, seed=output.recipe.seed, progress=progress),
     )
 
 
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
-    """Return the model with the noise parameter free that the recipe names."""
+    """Return the model with the noise parameter of the recipe free."""
     kind = recipe.noise
-    typed = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
-    place = model.parameters[NOISE_PLACE]
-    if place.free and place.value == 0.0:
+    short_names = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
+    plate_noise = model.parameters[NOISE_PLACE]
+    if plate_noise.free and plate_noise.value == 0.0:
         model = model.with_values(
-            model.parameters.with_replaced(NOISE_PLACE, place.with_value(PLACE_START_M))
+            model.parameters.with_replaced(NOISE_PLACE, plate_noise.with_value(PLACE_START_M))
         )
     if kind == "auto":
-        named = bool(typed & {"scale", "sd_N"}) or place.free
-        kind = "stated" if errors == "stated" or named else "scale"
+        is_noise_set = bool(short_names & {"scale", "sd_N"}) or plate_noise.free
+        kind = "stated" if errors == "stated" or is_noise_set else "scale"
     for name in ("noise.scale", "noise.sd_N"):
-        wanted = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
-        if name.rpartition(".")[2] in typed:  # named by itself, which goes before the kind
-            wanted = model.parameters[name].free
+        is_free = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
+        if name.rpartition(".")[2] in short_names:  # --free and --fix override --noise
+            is_free = model.parameters[name].free
         item = model.parameters[name]
-        if wanted and name == "noise.sd_N" and item.value == 0.0:
+        if is_free and name == "noise.sd_N" and item.value == 0.0:
             item = item.with_value(1e-3)
-        model = model.with_values(model.parameters.with_replaced(name, replace(item, free=wanted)))
+        model = model.with_values(model.parameters.with_replaced(name, replace(item, free=is_free)))
     return model
 
 
-PLACE_START_M = 1e-4  # start of a free `noise.place_m` on a rig that states none; assumed
+PLACE_START_M = 1e-4  # initial value of a free `noise.place_m` without rig data; assumed
 
 
 def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
-    """Return the problem, errors of the bench as they are at the solution.
+    """Return the problem with the errors of the bench at the solution.
 
-    What an error of place does to a thrust depends on the model's values: it is worked out at the
-    present ones, and once more at those that a first fit finds.
+    The effect of a position error on thrust depends on the model's parameters: it is computed at
+    the initial values, and again at the estimates of a first fit.
     """
-    first = _stated_problem(model, model, recipe, data)
+    first = _build_problem(model, model, recipe, data)
     if not first.error_sources:
         return first
-    still = first
+    fixed_noise = first
     if first.noise_name is not None:
-        still = first.fixed(first.noise_name, first.parameters[first.noise_name].value)
+        fixed_noise = first.fixed(first.noise_name, first.parameters[first.noise_name].value)
     try:
-        found = fit_least_squares(still)
+        result = fit_least_squares(fixed_noise)
     except EstimationError:
         return first
-    return _stated_problem(model, _fitted(model, found, recipe.name), recipe, data)
+    return _build_problem(model, _apply_estimates(model, result, recipe.name), recipe, data)
 
 
-def _stated_problem(model: Model, near: Model, recipe: Recipe, data: FitData) -> Problem:
+def _build_problem(model: Model, near: Model, recipe: Recipe, data: FitData) -> Problem:
     rows = data.rows
     problem = problem_from_model(
         model,
@@ -257,21 +264,21 @@ def _stated_problem(model: Model, near: Model, recipe: Recipe, data: FitData) ->
     if "thrust_N" not in data.points:
         return replace(problem, facts={**problem.facts, "data": "ratios"})
     if recipe.basis != "joint":
-        return problem  # a ratio of two thrusts does not know the calibration's scale
+        return problem  # the calibration's scale cancels in a ratio of two thrusts
     errors = [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]
     return with_scale_errors(problem, errors)
 
 
-def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
-    """Return another model of the same rig, with the same noise and the same nuisances free."""
-    own = {effect.name for effect in other.effects}
+def _prepare_comparison(other: Model, model: Model, recipe: Recipe) -> Model:
+    """Return another model of the same rig with the same noise and nuisance parameters free."""
+    effect_names = {effect.name for effect in other.effects}
     for effect in model.effects:
         is_nuisance = effect.subsystem in ("sensor", "plate")
-        if effect.name not in own and is_nuisance:
+        if effect.name not in effect_names and is_nuisance:
             other = other.with_effect(effect)
-            for name, item in model.parameters.items():
+            for name, parameter in model.parameters.items():
                 if name.startswith(f"{effect.name}."):
-                    other = other.with_values(other.parameters.with_replaced(name, item))
+                    other = other.with_values(other.parameters.with_replaced(name, parameter))
     for name in ("noise.scale", "noise.sd_N"):
         other = other.with_values(other.parameters.with_replaced(name, model.parameters[name]))
     return other if recipe.basis == "joint" else other.with_fixed("k")
@@ -293,34 +300,34 @@ def _estimate(
     )
     if recipe.loss == "linear":
         return result
-    note = f"emcee counts every point in full: --loss {recipe.loss} acts on least squares alone"
+    note = f"emcee uses the full weight of every point: --loss {recipe.loss} is of least squares"
     return replace(result, warnings=(*result.warnings, note))
 
 
-FAR_FROM_RIG = 3.0  # k so many times off the rig's: other units or another vehicle; assumed
+FAR_FROM_RIG = 3.0  # ratio of k to the rig's that indicates a unit error or another rig; assumed
 
 
 def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
-    """Say when the fitted thrust coefficient cannot be that of the rig's motors."""
-    own = model.rig.propulsion.thrust_coefficient_N_s2
-    found = next((item.value for item in result.estimates if item.name == "k"), own)
-    if found > 0.0 and 1.0 / FAR_FROM_RIG < found / own < FAR_FROM_RIG:
+    """Return a warning if the fitted thrust coefficient does not match the rig's motors."""
+    rig_k = model.rig.propulsion.thrust_coefficient_N_s2
+    k = next((estimate.value for estimate in result.estimates if estimate.name == "k"), rig_k)
+    if k > 0.0 and 1.0 / FAR_FROM_RIG < k / rig_k < FAR_FROM_RIG:
         return ()
     return (
-        f"k is {found / own:.3g} times the thrust coefficient of rig {model.rig.name} ({own:g} "
+        f"k is {k / rig_k:.3g} times the thrust coefficient of rig {model.rig.name} ({rig_k:g} "
         f"N/(rad/s)2): check the units of thrust and speed, the motors' pole count, and that the "
         f"rig is yours",
     )
 
 
-def _named(
+def _add_diagnosis(
     model: Model,
     data: FitData,
     problem: Problem,
     result: FitResult,
     density: Density | None,
 ) -> FitResult:
-    """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
+    """Return the result with diagnosis, derived quantities, warnings and data hashes."""
     free = [estimate.name for estimate in result.estimates]
     facts = {
         **result.facts,
@@ -339,13 +346,13 @@ def _named(
 
 
 def _quantities(model: Model, free: Sequence[str], density: Density | None) -> list[Derived]:
-    """Return what is computed from the free parameters, and from the air."""
+    """Return quantities derived from the free parameters, and from the air density."""
     quantities = [density.standard_k] if density is not None and "k" in free else []
     if "R_m" in free:
         radius = model.rig.propulsion.radius_m
         quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))
     for effect in model.effects:
         if effect.derived is not None:
-            own = [name for name in free if name.startswith(f"{effect.name}.")]
-            quantities += effect.derived(own)
+            names = [name for name in free if name.startswith(f"{effect.name}.")]
+            quantities += effect.derived(names)
     return quantities

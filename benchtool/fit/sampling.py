@@ -1,4 +1,4 @@
-"""How an ensemble samples: the log posterior of walkers, where they begin, how they move."""
+"""Ensemble sampling: log posterior of walkers, initial positions, moves."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ LogProbability = Callable[[Array], Array]
 def log_probability(problem: Problem) -> LogProbability:
     """Return the function walkers (w, n_free) -> log posterior (w,), up to a constant.
 
-    It returns -inf outside the bounds and where the model has no finite value; it must be called
-    with NumPy's warnings off.
+    -inf outside the bounds and without a finite prediction. Call it with NumPy's warnings off.
     """
     predict, observed = problem.predict, problem.observed
     lower, upper = problem.parameters.bounds()
@@ -66,17 +65,17 @@ def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
         ] + [not source.scaled for source in problem.error_sources]
         if problem.noise_name is None:
 
-            def stated(rows: Array, columns: Array) -> Array:
+            def fixed_noise(rows: Array, columns: Array) -> Array:
                 rows = whiten(rows)
                 value: Array = np.einsum("wm,wm->w", rows, rows)
                 value *= -0.5
                 return value
 
-            return stated
+            return fixed_noise
         if not any(unscaled):
             position = problem.free_names.index(NOISE_SCALE)
 
-            def scaled(rows: Array, columns: Array) -> Array:
+            def scaled_noise(rows: Array, columns: Array) -> Array:
                 rows = whiten(rows)
                 value: Array = np.einsum("wm,wm->w", rows, rows)
                 scale = columns[position]
@@ -85,7 +84,7 @@ def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
                 value -= m * np.log(scale)
                 return value
 
-            return scaled
+            return scaled_noise
     return _variances(problem)
 
 
@@ -97,45 +96,44 @@ def _whiten(problem: Problem) -> Callable[[Array], Array]:
         return lambda rows: rows @ matrix
     weight = 1.0 / whitening.sigma
 
-    def divided(rows: Array) -> Array:
+    def divide(rows: Array) -> Array:
         rows *= weight
         return rows
 
-    return divided
+    return divide
 
 
 def _variances(problem: Problem) -> Callable[[Array, Array], Array]:
-    """Return the likelihood where the noise changes the weight of one point against another.
+    """Return the likelihood if the noise changes the relative weights of points.
 
-    V is a fixed part and the squared noise times another. With shared errors both are made
-    diagonal once, by the eigenvectors of the one in units of the other: every noise value is then
-    a division.
+    V is a fixed part plus the squared noise times another part. With shared errors both are
+    diagonalised once (generalised eigenvectors), so that each noise value needs a division only.
     """
     assert problem.noise_name is not None
     position = problem.free_names.index(problem.noise_name)
-    fixed, alone = problem.sigma(0.0) ** 2, problem.sigma(1.0) ** 2
-    axes: Array | None = None
+    fixed, with_noise = problem.sigma(0.0) ** 2, problem.sigma(1.0) ** 2
+    eigenvectors: Array | None = None
     if problem.error_sources:
-        none, one = (
+        without, with_unit_noise = (
             np.diag(problem.sigma(noise) ** 2) + problem.shared(noise) @ problem.shared(noise).T
             for noise in (0.0, 1.0)
         )
-        if problem.noise_name == NOISE_PLACE:  # of few draws: the other way about
-            part, axes = eigh(one - none, none)
-            fixed, alone = np.ones(len(part)), 1.0 + np.maximum(part, 0.0)
+        if problem.noise_name == NOISE_PLACE:  # singular (few columns), so the roles are swapped
+            eigenvalues, eigenvectors = eigh(with_unit_noise - without, without)
+            fixed, with_noise = np.ones(len(eigenvalues)), 1.0 + np.maximum(eigenvalues, 0.0)
         else:
-            fixed, axes = eigh(none, one - none)
+            fixed, eigenvectors = eigh(without, with_unit_noise - without)
             fixed = np.maximum(fixed, 0.0)
-            alone = fixed + 1.0
+            with_noise = fixed + 1.0
 
-    def varied(rows: Array, columns: Array) -> Array:
-        rows = rows if axes is None else rows @ axes
+    def variable_noise(rows: Array, columns: Array) -> Array:
+        rows = rows if eigenvectors is None else rows @ eigenvectors
         squared = (columns[position] ** 2)[:, None]
-        variance = fixed + squared * (alone - fixed)
+        variance = fixed + squared * (with_noise - fixed)
         value: Array = -0.5 * (rows * rows / variance + np.log(variance)).sum(axis=1)
         return value
 
-    return varied
+    return variable_noise
 
 
 def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
@@ -155,9 +153,9 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
         if len(rows):
             whitened = matrix @ (shape - mean)
             value -= 0.5 * np.einsum("qw,qw->w", whitened[normal_rows], whitened[normal_rows])
-            for some in rows.estimated:
-                dof, squares = rows.dof[some[0]], np.sum(whitened[some] ** 2, axis=0)
-                value -= 0.5 * (dof + len(some)) * np.log1p(squares / dof)
+            for group in rows.estimated:
+                dof, squares = rows.dof[group[0]], np.sum(whitened[group] ** 2, axis=0)
+                value -= 0.5 * (dof + len(group)) * np.log1p(squares / dof)
         if in_log:
             value -= np.log(columns[position])
         elif normal is not None:
@@ -167,96 +165,96 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
     return evaluate
 
 
-CENTRE_SDS = 2.0  # ensembles start so many sd apart, so that agreement means something
+CENTRE_SDS = 2.0  # sd of the ensembles' centres: starts are overdispersed, as R-hat needs
 MAX_ATTEMPTS = 60
 
 
 def start_walkers(
     problem: Problem,
-    near: FitResult | None,
+    least_squares: FitResult | None,
     probability: Callable[[Array], Array],
     ensembles: int,
     walkers: int,
     rng: np.random.Generator,
 ) -> Array:
-    """Return starts (ensembles * walkers, n_free) of finite probability.
+    """Return initial positions (ensembles * walkers, n_free) of finite probability.
 
     Args:
-        near: a least-squares result to start around, if there is one.
-        probability: of walkers (w, n_free).
+        least_squares: result to start around; None means the initial values.
+        probability: log posterior of walkers (w, n_free).
     """
     lower, upper = problem.parameters.bounds()
-    middle, root = centre_and_root(problem, near)
+    middle, root = centre_and_root(problem, least_squares)
     n = len(middle)
     centres = CENTRE_SDS * rng.standard_normal((ensembles, n))
     centre = np.repeat(centres, walkers, axis=0)
     starts = middle + (centre + rng.standard_normal(centre.shape)) @ root.T
     for attempt in range(MAX_ATTEMPTS):
-        out = ((starts <= lower) | (starts >= upper)).any(axis=1)
-        bad = out | ~np.isfinite(probability(starts))
-        if not bad.any():
+        is_outside = ((starts <= lower) | (starts >= upper)).any(axis=1)
+        rejected = is_outside | ~np.isfinite(probability(starts))
+        if not rejected.any():
             return starts
         shrink = 0.85**attempt
-        drawn = centre[bad] * shrink + rng.standard_normal((int(bad.sum()), n))
-        starts[bad] = middle + shrink * drawn @ root.T
+        draws = centre[rejected] * shrink + rng.standard_normal((int(rejected.sum()), n))
+        starts[rejected] = middle + shrink * draws @ root.T
         if attempt > MAX_ATTEMPTS // 4:
             width = np.where(upper - lower > 0.0, upper - lower, 1.0)
             margin = 1e-3 * np.minimum(np.sqrt(np.diag(root @ root.T)), width)
             starts = np.clip(starts, lower + margin, upper - margin)
     raise EstimationError(
-        "no starting points of finite probability were found around the starting values; "
-        "move the values away from their bounds"
+        "no points of finite probability were found around the initial values; "
+        "move these away from their bounds"
     )
 
 
-def centre_and_root(problem: Problem, near: FitResult | None) -> tuple[Array, Array]:
-    """Return where to draw about (n,), and a root (n, n) of the covariance to draw with.
+def centre_and_root(problem: Problem, least_squares: FitResult | None) -> tuple[Array, Array]:
+    """Return the centre (n,) and a root (n, n) of the covariance of initial positions.
 
-    They are those of a least-squares result; independent widths stand where it has none.
+    From a least-squares result; independent widths replace variances that it lacks.
     """
-    items = [problem.parameters[name] for name in problem.free_names]
-    widths = np.array([_width(item) for item in items])
-    if near is None:
+    parameters = [problem.parameters[name] for name in problem.free_names]
+    widths = np.array([_width(parameter) for parameter in parameters])
+    if least_squares is None:
         return problem.parameters.pack(), np.diag(widths)
-    covariance = near.covariance.copy()
-    for i in range(len(items)):
+    covariance = least_squares.covariance.copy()
+    for i in range(len(parameters)):
         if not (np.isfinite(covariance[i, i]) and covariance[i, i] > 0.0):
             covariance[i, :] = covariance[:, i] = 0.0
             covariance[i, i] = widths[i] ** 2
-    # The largest width that leaves starts within finite bounds.
-    within = np.array([item.upper - item.lower for item in items])
+    # Largest width that keeps initial positions within finite bounds.
+    ranges = np.array([parameter.upper - parameter.lower for parameter in parameters])
     sd = np.minimum(
-        np.sqrt(np.diag(covariance)), np.where(np.isfinite(within), 0.25 * within, np.inf)
+        np.sqrt(np.diag(covariance)), np.where(np.isfinite(ranges), 0.25 * ranges, np.inf)
     )
     scale = 1.0 / np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
     root: Array = sd[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
-    return near.values, root
+    return least_squares.values, root
 
 
-def _width(item: Parameter) -> float:
-    """Return a width to start with where the data give none."""
-    if item.prior.kind == "normal":
-        return item.prior.sd
-    if np.isfinite(item.upper - item.lower):
-        return 0.1 * (item.upper - item.lower)
-    return 0.1 * abs(item.value) or item.tolerance or 0.1
+def _width(parameter: Parameter) -> float:
+    """Return the initial width of a parameter that the data do not determine."""
+    if parameter.prior.kind == "normal":
+        return parameter.prior.sd
+    if np.isfinite(parameter.upper - parameter.lower):
+        return 0.1 * (parameter.upper - parameter.lower)
+    return 0.1 * abs(parameter.value) or parameter.tolerance or 0.1
 
 
 DIFFERENCE = 2.38 / 2.0**0.5  # move length times root n (ter Braak, Stat. Comput. 16, 2006, p. 241)
-JITTER = 0.2  # by how much, of its logarithm, that length varies; assumed
+JITTER = 0.2  # standard deviation of the logarithm of that length; assumed
 
-TAIL_DOF = 5.0  # of Student's t about least squares: wider than normal, to reach tails; assumed
+TAIL_DOF = 5.0  # of the Student's t proposal: heavier tails than normal; assumed
 
 
 class IslandDifference(Move):  # type: ignore[misc]
-    """Move walkers of `islands` ensembles, stored one after the other, by differences of others."""
+    """Differential evolution move within each of `islands` consecutive ensembles."""
 
     def __init__(self, islands: int) -> None:
         self.islands = islands
 
     def propose(self, model: Any, state: Any) -> tuple[Any, Any]:
-        """Return the next state and which walkers moved (islands * walkers,)."""
+        """Return the next state and the accepted walkers (islands * walkers,)."""
         random = model.random
         coords, log_prob = state.coords, state.log_prob
         total, n = coords.shape
@@ -266,31 +264,31 @@ class IslandDifference(Move):  # type: ignore[misc]
         order = random.rand(self.islands, walkers).argsort(axis=1) + first
         halves = (order[:, :half].ravel(), order[:, half:].ravel())
         size = (2, half * self.islands)
-        one = random.randint(half, size=size)
-        other = (one + random.randint(1, half, size=size)) % half
-        begin = np.repeat(np.arange(self.islands) * half, half)
+        pick_a = random.randint(half, size=size)
+        pick_b = (pick_a + random.randint(1, half, size=size)) % half
+        offset = np.repeat(np.arange(self.islands) * half, half)
         length = DIFFERENCE / n**0.5 * np.exp(JITTER * random.standard_normal((*size, 1)))
         threshold = np.log(random.rand(*size))
         accepted = np.zeros(total, bool)
         for side in (0, 1):
-            moved, others = halves[side], halves[1 - side]
-            apart = coords[others[begin + one[side]]] - coords[others[begin + other[side]]]
-            proposal = coords[moved] + length[side] * apart
+            active, others = halves[side], halves[1 - side]
+            a, b = others[offset + pick_a[side]], others[offset + pick_b[side]]
+            proposal = coords[active] + length[side] * (coords[a] - coords[b])
             proposed = model.log_prob_fn(proposal)
-            taken = proposed - log_prob[moved] > threshold[side]
-            winners = moved[taken]
-            coords[winners] = proposal[taken]
-            log_prob[winners] = proposed[taken]
-            accepted[winners] = True
+            is_accepted = proposed - log_prob[active] > threshold[side]
+            accepted_walkers = active[is_accepted]
+            coords[accepted_walkers] = proposal[is_accepted]
+            log_prob[accepted_walkers] = proposed[is_accepted]
+            accepted[accepted_walkers] = True
         return State(coords, log_prob=log_prob), accepted
 
 
-def proposal_around_least_squares(problem: Problem, near: FitResult | None) -> MHMove:
-    """Return the move that draws walkers anew from Student's t about the least-squares answer.
+def proposal_around_least_squares(problem: Problem, least_squares: FitResult | None) -> MHMove:
+    """Return an independence sampler: Student's t around the least-squares estimate.
 
-    Where the posterior is about normal, such draws are nearly independent of where a walker was.
+    For a nearly normal posterior its draws are almost independent of the walker's position.
     """
-    middle, root = centre_and_root(problem, near)
+    middle, root = centre_and_root(problem, least_squares)
     n, inverse = len(middle), np.linalg.inv(root)
 
     def log_density(coords: Array) -> Array:

@@ -1,1 +1,1 @@
-"""Where the uncertainty of a fit comes from: its budget, by propagation and by Monte Carlo."""
+"""Uncertainty budget of a fit, by propagation and by Monte Carlo."""

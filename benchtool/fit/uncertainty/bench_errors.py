@@ -1,7 +1,7 @@
-"""Errors that the points of a sweep share: place, scales and the wander of the zero.
+"""Shared errors of the points of a sweep: plate position, scales and zero drift.
 
-Each becomes an `ErrorSource` of thrusts: how every point would move with one standard deviation of
-it, at a model's present values. Fits and explanations take the same ones.
+Each is an `ErrorSource` of thrusts: the change of every point for one standard deviation, at the
+model's values. Fits and explanations use the same sources.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from benchtool.physics.model import Model
 
 Mask = NDArray[np.bool_]
 
-SHOWS = 1e-9  # columns below this share of the greatest thrust are rounding and left out
-ON_GRID = 1e-3  # steps between a reading and the distance of the stage that are none; assumed
-# Directions of the zero's covariance below this share of its largest are left out: of a random
-# walk some 1 % of its variance, which goes from one point to the next.
+MIN_EFFECT = 1e-9  # columns below this share of the largest thrust are rounding and dropped
+ON_GRID = 1e-3  # tolerance for equal reading and stage position, in sensor quanta; assumed
+# Eigenvalues of the zero's covariance below this share of the largest are dropped: some 1 % of the
+# variance of a random walk, between neighbouring points.
 MIN_SHARE = 5e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Visits:
-    """Say what the points of sweeps have in common.
+    """Grouping of points by plate position and tare, for shared errors.
 
     Attributes:
-        stay: (n,) number of the stay at one place of the plate.
-        zero_s: (n,) time since the zero was last known: a tare, or the first point without any.
+        stay: (n,) number of the stay at one plate position.
+        zero_s: (n,) time since the last tare, or since the first point without any tare.
         tared: (n,) number of that tare.
-        tare: (n,) whether nothing turns and the reading is what a tare left.
-        rounded: (n,) whether rounding moves the distance that is read: not on the sensor's grid.
-        one_sided: whether every place was approached from one side, so that play is no scatter.
-        calibrated: whether thrust went through a calibration, whose scale counts by itself.
+        tare: (n,) True for a tare point: standstill, residual zero.
+        rounded: (n,) True if the distance is not on the sensor's grid, so that it is rounded.
+        one_sided: every position was approached from one side, so that backlash is no scatter.
+        calibrated: thrust has a calibration, whose scale error is a separate source.
     """
 
     stay: NDArray[np.intp]
@@ -55,47 +55,47 @@ class Visits:
 
     @classmethod
     def of(cls, points: Recording, conditions: Conditions, rig: Rig) -> Visits:
-        """Return what one run's points, or one table's, have in common."""
+        """Return the grouping of the points of one run or table."""
         kinds = points.column("kind") if "kind" in points else np.zeros(len(points))
         tare = kinds == word_to_code("kind", "tare")
-        since = conditions.elapsed_s
+        elapsed_s = conditions.elapsed_s
         if "elapsed_s" not in points:
-            since = conditions.time_s - np.nanmin(conditions.time_s)
-        began = np.round(np.nan_to_num(conditions.time_s - since))
+            elapsed_s = conditions.time_s - np.nanmin(conditions.time_s)
+        tare_time_s = np.round(np.nan_to_num(conditions.time_s - elapsed_s))
         read_m, stage_m = (
             points.to_si(name) if name in points else np.full(len(points), np.nan)
             for name in ("plate_read_z_m", "plate_stage_z_m")
         )
-        near_m = ON_GRID * rig.sensors.get("plate_z_m", Sensor()).quantum
+        grid_m = ON_GRID * rig.sensors.get("plate_z_m", Sensor()).quantum
         return cls(
             stay=plate_positions(conditions, tare, ordered="time_s" in points),
-            zero_s=np.nan_to_num(since),
-            tared=np.unique(began, return_inverse=True)[1].reshape(-1).astype(np.intp),
+            zero_s=np.nan_to_num(elapsed_s),
+            tared=np.unique(tare_time_s, return_inverse=True)[1].reshape(-1).astype(np.intp),
             tare=tare,
-            rounded=~(np.abs(read_m - stage_m) <= near_m),
+            rounded=~(np.abs(read_m - stage_m) <= grid_m),
             one_sided=points.provenance.get("approach", "") == "one side",
             calibrated=bool(points.provenance.get("calibration", "")),
             zero=zero_noise(points, rig),
         )
 
     def select(self, rows: Mask | NDArray[np.intp]) -> Visits:
-        """Return those of only some points."""
+        """Return the grouping of a subset of points."""
         names = ("stay", "zero_s", "tared", "tare", "rounded")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
-def joined_visits(parts: list[Visits]) -> Visits:
-    """Return what the points of several runs, one after the other, have in common."""
+def concatenate_visits(parts: list[Visits]) -> Visits:
+    """Return the grouping of the points of several runs as one."""
 
-    def numbered(name: str) -> NDArray[np.intp]:
+    def renumber(name: str) -> NDArray[np.intp]:
         rows = [getattr(part, name) for part in parts]
         first = np.cumsum([0, *(int(row.max(initial=-1)) + 1 for row in rows[:-1])])
         return np.concatenate([row + shift for row, shift in zip(rows, first, strict=True)])
 
     return Visits(
-        stay=numbered("stay"),
+        stay=renumber("stay"),
         zero_s=np.concatenate([part.zero_s for part in parts]),
-        tared=numbered("tared"),
+        tared=renumber("tared"),
         tare=np.concatenate([part.tare for part in parts]),
         rounded=np.concatenate([part.rounded for part in parts]),
         one_sided=all(part.one_sided for part in parts),
@@ -105,36 +105,34 @@ def joined_visits(parts: list[Visits]) -> Visits:
 
 
 def plate_positions(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np.intp]:
-    """Return the number of the stay of each row (m,): rows at one place without a break.
+    """Return the number of the stay of each row (m,): consecutive rows at one plate position.
 
-    Rows whose order nobody knows belong together by place.
+    Rows of unknown order are grouped by position.
     """
-    place = np.array([conditions.plate_z_m, conditions.plate_x_m, conditions.plate_tilt_rad])
+    position = np.array([conditions.plate_z_m, conditions.plate_x_m, conditions.plate_tilt_rad])
     if not ordered:
-        places = np.round(place / SAME_PLACE)
-        return np.unique(places, axis=1, return_inverse=True)[1].reshape(-1).astype(np.intp)
-    moved = np.any(np.abs(np.diff(place, axis=1)) > SAME_PLACE, axis=0)
-    moved |= tare[1:] != tare[:-1]
-    return np.concatenate([[0], np.cumsum(moved)]).astype(np.intp)
+        grid_positions = np.round(position / SAME_PLACE)
+        return np.unique(grid_positions, axis=1, return_inverse=True)[1].reshape(-1).astype(np.intp)
+    is_new = np.any(np.abs(np.diff(position, axis=1)) > SAME_PLACE, axis=0)
+    is_new |= tare[1:] != tare[:-1]
+    return np.concatenate([[0], np.cumsum(is_new)]).astype(np.intp)
 
 
 def place_sd_m(model: Model, *, one_sided: bool) -> float:
-    """Return how far the plate may stand from where it is read at a stay, one standard deviation.
+    """Return the standard uncertainty of the plate position at a stay.
 
-    What a user states or frees goes before the rig's number, which knows no side.
+    A value that the user sets or frees overrides the rig's one-sided value.
     """
-    item, rig = model.parameters[NOISE_PLACE], model.rig
-    if one_sided and not item.free and item.value == rig.place_sd_m():
+    parameter, rig = model.parameters[NOISE_PLACE], model.rig
+    if one_sided and not parameter.free and parameter.value == rig.place_sd_m():
         return rig.place_sd_m(one_sided=True)
-    return item.value
+    return parameter.value
 
 
 def bench_errors(model: Model, conditions: Conditions, visits: Visits) -> tuple[ErrorSource, ...]:
-    """Return the error sources of thrusts (m,) in N, at a model's present values.
+    """Return the error sources of thrusts (m,) in N, at the model's values.
 
-    Args:
-        model: on the rig whose sensors and stage state their errors.
-        conditions: of m points; a tare's have no speed.
+    Errors of sensors and stage are from the model's rig. Conditions of a tare have speed 0.
     """
     thrust = _thrust(model, conditions)
     turning = ~visits.tare
@@ -142,36 +140,36 @@ def bench_errors(model: Model, conditions: Conditions, visits: Visits) -> tuple[
     z, rpm, cell = (sensors.get(name, Sensor()) for name in ("plate_z_m", "rpm", "thrust_N"))
     place_m, read_m = place_sd_m(model, one_sided=visits.one_sided), z.quantum / 12.0**0.5
     gain, arm = 0.0 if visits.calibrated else cell.scale_sd, model.rig.body.arm_sd
-    longer = replace(model, rig=_with_arms(model.rig, 1.0 + arm)) if arm else model
-    shown = np.round(conditions.plate_z_m / (z.quantum or SAME_PLACE))
-    farther = conditions.moved_by
+    scaled_arms = replace(model, rig=_with_arms(model.rig, 1.0 + arm)) if arm else model
+    grid_index = np.round(conditions.plate_z_m / (z.quantum or SAME_PLACE))
+    move_plate = conditions.moved_by
 
-    def change(moved: Conditions, by: Model = model) -> Array:
-        return np.where(turning, _thrust(by, moved) - thrust, 0.0)
+    def change(moved: Conditions, model_used: Model = model) -> Array:
+        return np.where(turning, _thrust(model_used, moved) - thrust, 0.0)
 
-    def scaled(field: str, sd: float) -> Array:
+    def scale_effect(field: str, sd: float) -> Array:
         moved = replace(conditions, **{field: getattr(conditions, field) * (1.0 + sd)})
         return change(moved)[:, None]
 
-    misread = visits.rounded * change(farther(read_m))
-    found = [
-        _wander(visits, model.rig),
-        _type_b("place", "m", place_m, _by_group(change(farther(place_m)), visits.stay)),
-        _type_b("plate reading", "m", read_m, _by_group(misread, shown)),
-        _type_b("distance scale", "1", z.scale_sd, scaled("plate_z_m", z.scale_sd)),
-        _type_b("rpm scale", "1", rpm.scale_sd, scaled("speed_rad_s", rpm.scale_sd)),
-        _type_b("arm", "1", arm, change(conditions, longer)[:, None]),
+    reading_effect = visits.rounded * change(move_plate(read_m))
+    sources = [
+        _zero_drift(visits, model.rig),
+        _type_b("place", "m", place_m, _by_group(change(move_plate(place_m)), visits.stay)),
+        _type_b("plate reading", "m", read_m, _by_group(reading_effect, grid_index)),
+        _type_b("distance scale", "1", z.scale_sd, scale_effect("plate_z_m", z.scale_sd)),
+        _type_b("rpm scale", "1", rpm.scale_sd, scale_effect("speed_rad_s", rpm.scale_sd)),
+        _type_b("arm", "1", arm, change(conditions, scaled_arms)[:, None]),
         _type_b("thrust scale", "1", gain, gain * thrust[:, None]),
     ]
-    least = SHOWS * np.abs(thrust).max()
+    min_effect = MIN_EFFECT * np.abs(thrust).max()
     return tuple(
         replace(
             source,
-            columns=source.columns[:, np.abs(source.columns).max(axis=0) > least],
+            columns=source.columns[:, np.abs(source.columns).max(axis=0) > min_effect],
             origin=source.origin or _origin(model.rig, source.name),
         )
-        for source in found
-        if np.abs(source.columns).max(initial=0.0) > least
+        for source in sources
+        if np.abs(source.columns).max(initial=0.0) > min_effect
     )
 
 
@@ -187,7 +185,7 @@ def _type_b(name: str, unit: str, sd: float, columns: Array) -> ErrorSource:
     )
 
 
-STATED_BY: dict[str, tuple[str, ...]] = {  # keys of the rig that state a source
+STATED_BY: dict[str, tuple[str, ...]] = {  # rig keys of a source
     "place": ("plate.repeatability_m", "plate.backlash_m"),
     "plate reading": ("sensors.plate_z_m.quantum",),
     "distance scale": ("sensors.plate_z_m.scale_sd",),
@@ -199,38 +197,38 @@ STATED_BY: dict[str, tuple[str, ...]] = {  # keys of the rig that state a source
 
 
 def _origin(rig: Rig, name: str) -> str:
-    found = (rig.sources[key] for key in STATED_BY[name] if rig.sources.get(key))
-    return next(found, f"rig {rig.name}")
+    origins = (rig.sources[key] for key in STATED_BY[name] if rig.sources.get(key))
+    return next(origins, f"rig {rig.name}")
 
 
-def _wander(visits: Visits, rig: Rig) -> ErrorSource:
-    """Return the zero's wander: a root of its covariance at every point since its tare."""
+def _zero_drift(visits: Visits, rig: Rig) -> ErrorSource:
+    """Return the zero drift since the tare: a root of its covariance over all points."""
     parts = []
     for number in np.unique(visits.tared):
         rows = np.flatnonzero(visits.tared == number)
         size, axes = np.linalg.eigh(zero_covariance(visits.zero_s[rows], visits.zero))
-        kept = size > MIN_SHARE * max(float(size[-1]), 0.0)
-        part = np.zeros((len(visits.tared), int(kept.sum())))
-        part[rows] = axes[:, kept] * np.sqrt(size[kept])
-        parts.append(part)
+        significant = size > MIN_SHARE * max(float(size[-1]), 0.0)
+        columns_of_tare = np.zeros((len(visits.tared), int(significant.sum())))
+        columns_of_tare[rows] = axes[:, significant] * np.sqrt(size[significant])
+        parts.append(columns_of_tare)
     columns = np.concatenate(parts, axis=1)
-    shown = np.isfinite(visits.zero.dof)
+    is_estimated = np.isfinite(visits.zero.dof)
     return ErrorSource(
         name="zero wander",
-        kind="A" if shown else "B",
+        kind="A" if is_estimated else "B",
         unit="N",
         sd=float(np.sqrt(np.mean(np.sum(columns**2, axis=1)))),
         columns=columns,
         dof=visits.zero.dof,
-        origin="the zero while the rotors stood still" if shown else "",
+        origin="the zero while the rotors stood still" if is_estimated else "",
     )
 
 
 def _thrust(model: Model, conditions: Conditions) -> Array:
-    shown = np.asarray(model.thrust_N(conditions), float)
-    # What is not known of a point is for a fit to leave out.
-    out: Array = np.nan_to_num(np.broadcast_to(shown, (len(conditions),)))
-    return out
+    predicted = np.asarray(model.thrust_N(conditions), float)
+    # Points with unknown conditions are excluded by the fit.
+    thrust: Array = np.nan_to_num(np.broadcast_to(predicted, (len(conditions),)))
+    return thrust
 
 
 def _by_group(change: Array, group: Array | NDArray[np.intp]) -> Array:
@@ -239,9 +237,9 @@ def _by_group(change: Array, group: Array | NDArray[np.intp]) -> Array:
 
 
 def _with_arms(rig: Rig, factor: float) -> Rig:
-    places = (
-        replace(place, x_m=place.x_m * factor, y_m=place.y_m * factor) for place in rig.rotors
+    rotors = (
+        replace(rotor, x_m=rotor.x_m * factor, y_m=rotor.y_m * factor) for rotor in rig.rotors
     )
     half = rig.body.half_diagonal_m
     body = rig.body if half is None else replace(rig.body, half_diagonal_m=half * factor)
-    return replace(rig, rotors=tuple(places), body=body)
+    return replace(rig, rotors=tuple(rotors), body=body)

@@ -1,4 +1,4 @@
-"""The air of a fit's data: k goes with its density, so that it is given at 1.225 kg/m3 as well."""
+"""Air density of a fit's data; k is also reported at 1.225 kg/m3."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STANDARD_K = "k_standard_air"  # k at 1.225 kg/m3, as a quantity of a fit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Density:
-    """Hold the air's density, its standard uncertainty (kg/m3), and who knows it."""
+    """Air density, its standard uncertainty (kg/m3), and its origin."""
 
     kg_m3: float
     sd: float
@@ -33,7 +33,7 @@ class Density:
         return Derived(STANDARD_K, "N/(rad/s)2", lambda values: factor * values["k"])
 
     def source(self, standard_k: float) -> tuple[ErrorSource, str]:
-        """Return what the density contributes to it, and its name."""
+        """Return the error source of the standard k due to density, and the quantity's name."""
         source = ErrorSource(
             name="air density", kind="B", unit="kg/m3", sd=self.sd, origin=self.origin,
             columns=np.array([[-standard_k * self.sd / self.kg_m3]]),
@@ -42,32 +42,33 @@ class Density:
 
 
 def air_density(air: Air, paths: Sequence[str]) -> Density | None:
-    """Return the density of what was stated, else of what every run measured; None without.
+    """Return the density from user input, else from the runs; None if a run lacks it.
 
-    Of several runs it is the mean, and its uncertainty holds how far they are apart.
+    The mean of several runs; the uncertainty includes their scatter.
     """
-    stated = air.facts()
-    if stated["measured"]:
-        return _density([stated], "stated")
+    user_air = air.facts()
+    if user_air["measured"]:
+        return _density([user_air], "stated")
     facts: list[dict[str, Any]] = [
         read_metadata(Path(path)).get("air") or {} for path in paths if is_run(path)
     ]
-    if len(facts) < len(paths) or not all(one.get("measured") for one in facts):
+    if len(facts) < len(paths) or not all(air_facts.get("measured") for air_facts in facts):
         return None
     return _density(facts, "measured by the operator")
 
 
-def _density(facts: Sequence[dict[str, Any]], who: str) -> Density:
-    densities = np.array([one["density_kg_m3"] for one in facts])
-    own = max(
-        relative_density_sd(one["temperature_degC"], one["pressure_Pa"], one["humidity"])
-        for one in facts
+def _density(facts: Sequence[dict[str, Any]], origin: str) -> Density:
+    densities = np.array([entry["density_kg_m3"] for entry in facts])
+    relative_sd = max(
+        relative_density_sd(entry["temperature_degC"], entry["pressure_Pa"], entry["humidity"])
+        for entry in facts
     )
     mean = float(densities.mean())
     first = facts[0]
     return Density(
         kg_m3=mean,
-        sd=float(np.hypot(own * mean, densities.std())),
-        origin=f"{who}: {first['temperature_degC']:g} degC, {0.01 * first['pressure_Pa']:g} hPa, "
-        f"{100.0 * first['humidity']:.0f} %; assumed ± 1 degC, 2 hPa, 20 %",
+        sd=float(np.hypot(relative_sd * mean, densities.std())),
+        origin=f"{origin}: {first['temperature_degC']:g} degC, "
+        f"{0.01 * first['pressure_Pa']:g} hPa, {100.0 * first['humidity']:.0f} %; "
+        "assumed ± 1 degC, 2 hPa, 20 %",
     )

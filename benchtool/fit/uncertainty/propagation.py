@@ -1,8 +1,8 @@
-"""The budget of a fit: the errors that it was given, and those that its model holds fixed.
+"""Budget of a fit: error sources of its covariance, and of fixed parameters and laws.
 
-With whitened Jacobian J and covariance C of a fit, the gain C J^T carries each source's columns to
-the estimates. What the fit was given makes its own covariance again; what it holds fixed at a
-number that nobody knows exactly, and what no law follows to the letter, comes beside it.
+With whitened Jacobian J and covariance C of a fit, the gain C J^T propagates each source's columns
+to the estimates. Sources within the fit reproduce its covariance; fixed parameters of uncertain
+value and errors of laws are added.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.interval import delta_gradient
-from benchtool.fit.jacobian import Way, select_method, spread_of
+from benchtool.fit.jacobian import DerivativeMethod, estimate_covariance, select_method
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import Budget, BudgetLine
 from benchtool.physics.effects.effect import Derived
 
-ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}  # of a source without its own
-POINTS = "scatter of the points"  # name of the estimate that `repeat` and bounded sources share
-SHOWS = 1e-4  # part of every combined uncertainty below which a source is left out
+ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}  # defaults
+POINTS = "scatter of the points"  # name of the scatter shared by `repeat` and bounded sources
+MIN_CONTRIBUTION = 1e-4  # of a source, relative to every combined uncertainty
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Propagation:
-    """Carry errors of the observations to a fit's quantities: shape parameters, then derived ones.
+    """Linear propagation of errors to a fit's quantities: shape parameters, then derived ones.
 
     Attributes:
-        items: (n,) of the quantities, as the fit has them.
-        derived: functions of the last of them.
-        shape: (n_shape,) where it was linearised.
+        items: (n,) estimates of the quantities.
+        derived: functions of the derived quantities.
+        shape: (n_shape,) linearisation point.
         sd: (n_shape,) standard deviations there.
         gain: (n, m + q) change of the quantities by whitened rows: points, then priors.
     """
@@ -47,7 +47,7 @@ class Propagation:
     sd: Array
     noise: float | None
     whitening: Whitening
-    derivatives: Way
+    derivatives: DerivativeMethod
     gain: Array
 
     @property
@@ -57,102 +57,102 @@ class Propagation:
 
     def changes(self, columns: Array) -> Array:
         """Return the changes (n, r) of the quantities by columns (m, r) of the observations."""
-        changed: Array = self.gain[:, : len(self.problem)] @ self.whitening(columns)
-        return changed
+        quantity_changes: Array = self.gain[:, : len(self.problem)] @ self.whitening(columns)
+        return quantity_changes
 
     def quantities(self, shapes: Array) -> Array:
         """Return the quantities (w, n) at shape values (w, n_shape)."""
         values = dict(zip(self.problem.shape_names, shapes.T, strict=True))
-        derived = [np.broadcast_to(one.function(values), len(shapes)) for one in self.derived]
+        derived = [np.broadcast_to(item.function(values), len(shapes)) for item in self.derived]
         return np.column_stack([shapes, *derived])
 
 
-def propagation(
+def build_propagation(
     problem: Problem, result: FitResult, derived: Sequence[Derived] = ()
 ) -> Propagation | None:
-    """Return how errors reach a result's quantities; None where the data leave one open."""
+    """Return the propagation of errors to a result's quantities; None if one is open."""
     shape, noise = problem.split(result.values)
-    # By so much a robust loss counts the points' own errors larger.
+    # A robust loss inflates the independent errors by this factor.
     whitening = problem.whitening(noise, float(result.facts.get("loss_factor") or 1.0))
     derivatives = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
     jacobian = row_jacobian(problem, derivatives)(shape, whitening)
-    spread = spread_of(jacobian, derivatives)
-    if spread.undetermined or not np.isfinite(result.covariance).all():
+    uncertainty = estimate_covariance(jacobian, derivatives)
+    if uncertainty.undetermined or not np.isfinite(result.covariance).all():
         return None
-    places = problem.shape_index
-    slopes = np.stack(
-        [*np.eye(len(shape)), *(delta_gradient(one, result)[places] for one in derived)]
-    )
+    index = problem.shape_index
+    gradients = [delta_gradient(item, result)[index] for item in derived]
+    slopes = np.stack([*np.eye(len(shape)), *gradients])
     return Propagation(
         problem=problem,
-        items=(*(result.estimates[i] for i in places), *(result[one.name] for one in derived)),
+        items=(*(result.estimates[i] for i in index), *(result[item.name] for item in derived)),
         derived=tuple(derived),
         shape=shape,
-        sd=np.sqrt(np.diag(spread.covariance)),
+        sd=np.sqrt(np.diag(uncertainty.covariance)),
         noise=noise,
         whitening=whitening,
         derivatives=derivatives,
-        gain=slopes @ spread.covariance @ jacobian.T,
+        gain=slopes @ uncertainty.covariance @ jacobian.T,
     )
 
 
-def bounded(way: Propagation, sources: Sequence[ErrorSource]) -> tuple[ErrorSource, ...]:
-    """Return sources of one draw, each at what the residuals leave of it where that is less.
+def bound_sources(linear: Propagation, sources: Sequence[ErrorSource]) -> tuple[ErrorSource, ...]:
+    """Return sources of one column, each reduced to its bound from the residuals if smaller.
 
-    All draws are estimated together, the others within what is stated of them: of two that leave
-    the same residuals, neither is bounded. The error is that from the held value, a draw of 0.
+    All errors are estimated jointly with their stated priors: of two sources with the same effect
+    on residuals, neither is bounded. The error is relative to the fixed value (error 0).
     """
     if not sources:
         return ()
-    problem, columns = way.problem, np.concatenate([one.columns for one in sources], axis=1)
-    residuals = -problem.rows(way.shape, way.whitening)
-    widened = max(float(residuals @ residuals) / max(problem.dof, 1), 1.0) ** 0.5
-    rows = np.pad(way.whitening(columns), ((0, len(problem.priors)), (0, 0))) / widened
-    fitted = way.gain[: len(way.shape)] / way.sd[:, None]
-    left = rows - np.linalg.pinv(fitted) @ (fitted @ rows)
-    posterior = np.linalg.inv(np.eye(len(sources)) + left.T @ left)
-    shown = np.maximum(1.0 - np.diag(posterior), 1e-300)  # share of each draw that residuals show
-    draw = posterior @ (left.T @ residuals) / widened / shown
-    sd = np.sqrt(np.diag(posterior) / shown)
+    problem = linear.problem
+    columns = np.concatenate([source.columns for source in sources], axis=1)
+    residuals = -problem.rows(linear.shape, linear.whitening)
+    inflation = max(float(residuals @ residuals) / max(problem.dof, 1), 1.0) ** 0.5
+    rows = np.pad(linear.whitening(columns), ((0, len(problem.priors)), (0, 0))) / inflation
+    fitted = linear.gain[: len(linear.shape)] / linear.sd[:, None]
+    free_rows = rows - np.linalg.pinv(fitted) @ (fitted @ rows)
+    posterior = np.linalg.inv(np.eye(len(sources)) + free_rows.T @ free_rows)
+    information = np.maximum(1.0 - np.diag(posterior), 1e-300)  # of the residuals on each error
+    draw = posterior @ (free_rows.T @ residuals) / inflation / information
+    sd = np.sqrt(np.diag(posterior) / information)
     dof = np.inf if problem.noise_name is None else float(problem.dof)
     return tuple(
-        one
+        source
         if share >= 1.0
         else replace(
-            one, kind="A", sd=share * one.sd, columns=share * one.columns, dof=dof,
+            source, kind="A", sd=share * source.sd, columns=share * source.columns, dof=dof,
             distribution="student_t", scatter=POINTS,
-            origin=f"residuals of this run: {value * one.sd:.2g} ± {own * one.sd:.2g}; "
-            f"without them {one.sd:.2g}, {one.origin}",
+            origin=f"residuals of this run: {value * source.sd:.2g} ± {own_sd * source.sd:.2g}; "
+            f"without them {source.sd:.2g}, {source.origin}",
         )
-        for one, share, value, own in zip(sources, np.hypot(draw, sd), draw, sd, strict=True)
+        for source, share, value, own_sd in zip(sources, np.hypot(draw, sd), draw, sd, strict=True)
     )  # fmt: skip
 
 
-def budget_of(
-    way: Propagation,
+def build_budget(
+    linear: Propagation,
     outside: Sequence[ErrorSource] = (),
-    beside: Sequence[tuple[ErrorSource, str]] = (),
+    quantity_errors: Sequence[tuple[ErrorSource, str]] = (),
     traceability: Sequence[str] = (),
 ) -> Budget:
     """Return the budget of a fit.
 
     Args:
-        outside: errors of the observations that the fit's covariance does not hold.
-        beside: errors of one quantity alone, with its name: columns (1, 1) in its unit.
+        outside: errors of the observations that are not in the fit's covariance.
+        quantity_errors: errors of one quantity, with its name: columns (1, 1) in its unit.
     """
-    parts = [*_within(way)]
-    parts += [_line(one, way.changes(one.columns), False) for one in outside]
-    for source, name in beside:
-        only = np.array([[1.0 if name == other else 0.0] for other in way.names])
-        parts.append(_line(source, only @ source.columns, False))
+    parts = [*_fit_sources(linear)]
+    parts += [_line(source, linear.changes(source.columns), False) for source in outside]
+    for source, name in quantity_errors:
+        selection = np.array([[1.0 if name == other else 0.0] for other in linear.names])
+        parts.append(_line(source, selection @ source.columns, False))
     covariance = sum(changes @ changes.T for _, changes in parts)
     sd = np.sqrt(np.diag(covariance))
-    parts = [(line, _) for line, _ in parts if np.any(line.contribution > SHOWS * sd)]
+    parts = [(line, _) for line, _ in parts if np.any(line.contribution > MIN_CONTRIBUTION * sd)]
     return Budget(
-        names=way.names,
-        units=tuple(item.unit for item in way.items),
-        values=tuple(item.value for item in way.items),
-        fit_sd=tuple(item.sd for item in way.items),
+        names=linear.names,
+        units=tuple(estimate.unit for estimate in linear.items),
+        values=tuple(estimate.value for estimate in linear.items),
+        fit_sd=tuple(estimate.sd for estimate in linear.items),
         lines=tuple(line for line, _ in parts),
         correlation=tuple(map(tuple, (covariance / np.outer(sd, sd)).tolist())),
         traceability=tuple(traceability),
@@ -169,7 +169,7 @@ def _line(
         kind=source.kind,
         unit=source.unit,
         sd=source.sd,
-        # Many draws add to a normal distribution, however each is distributed.
+        # The sum of many errors is normally distributed.
         distribution="normal" if draws > 1 and source.dof == np.inf else source.distribution,
         dof=source.dof,
         scatter=source.scatter,
@@ -182,43 +182,46 @@ def _line(
     return line, changes
 
 
-def _within(way: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
-    """Give the sources that make the fit's own covariance, with their changes (n, r)."""
-    problem, m = way.problem, len(way.problem)
-    sigma = way.whitening.sigma
-    fitted = problem.noise_name is not None
-    of_noise: dict[str, Any] = {"dof": float(problem.dof), "distribution": "student_t"}
+def _fit_sources(linear: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
+    """Yield the sources of the fit's covariance, with their changes (n, r)."""
+    problem, m = linear.problem, len(linear.problem)
+    sigma = linear.whitening.sigma
+    is_free = problem.noise_name is not None
+    noise_dof: dict[str, Any] = {"dof": float(problem.dof), "distribution": "student_t"}
     repeat = ErrorSource(
         name="repeat",
         kind="A",
         unit="N" if problem.basis == "joint" else "1",
         sd=float(np.sqrt(np.mean(sigma**2))),
         columns=sigma[:, None],
-        origin=f"scatter of the points: {problem.noise_name} fitted" if fitted else "stated errors",
-        **(of_noise | {"scatter": POINTS} if fitted else {}),
+        origin=f"scatter of the points: {problem.noise_name} fitted"
+        if is_free
+        else "stated errors",
+        **(noise_dof | {"scatter": POINTS} if is_free else {}),
     )
-    # One draw for each point: gain times the whitened diagonal, without writing that out.
-    own = way.whitening((way.gain[:, :m] * sigma).T).T
-    yield _line(repeat, own, True, "each point its own")
-    shared = problem.shared(way.noise)
-    at = np.cumsum([0, *(one.columns.shape[1] for one in problem.error_sources)])
-    for one, begin, end in zip(problem.error_sources, at[:-1], at[1:], strict=True):
-        yield _line(one, way.changes(shared[:, begin:end]), True)
-    sources = {name: one.source for one in problem.joint_priors for name in one.names}
-    for place, row in enumerate(problem.priors.matrix):
+    # One error per point: gain times the whitened diagonal matrix, without building it.
+    changes = linear.whitening((linear.gain[:, :m] * sigma).T).T
+    yield _line(repeat, changes, True, "each point its own")
+    shared = problem.shared(linear.noise)
+    offsets = np.cumsum([0, *(source.columns.shape[1] for source in problem.error_sources)])
+    for source, first, end in zip(problem.error_sources, offsets[:-1], offsets[1:], strict=True):
+        yield _line(source, linear.changes(shared[:, first:end]), True)
+    sources = {name: joint.source for joint in problem.joint_priors for name in joint.names}
+    for index, row in enumerate(problem.priors.matrix):
         last = int(np.flatnonzero(row)[-1])
         name = problem.shape_names[last]
-        item = problem.parameters[name]
+        parameter = problem.parameters[name]
         prior = ErrorSource(
             name=name,
             kind="B",
-            unit=item.unit,
+            unit=parameter.unit,
             sd=float(1.0 / abs(row[last])),
             columns=np.empty((m, 0)),
-            origin=sources.get(name) or item.prior.source or "prior of the model",
+            origin=sources.get(name) or parameter.prior.source or "prior of the model",
         )
-        change = way.gain[:, m + place, None] * np.sign(row[last])
-        for one in problem.priors.parts[place]:
-            yield _line(one, change @ one.columns, True, "all points of the calibration share it")
-        if not problem.priors.parts[place]:
+        change = linear.gain[:, m + index, None] * np.sign(row[last])
+        for source in problem.priors.parts[index]:
+            changes = change @ source.columns
+            yield _line(source, changes, True, "all points of the calibration share it")
+        if not problem.priors.parts[index]:
             yield _line(prior, change, True, "all points share it")

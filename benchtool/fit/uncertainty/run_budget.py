@@ -1,7 +1,7 @@
-"""The budget of a run before any fit: thrusts at its fastest level, nearest and farthest.
+"""Budget of a run before any fit: thrusts at its fastest level, nearest and farthest.
 
-Thrusts are means over the visits of a setting, which is a fit of one number for each. What a shift
-of the plate or of a speed does to them follows from eq. (4) at the rig's own numbers.
+Thrusts are means over the points of a setting: a fit of one parameter per setting. Sensitivities to
+plate position and speed are from eq. (4) with the rig's values.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.fixed_parameters import LAW, fixed_parameter_sources
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
-from benchtool.fit.uncertainty.propagation import bounded, budget_of, propagation
+from benchtool.fit.uncertainty.propagation import bound_sources, build_budget, build_propagation
 from benchtool.physics.effects.effect import Derived
 
 
 def run_budget(path: Path) -> Budget | None:
     """Return the budget of a run's thrusts and of the ratio of the nearest to the farthest.
 
-    None for a run whose points no fit can take, such as one of a pitch bench.
+    None for a run that cannot be fitted, such as a pitch run.
     """
     try:
         return _budget(path)
@@ -48,53 +48,55 @@ def _budget(path: Path) -> Budget:
     loaded = recipe_model(recipe)
     data = read_fit_data(recipe, loaded)
     if data.groups is None:
-        raise EstimationError("the run numbers no settings, so there are no visits to average")
+        raise EstimationError("the run has no setting numbers, needed to average points")
     errors = recipe_problem(loaded.model, recipe, data)
-    settings, visit = np.unique(data.groups[data.rows], return_inverse=True)
-    names = _names(data, visit)
+    settings, setting_index = np.unique(data.groups[data.rows], return_inverse=True)
+    names = _names(data, setting_index)
     parameters = {name: Parameter(name, "N", 0.0, free=True) for name in names}
-    if data.errors == "within" and len(visit) > len(settings):
+    if data.errors == "within" and len(setting_index) > len(settings):
         parameters["noise.scale"] = noise_parameter()
 
     def means(values: Any) -> Any:
-        at = np.asarray(values)[visit]
-        return at if at.ndim == 1 else at[..., 0].T
+        point_values = np.asarray(values)[setting_index]
+        return point_values if point_values.ndim == 1 else point_values[..., 0].T
 
     problem = function_problem(
         "settings", parameters, means, errors.observed, errors.standard_error,
         error_sources=errors.error_sources,
     )  # fmt: skip
-    cells = data.load_cells
-    scales = [replace(one, rows=one.rows[data.rows]) for one in cells.errors]
+    load_cells = data.load_cells
+    scales = [replace(error, rows=error.rows[data.rows]) for error in load_cells.errors]
     problem = with_scale_errors(problem, scales)
-    near, *_, far = shown = _fastest(data, visit, names)
+    near, *_, far = selection = _fastest(data, setting_index, names)
     if near == far:
         raise EstimationError("thrust was measured at one distance, so there is no ratio")
     ratio = Derived(f"{near} over {far}", "1", lambda values: values[near] / values[far])
     result = with_derived(fit_least_squares(problem), [ratio])
-    way = propagation(problem, result, [ratio])
-    if way is None:
-        raise EstimationError("a setting has no visit that counts")
-    rows = [way.names.index(name) for name in dict.fromkeys([*shown, ratio.name])]
+    linear = build_propagation(problem, result, [ratio])
+    if linear is None:
+        raise EstimationError("a setting has no usable point")
+    rows = [linear.names.index(name) for name in dict.fromkeys([*selection, ratio.name])]
     fixed = loaded.model
     for name in fixed.parameters.free_names:
         fixed = fixed.with_fixed(name)
-    chosen = replace(way, items=tuple(way.items[row] for row in rows), gain=way.gain[rows])
-    held = fixed_parameter_sources(fixed, data.conditions.select(data.rows))
-    # What was read follows no law of distance.
-    outside = [one for one in held if not one.name.startswith(LAW)]
-    return budget_of(chosen, bounded(way, outside), traceability=cells.traceability)
+    items = tuple(linear.items[row] for row in rows)
+    selected = replace(linear, items=items, gain=linear.gain[rows])
+    sources = fixed_parameter_sources(fixed, data.conditions.select(data.rows))
+    # Measured thrusts have no law error.
+    outside = [error for error in sources if not error.name.startswith(LAW)]
+    bounds = bound_sources(linear, outside)
+    return build_budget(selected, bounds, traceability=load_cells.traceability)
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:
-    """Return what each setting is called, by distance and level."""
+    """Return the name of each setting, from distance and speed."""
     names: list[str] = []
     speeds = from_si(data.conditions.speed_rad_s[:, data.rows].max(axis=0), "rpm")
     for number in range(int(visit.max()) + 1):
-        own = visit == number
-        z = float(np.mean(data.z_over_R[data.rows][own]))
-        place = f"z/R {z:.3g}" if z < REFERENCE_Z_OVER_R else "far"
-        name = f"thrust {place}, {np.mean(speeds[own]):.0f} rpm"
+        rows = visit == number
+        z_over_R = float(np.mean(data.z_over_R[data.rows][rows]))
+        distance_text = f"z/R {z_over_R:.3g}" if z_over_R < REFERENCE_Z_OVER_R else "far"
+        name = f"thrust {distance_text}, {np.mean(speeds[rows]):.0f} rpm"
         names.append(name if name not in names else f"{name}, setting {number + 1}")
     return names
 
@@ -103,8 +105,9 @@ def _fastest(data: FitData, visit: NDArray[np.intp], names: list[str]) -> list[s
     """Return the nearest, a middle and the farthest setting of the fastest level."""
     speed = data.conditions.speed_rad_s[:, data.rows].max(axis=0)
     z = data.z_over_R[data.rows]
-    level, place = (np.array([x[visit == n].mean() for n in range(len(names))]) for x in (speed, z))
-    fast = np.flatnonzero(level > 0.95 * level.max())
-    ordered = fast[np.argsort(place[fast])]
+    settings = range(len(names))
+    level, distance = (np.array([x[visit == n].mean() for n in settings]) for x in (speed, z))
+    fastest = np.flatnonzero(level > 0.95 * level.max())
+    ordered = fastest[np.argsort(distance[fastest])]
     middle = ordered[len(ordered) // 2]
     return [names[row] for row in (ordered[0], middle, ordered[-1])]

@@ -1,4 +1,4 @@
-"""The walk of a load cell's zero as the still stretches of a run show it."""
+"""Estimation of a load cell's zero drift (random walk) from the standstill phases of a run."""
 
 from __future__ import annotations
 
@@ -17,84 +17,84 @@ from benchtool.data.run.read import is_run, read_samples, sample_names
 from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 
 PRIOR_LN = 0.7  # standard deviation of the logarithm of a stated walk, a factor of two; assumed
-LEAST_BINS = 8  # fewer means of a still bench say nothing of its walk; assumed
-MOST_BINS = 240  # means that a run is cut into, about; their covariance has as many rows
+MIN_BINS = 8  # means at standstill, and samples of a mean; assumed
+MAX_BINS = 240  # approximate number of means of a run, the rows of their covariance
 
 BIN_S, SETTLED_S = 0.5, 0.4  # shortest span of a mean; left out after rotors stop; assumed
 
 
 def add_zero_drift(points: Recording, path: str, rig: Rig) -> Recording:
-    """Return a run's points with the walk of the zero that its still stretches show.
+    """Return a run's points with the random walk of the zero, estimated at standstill.
 
-    Rotors stand still while the plate moves, and what the cell shows then is its zero. What the rig
-    states is the prior. Points of anything but a run with samples are returned as they are.
+    Rotors stand still while the plate moves, so that the load cell reads its zero. The prior is the
+    rig's value. Points are unchanged without samples.
     """
-    sampled = is_run(path) and any(Path(path).glob("samples.*"))
-    if not sampled or "thrust_N" not in sample_names(path):
+    has_samples = is_run(path) and any(Path(path).glob("samples.*"))
+    if not has_samples or "thrust_N" not in sample_names(path):
         return points
-    wanted = [name for name in sample_names(path) if name.startswith("rpm")]
-    samples = read_samples(path, ["time_s", "phase", "thrust_N", *wanted])
-    still = standstill_means(samples)
-    if len(still) < LEAST_BINS:
+    speed_names = [name for name in sample_names(path) if name.startswith("rpm")]
+    samples = read_samples(path, ["time_s", "phase", "thrust_N", *speed_names])
+    means = standstill_means(samples)
+    if len(means) < MIN_BINS:
         return points
     cell = rig.sensors.get("thrust_N", Sensor())
-    found = estimate_zero_drift(still, ZeroNoise(cell.walk, cell.flicker))
-    shown = {"zero_walk": repr(found.walk), "zero_walk_dof": repr(found.dof)}
-    return replace(points, provenance={**points.provenance, **shown})
+    estimate = estimate_zero_drift(means, ZeroNoise(cell.walk, cell.flicker))
+    provenance = {"zero_walk": repr(estimate.walk), "zero_walk_dof": repr(estimate.dof)}
+    return replace(points, provenance={**points.provenance, **provenance})
 
 
 def standstill_means(samples: Recording) -> Array:
-    """Return means of the load cell with nothing turning: tare, time, value, error (k, 4)."""
+    """Return load cell means at standstill: tare, time, value, error (k, 4)."""
     time, thrust = samples.column("time_s"), samples.column("thrust_N")
     speeds = [samples.column(name) for name in speed_columns(samples.names, "rpm")]
     in_tare = samples.column("phase") == word_to_code("phase", "tare")
-    quiet = np.isfinite(thrust) & ~in_tare  # within a tare the zero is being set
+    is_still = np.isfinite(thrust) & ~in_tare  # within a tare the zero is being set
     for speed in speeds:
-        quiet &= ~(np.abs(speed) > 0.0)
-    if not speeds or not quiet.any():
+        is_still &= ~(np.abs(speed) > 0.0)
+    if not speeds or not is_still.any():
         return np.empty((0, 4))
-    begins = in_tare & ~np.concatenate([[False], in_tare[:-1]])
-    tare = np.cumsum(begins)
-    change = np.concatenate([[True], (quiet[1:] != quiet[:-1]) | begins[1:]])
+    is_tare_start = in_tare & ~np.concatenate([[False], in_tare[:-1]])
+    tare = np.cumsum(is_tare_start)
+    change = np.concatenate([[True], (is_still[1:] != is_still[:-1]) | is_tare_start[1:]])
     stretch = np.cumsum(change)
-    began = time[change][stretch - 1]
-    quiet &= time - began > SETTLED_S
-    width = max(BIN_S, float(np.median(np.diff(time))) * quiet.sum() / MOST_BINS)
-    number = stretch * 1_000_000 + ((time - began) / width).astype(int)
+    start = time[change][stretch - 1]
+    is_still &= time - start > SETTLED_S
+    width = max(BIN_S, float(np.median(np.diff(time))) * is_still.sum() / MAX_BINS)
+    number = stretch * 1_000_000 + ((time - start) / width).astype(int)
     rows = []
-    for each in np.unique(number[quiet]):
-        here = quiet & (number == each)
-        if here.sum() >= LEAST_BINS:
-            values = thrust[here]
+    for bin_number in np.unique(number[is_still]):
+        in_bin = is_still & (number == bin_number)
+        if in_bin.sum() >= MIN_BINS:
+            values = thrust[in_bin]
             error = float(values.std(ddof=1)) / np.sqrt(len(values))
-            rows.append((float(tare[here][0]), time[here].mean(), values.mean(), error))
-    found = np.array(rows).reshape(-1, 4)
-    if len(found):  # one error for all: that of one mean is of few samples
-        found[:, 3] = max(float(np.median(found[:, 3])), 1e-12)
-    return found
+            rows.append((float(tare[in_bin][0]), time[in_bin].mean(), values.mean(), error))
+    means = np.array(rows).reshape(-1, 4)
+    if len(means):  # one error for all: that of one mean is of few samples
+        means[:, 3] = max(float(np.median(means[:, 3])), 1e-12)
+    return means
 
 
 def estimate_zero_drift(still: Array, stated: ZeroNoise) -> ZeroNoise:
-    """Return the walk that means of a still bench (k, 4) show, with the stated one as prior.
+    """Return the random walk from means at standstill (k, 4), with the stated one as prior.
 
-    The likeliest value of their exact covariance; level and drift since each tare are left free.
+    Maximum of likelihood (exact covariance) times prior; level and drift since each tare are free.
     """
     groups = []
     for number in np.unique(still[:, 0]):
         rows = still[still[:, 0] == number]
         since = rows[:, 1] - rows[0, 1]
         scale = 1e3 * np.max(rows[:, 3])
-        free = scale**2 * (1.0 + np.outer(since, since) / max(float(since[-1]), 1.0) ** 2)
-        alone = np.diag(rows[:, 3] ** 2) + free
-        alone += zero_covariance(since, replace(stated, walk=0.0))
-        # In these axes the rest has variance 1, and a walk of 1 adds `part`.
-        part, axes = eigh(np.minimum(since[:, None], since), alone)
-        groups.append((rows[:, 2] @ axes, np.maximum(part, 0.0)))
+        level_and_drift = 1.0 + np.outer(since, since) / max(float(since[-1]), 1.0) ** 2
+        covariance = np.diag(rows[:, 3] ** 2) + scale**2 * level_and_drift
+        covariance += zero_covariance(since, replace(stated, walk=0.0))
+        # On these axes a walk w adds w^2 times the eigenvalue to a variance of 1.
+        eigenvalues, eigenvectors = eigh(np.minimum(since[:, None], since), covariance)
+        groups.append((rows[:, 2] @ eigenvectors, np.maximum(eigenvalues, 0.0)))
 
     def loss(log_walk: float) -> float:
         total = 0.0
-        for rows, part in groups:
-            variance = 1.0 + np.exp(2.0 * log_walk) * part
+        for rows, eigenvalues in groups:
+            variance = 1.0 + np.exp(2.0 * log_walk) * eigenvalues
             total += 0.5 * float(np.sum(rows**2 / variance + np.log(variance)))
         if stated.walk > 0.0:
             total += 0.5 * ((log_walk - np.log(stated.walk)) / PRIOR_LN) ** 2
@@ -104,7 +104,7 @@ def estimate_zero_drift(still: Array, stated: ZeroNoise) -> ZeroNoise:
     low, high = np.log(1e-4 * error), np.log(1e2 * error)
     best = float(minimize_scalar(loss, bounds=(low, high), method="bounded").x)
     step = 0.1
-    bend = (loss(best + step) - 2.0 * loss(best) + loss(best - step)) / step**2
+    curvature = (loss(best + step) - 2.0 * loss(best) + loss(best - step)) / step**2
     if best < low + 0.5:  # nothing of it shows
         return replace(stated, walk=0.0) if stated.walk == 0.0 else stated
-    return replace(stated, walk=float(np.exp(best)), dof=float(max(0.5 * bend, 1.0)))
+    return replace(stated, walk=float(np.exp(best)), dof=float(max(0.5 * curvature, 1.0)))

@@ -20,7 +20,7 @@ from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
-from benchtool.fit.uncertainty.bench_errors import Visits, bench_errors, joined_visits
+from benchtool.fit.uncertainty.bench_errors import Visits, bench_errors, concatenate_visits
 from benchtool.fit.uncertainty.zero_drift import estimate_zero_drift, standstill_means
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
@@ -145,7 +145,7 @@ def test_a_zero_wanders_from_its_tare_on():
 def test_points_of_two_tares_do_not_wander_together():
     on = rig(thrust_N={"walk": 2e-4})
     conditions, visits = sweep(on)
-    two = joined_visits([visits, visits])
+    two = concatenate_visits([visits, visits])
     assert two.stay.max() == 2 * visits.stay.max() + 1
     twice = Conditions.of(
         on,
@@ -200,7 +200,7 @@ def test_the_scatter_of_places_can_be_estimated():
 def test_a_place_that_nothing_feels_cannot_be_estimated():
     on = rig(repeatability_m=1e-4)
     conditions = Conditions.of(on, speed_rad_s=np.full((4, 6), 500.0), plate_z_m=np.full(6, 1e6))
-    with pytest.raises(InputError, match="no point feels where the plate stands"):
+    with pytest.raises(InputError, match="no point depends on the plate position"):
         problem_from_model(
             model(on).with_free("noise.place_m"), conditions, np.full(6, 10.0), np.full(6, 0.01)
         )

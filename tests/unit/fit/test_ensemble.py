@@ -133,5 +133,5 @@ def test_no_probable_start_is_told():
     problem = function_problem(
         "nowhere", {"a": free("a", 1.0, 0.0, 2.0)}, nowhere, X, np.ones(len(X))
     )
-    with pytest.raises(EstimationError, match="no starting points of finite probability"):
+    with pytest.raises(EstimationError, match="no points of finite probability"):
         fit_ensemble(problem)

@@ -31,11 +31,11 @@ def test_points_without_a_usable_error_are_named():
     problem = line_problem()
     errors = problem.standard_error.copy()
     errors[4] = 0.0
-    with pytest.raises(InputError, match=r"point 5 has standard error 0, not a number above 0"):
+    with pytest.raises(InputError, match=r"standard error of point 5 is 0; allowed: above 0"):
         replace(problem, standard_error=errors)
     observed = problem.observed.copy()
     observed[2] = np.nan
-    with pytest.raises(InputError, match="point 3 was observed as nan"):
+    with pytest.raises(InputError, match="observation of point 3 is nan"):
         replace(problem, observed=observed)
 
 
@@ -43,7 +43,7 @@ def test_lengths_must_agree_and_something_must_be_free():
     problem = line_problem()
     with pytest.raises(InputError, match="25 points were observed, but groups has 3"):
         replace(problem, groups=np.arange(3))
-    with pytest.raises(InputError, match="no free parameter that moves its prediction"):
+    with pytest.raises(InputError, match="no free parameter that changes its prediction"):
         function_problem("line", {"a": free("a", 1.0).as_fixed()}, line, problem.observed)
 
 
