@@ -1,20 +1,20 @@
-"""Blade-element momentum theory: how thrust and torque of a rotor answer to inflow.
+"""Blade-element momentum theory: response of thrust and torque to the inflow.
 
-Untwisted blades and uniform inflow lambda = kappa sqrt(C_T/2), kappa the induced velocity over
-that far from any surface at equal thrust:
+Untwisted blades and uniform inflow lambda = kappa sqrt(C_T/2), kappa the induced velocity over that
+out of ground effect at equal thrust:
 
     C_T = (s a/2) (t/3 - lambda/2),  C_Q = lambda C_T + s cd/8
 
 with solidity s, lift slope a, pitch t and profile drag cd; T = rho A R^2 C_T w^2 and
-Q = rho A R^3 C_Q w^2. The first is quadratic in sqrt(C_T). Over their values at kappa = 1, thrust
-follows from m = s a / (4 sqrt(2 C_T)) alone and torque from m and the share of profile drag in it:
+Q = rho A R^3 C_Q w^2. The first is quadratic in sqrt(C_T). Relative to kappa = 1, thrust depends
+only on m = s a / (4 sqrt(2 C_T)), torque on m and the share of profile drag:
 dlnT/dln kappa = -m / (1 + m/2) and, for the induced torque, (1 - m) / (1 + m/2) at equal speed.
-So induced torque falls towards a plate where m < 1 and rises at first where m > 1.
+Towards a plate, induced torque decreases for m < 1 and first increases for m > 1.
 
-Inflow solved ring by ring makes the increment at equal speed 4 % of itself smaller for untwisted
-blades (`tests/unit/physics/test_blade_element.py`): the error of this model.
+Error of this model: with inflow solved per annulus, the increment at equal speed of untwisted
+blades is 4 % smaller (`tests/unit/physics/test_blade_element.py`).
 
-Source: the textbook theory of a hovering rotor (Leishman 2006, chapter 3: from memory).
+Source: textbook theory of a hovering rotor (Leishman 2006, chapter 3: from memory).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from benchtool.physics.expression import Quantity, expression
 def inflow_at_equal_thrust(factor: Quantity) -> Quantity:
     """Return kappa = G^(-3/2) for the thrust ratio G at equal induced power.
 
-    Induced power T v with v = kappa sqrt(T / 2 rho A) is equal where T^(3/2) kappa is. Where a law
-    has no thrust ratio any more (a denominator of 0 or less) nothing flows.
+    Induced power T v with v = kappa sqrt(T / 2 rho A) is constant for constant T^(3/2) kappa. For a
+    denominator of 0 or less, where a law is undefined, kappa is 0.
     """
     inverse = np.maximum(1.0 / factor, 0.0)
     return inverse * np.sqrt(inverse)
@@ -40,7 +40,7 @@ def inflow_at_equal_thrust(factor: Quantity) -> Quantity:
 def thrust_coefficient(
     solidity: Quantity, lift_slope: Quantity, pitch_rad: Quantity, kappa: Quantity
 ) -> Quantity:
-    """Return C_T at an inflow ratio kappa."""
+    """Return C_T for an inflow ratio kappa."""
     half = solidity * lift_slope * kappa / (8.0 * np.sqrt(2.0))
     static = solidity * lift_slope * pitch_rad / 6.0
     root = static / (half + np.sqrt(half * half + static))
@@ -51,7 +51,7 @@ def thrust_coefficient(
 def torque_coefficient(
     solidity: Quantity, profile_drag: Quantity, kappa: Quantity, c_T: Quantity
 ) -> Quantity:
-    """Return C_Q at an inflow ratio kappa, where the thrust coefficient is `c_T`."""
+    """Return C_Q for an inflow ratio kappa and a thrust coefficient c_T."""
     return kappa * c_T * np.sqrt(0.5 * c_T) + solidity * profile_drag / 8.0
 
 
@@ -61,29 +61,29 @@ def thrust_at_equal_speed(kappa: Quantity, response: Quantity) -> Quantity:
 
     Args:
         kappa: inflow ratio at equal thrust.
-        response: m, from 0 (thrust does not answer to inflow).
+        response: m, from 0 (thrust independent of inflow).
     """
     slope = response * kappa
-    whole = 1.0 + response
-    root = 2.0 * whole / (slope + np.sqrt(slope * slope + 4.0 * whole))
+    total = 1.0 + response
+    root = 2.0 * total / (slope + np.sqrt(slope * slope + 4.0 * total))
     return root * root
 
 
 @expression
 def torque_at_equal_speed(kappa: Quantity, response: Quantity, profile_share: Quantity) -> Quantity:
-    """Return C_Q(kappa) / C_Q(1), `profile_share` the part of C_Q(1) that is profile drag."""
+    """Return C_Q(kappa) / C_Q(1); `profile_share` is the share of profile drag in C_Q(1)."""
     thrust = thrust_at_equal_speed(kappa, response)
     return profile_share + (1.0 - profile_share) * kappa * thrust * np.sqrt(thrust)
 
 
 def inflow_response(blade: Blade) -> float:
-    """Return m = s a / (4 sqrt(2 C_T)) of a blade far from any surface."""
+    """Return m = s a / (4 sqrt(2 C_T)) out of ground effect."""
     c_T = thrust_coefficient(blade.solidity, blade.lift_slope, blade.pitch_rad, 1.0)
     return float(blade.solidity * blade.lift_slope / (4.0 * np.sqrt(2.0 * c_T)))
 
 
 def profile_share(blade: Blade) -> float:
-    """Return the share of profile drag in a blade's torque far from any surface."""
+    """Return the share of profile drag in the torque out of ground effect."""
     c_T = thrust_coefficient(blade.solidity, blade.lift_slope, blade.pitch_rad, 1.0)
     c_Q = torque_coefficient(blade.solidity, blade.profile_drag, 1.0, c_T)
     return float(blade.solidity * blade.profile_drag / 8.0 / c_Q)

@@ -1,8 +1,8 @@
-"""Lift of the body in the upwash between the rotors: the added term of eq. (4).
+"""Body lift in the upwash between the rotors: the added term of eq. (4).
 
 The term is the velocity of all images at the body's centre, times an empirical K_b ("close to 2").
-Its factor 2 R^2 is four images at half the diagonal, so the derivation asks for b = half the
-diagonal; the paper's text calls b the diagonal. Both readings are here: half is the default.
+Its factor 2 R^2 corresponds to four images at half the diagonal, so b is half the diagonal by the
+derivation; the paper's text calls b the diagonal. Both are available, half is the default.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def body_term(K_b: Quantity, weight: Quantity, radius_m: Quantity, images: Quant
     """Return the body's term of the denominator, K_b w R^2 times `images`.
 
     Args:
-        weight: share w that the wake rule grants (`wake_rules`); 1 when all rotors are covered.
-        images: what all images contribute at the body's centre, per R^2 (`disc_thrust`): 1/m2.
+        weight: weight w from the wake rule (`wake_rules`); 1 if all rotors are covered.
+        images: sum of all images at the body's centre, per R^2 (`disc_thrust`): 1/m2.
     """
     return K_b * weight * radius_m * radius_m * images
 
 
 class BodyImages(NamedTuple):
-    """Hold places of the body term's sources in the rotor plane, and their distances (k,): m."""
+    """Positions of the body term's sources in the rotor plane, and their distances (k,): m."""
 
     x_m: Quantity
     y_m: Quantity
@@ -45,13 +45,13 @@ def body_images(
 ) -> BodyImages:
     """Return the sources of the body term for rotors at (x, y) (n,) about the body's centre.
 
-    Works for any layout: "half_diagonal" puts them at the rotors, "diagonal" at twice their arms,
-    in the same plane. A stated half diagonal stands for the four rotors of a plus layout.
+    For any layout: "half_diagonal" places them at the rotors, "diagonal" at twice their arms, in
+    the same plane. With `half_diagonal_m` they are the four rotors of a plus layout.
     """
     if body_distance not in get_args(BodyDistance):
         raise UnknownChoice("body distance", body_distance, get_args(BodyDistance))
     if half_diagonal_m is not None:
-        ahead = half_diagonal_m * np.array([1.0, 0.0, -1.0, 0.0])
-        x_m, y_m = ahead, np.roll(ahead, 1)
+        x_m = half_diagonal_m * np.array([1.0, 0.0, -1.0, 0.0])
+        y_m = np.roll(x_m, 1)
     factor = 2.0 if body_distance == "diagonal" else 1.0
     return BodyImages(factor * x_m, factor * y_m, factor * np.hypot(x_m, y_m))

@@ -1,4 +1,4 @@
-"""Every effect by name: the folder `effects` is the list of what the tool knows."""
+"""Catalogue of all effects in the folder `effects`, by name."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
 from benchtool.physics.effects.laws.table import LAWS
 
 
-def _found() -> list[Effect]:
-    """Return the effects of every file in the folder and below, in the order of the chain."""
+def _import_effects() -> list[Effect]:
+    """Return the effects of all files in the folder and below, in the order of the chain."""
     folder = Path(effects.__path__[0])
     files = (path.relative_to(folder).with_suffix("") for path in folder.rglob("[!_]*.py"))
-    names = (f"{effects.__name__}.{'.'.join(path.parts)}" for path in files)
-    found = [one for name in names if (one := getattr(import_module(name), "EFFECT", None))]
-    found += LAWS.values()
-    return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
+    modules = (import_module(f"{effects.__name__}.{'.'.join(path.parts)}") for path in files)
+    imported = [effect for module in modules if (effect := getattr(module, "EFFECT", None))]
+    imported += LAWS.values()
+    return sorted(imported, key=lambda it: (SUBSYSTEMS.index(it.subsystem), it.order, it.name))
 
 
 HOW_TO = "the form of an effect file is in docs/how-to/extend.md#effects"
-EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _found()}
+EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _import_effects()}
 
 
 def find_effect(name: str) -> Effect:
-    """Return the effect of that name, or refuse it with the known ones."""
+    """Return the effect of that name."""
     try:
         return EFFECTS[name]
     except KeyError:
@@ -42,7 +42,7 @@ def candidates(bench: BenchKind) -> tuple[Effect, ...]:
 
 
 def never_tried(bench: BenchKind) -> tuple[Effect, ...]:
-    """Return effects that act on a bench of that kind and that no explanation may name."""
+    """Return the effects with influence on that kind of bench that no explanation may name."""
     return tuple(
         effect
         for effect in EFFECTS.values()
@@ -53,7 +53,7 @@ def never_tried(bench: BenchKind) -> tuple[Effect, ...]:
 
 
 def thrust_laws(surface: Surface) -> tuple[Effect, ...]:
-    """Return the laws of thrust against the distance of a surface that lies there, in order."""
+    """Return the laws of thrust against distance for that position of the surface, in order."""
     return tuple(
         effect
         for effect in EFFECTS.values()
@@ -64,69 +64,71 @@ def thrust_laws(surface: Surface) -> tuple[Effect, ...]:
 def user_effects(
     file_or_module: str, permit: CodePermit = check_code_allowed
 ) -> tuple[Effect, ...]:
-    """Return the effects that a Python file, or a module found from the present folder, holds.
+    """Return the effects of a Python file or of a module importable from the current folder.
 
     Raises:
-        InputError: it may not be run, cannot be imported, holds no effect, or one whose name is
-            taken or whose parameters cannot be judged.
+        InputError: it may not be run, cannot be imported, contains no effect, an effect with an
+            existing name, or parameters without tolerance.
     """
     try:
         module = load_user_module(
             file_or_module,
             f"effects of {file_or_module}",
-            "give a Python file, or run where the module is",
+            "give a Python file, or run in the folder of the module",
             permit,
         )
     except InputError as error:
         if not isinstance(error.__cause__, ImportError | TypeError | AttributeError):
             raise
         raise InputError(f"{error}; {HOW_TO}") from error
-    found: list[Effect] = []
+    imported: list[Effect] = []
     for name in ("EFFECT", "EFFECTS"):
         value = getattr(module, name, ())
         items = (value,) if isinstance(value, Effect) else value
         items = items.values() if isinstance(items, dict) else items
         if not isinstance(items, Iterable) or isinstance(items, str):
             raise InputError(
-                f"{name} of {file_or_module} is {value!r}; make it an Effect or a list of them"
+                f"{name} of {file_or_module} is {value!r}; expected an Effect or a list of effects"
             )
         for item in items:
             if not isinstance(item, Effect):
                 raise InputError(
-                    f"{name} of {file_or_module} holds {item!r}, which is no "
+                    f"{name} of {file_or_module} contains {item!r}, which is not a "
                     f"benchtool.physics.effects.effect.Effect; build it as Effect(name=..., ...)"
                 )
-            found.append(item)
-    if not found:
+            imported.append(item)
+    if not imported:
         raise InputError(
-            f"{file_or_module} holds no effect; give it EFFECT = Effect(...) or EFFECTS = [...] of "
-            f"benchtool.physics.effects.effect.Effect; {HOW_TO}"
+            f"{file_or_module} contains no effect; define EFFECT = Effect(...) or EFFECTS = [...] "
+            f"of benchtool.physics.effects.effect.Effect; {HOW_TO}"
         )
-    names = [effect.name for effect in found]
-    for effect in found:
+    names = [effect.name for effect in imported]
+    for effect in imported:
         if effect.name in EFFECTS:
             raise InputError(
-                f"effect {effect.name!r} of {file_or_module} has the name of a shipped one; name "
-                f"yours otherwise"
+                f"effect {effect.name!r} of {file_or_module} has the name of an effect of "
+                f"benchtool; use another name"
             )
         if names.count(effect.name) > 1:
-            raise InputError(f"{file_or_module} holds two effects named {effect.name!r}; keep one")
-        _check(effect, file_or_module)
-    return tuple(found)
+            raise InputError(
+                f"{file_or_module} contains two effects named {effect.name!r}; remove one"
+            )
+        _check_effect(effect, file_or_module)
+    return tuple(imported)
 
 
-def _check(effect: Effect, where: str) -> None:
-    """Refuse an effect that an explanation could not judge."""
+def _check_effect(effect: Effect, file: str) -> None:
+    """Raise if an explanation could not judge the effect."""
     if not effect.benches and effect.distance_law is None:
         raise InputError(
-            f"effect {effect.name!r} of {where} is no candidate on any bench; give it benches = "
-            f'frozenset({{"pitch"}}), or "sweep", or both'
+            f"effect {effect.name!r} of {file} is not a candidate on any bench; set benches = "
+            f'frozenset({{"pitch"}}), {{"sweep"}} or both'
         )
     if effect.tolerance_of is not None:
         return
     for item in effect.parameters:
         if item.neutral is not None and item.tolerance is None:
             raise InputError(
-                f"parameter {item.name} of effect {effect.name!r} in {where} has no tolerance, so "
-                f"it is not known when it matters; add tolerance=... in {item.unit}"
+                f"parameter {item.name} of effect {effect.name!r} in {file} has no tolerance; add "
+                f"tolerance=... in {item.unit}"
             )

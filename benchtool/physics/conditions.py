@@ -1,4 +1,4 @@
-"""Conditions: what a settled bench was set to and what its rotors did, sample by sample."""
+"""Conditions of settled measurements: rotor speeds and plate position of each sample."""
 
 from __future__ import annotations
 
@@ -15,34 +15,29 @@ from benchtool.physics.coverage import plate_coverages
 from benchtool.physics.effects.effect import PAST_S
 from benchtool.physics.rotor import speed_from_pwm
 
-OUT_OF_GROUND_EFFECT_M = (
-    1e6  # plate distance that stands for no plate at all; its images vanish to rounding
-)
-
-
-SAME_PLACE = 5e-4  # m, or rad of tilt; a smaller move is none, above a stage's quantum; assumed
-SAME_LOAD = 0.01  # share of a summed squared speed; a smaller change is none; assumed
+OUT_OF_GROUND_EFFECT_M = 1e6  # plate distance without a plate; its images vanish to rounding
+SAME_PLACE = 5e-4  # m, or rad of tilt; smaller moves are ignored, above a stage's quantum; assumed
+MIN_LOAD_CHANGE = 0.01  # of a sum of squared speeds; smaller changes are ignored; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Conditions:
-    """Hold what a settled prediction needs.
+    """Inputs of a settled prediction, for m samples.
 
     Attributes:
-        speed_rad_s: (n_rotors, m) rotor speeds; 0 where a rotor is off.
+        speed_rad_s: (n_rotors, m) rotor speeds; 0 for a stopped rotor.
         plate_z_m: (m,) distance from the rotor plane to the plate's centre, along the rotor axis.
         plate_tilt_rad: (m,) commanded tilt about the y axis through the plate's centre; positive
             brings +x rotors nearer.
         coverage: (n_discs, m) fraction of each disc over the plate.
-        load_direction: (m,) +1 where the load was approached from below, -1 from above, 0 where
-            nobody knows.
+        load_direction: (m,) +1 for a load approached from below, -1 from above, 0 if unknown.
         plate_x_m: (m,) lateral position of the plate's centre.
         airspeed_m_s: (m,) speed of the air along the plate, as in a wind tunnel.
-        moved_s: (m,) time since the plate last moved; 0 where nobody knows.
-        moved_direction: (m,) +1 where the plate came to its distance from nearer, -1 from farther.
-        past_load, past_wash: (4, m) means over the past, see `Flow`.
-        speed_measured: whether the speeds were read from the rotors; else they follow from pulse
-            widths, and effects between pulse and speed act on them.
+        moved_s: (m,) time since the last plate movement; 0 if unknown.
+        moved_direction: (m,) +1 for a plate distance approached from nearer, -1 from farther.
+        past_load, past_wash: (4, m) history of load and wake, see `Flow`.
+        speed_measured: True for measured speeds; False for speeds from pulse widths, to which
+            effects between pulse width and speed apply.
     """
 
     speed_rad_s: Array
@@ -66,25 +61,25 @@ class Conditions:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Whether speeds, plate and coverage of each sample are all known (m,)."""
-        whole: NDArray[np.bool_] = (
+        """True for samples with finite speeds, plate position and coverage (m,)."""
+        is_complete: NDArray[np.bool_] = (
             np.isfinite(self.speed_rad_s).all(axis=0)
             & np.isfinite(self.coverage).all(axis=0)
             & np.isfinite(self.plate_z_m + self.plate_tilt_rad + self.elapsed_s)
         )
-        return whole
+        return is_complete
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Conditions:
-        """Return the conditions of only those samples."""
-        names = (item.name for item in fields(self) if item.name != "speed_measured")
+        """Return the conditions of the selected samples."""
+        names = (field.name for field in fields(self) if field.name != "speed_measured")
         return replace(self, **{name: getattr(self, name)[..., rows] for name in names})
 
-    def moved_by(self, farther_m: float) -> Conditions:
-        """Return the same conditions with the plate farther away."""
-        return replace(self, plate_z_m=self.plate_z_m + farther_m)
+    def moved_by(self, offset_m: float) -> Conditions:
+        """Return the conditions with an offset added to the plate distance."""
+        return replace(self, plate_z_m=self.plate_z_m + offset_m)
 
     def out_of_ground_effect(self) -> Conditions:
-        """Return the same conditions with no plate anywhere."""
+        """Return the conditions without a plate."""
         return replace(
             self,
             plate_z_m=np.full_like(self.plate_z_m, OUT_OF_GROUND_EFFECT_M),
@@ -109,9 +104,9 @@ class Conditions:
         airspeed_m_s: Array | float = 0.0,
         speed_measured: bool = True,
     ) -> Conditions:
-        """Build conditions for a rig; everything broadcasts against plate_z_m (m,).
+        """Build conditions for a rig; all arguments broadcast against plate_z_m (m,).
 
-        Coverage follows from the rig's plate and its lateral position when it is not given.
+        By default coverage is computed from the rig's plate and its lateral position.
         """
         z = np.atleast_1d(np.asarray(plate_z_m, float))
         m = z.shape[0]
@@ -148,10 +143,10 @@ class Conditions:
     def from_recording(cls, recording: Recording, rig: Rig) -> Conditions:
         """Build conditions from the columns of a recording.
 
-        Uses rpm1.. when it has them, else pwm1_us.. through the rig's map; one speed column stands
-        for all rotors. Missing plate columns mean that there is no plate; an empty cell in a
-        column that is there stays nan, and its row is for a fit to leave out. Without a column
-        load_direction, the order of a run's visits gives it (`load_direction`).
+        Speeds are from rpm1.., else from pwm1_us.. with the rig's map; a single column applies to
+        all rotors. Missing plate columns mean no plate; an empty cell stays nan and a fit excludes
+        its row. Without a column load_direction, `load_directions` infers it from the order of the
+        points of a run.
         """
         m = len(recording)
         zeros = np.zeros(m)
@@ -172,7 +167,7 @@ class Conditions:
         elapsed = optional("elapsed_s", zeros)
         tilt = optional("plate_tilt_deg", zeros)
         speed = _speeds(recording, rig, voltage)
-        found = cls.of(
+        conditions = cls.of(
             rig,
             speed_rad_s=speed,
             plate_z_m=z,
@@ -187,19 +182,20 @@ class Conditions:
             speed_measured="rpm1" in recording,
         )
         if not {"point", "time_s"} <= set(recording.names):
-            return found
-        place, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
+            return conditions
+        plate_position, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
         if "load_direction" not in recording:
-            found = replace(found, load_direction=load_directions(time, elapsed, place, load))
-        moved_s, moved = moves(time, place)
-        share = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
-        meets = np.mean(coverage, axis=0) / (1.0 + (z / rig.propulsion.radius_m) ** 2)
+            direction = load_directions(time, elapsed, plate_position, load)
+            conditions = replace(conditions, load_direction=direction)
+        moved_s, moved_direction = plate_moves(time, plate_position)
+        relative_load = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
+        wake_share = np.mean(coverage, axis=0) / (1.0 + (z / rig.propulsion.radius_m) ** 2)
         return replace(
-            found,
+            conditions,
             moved_s=moved_s,
-            moved_direction=moved,
-            past_load=past_means(time, moved_s, share),
-            past_wash=past_means(time, moved_s, share * np.nan_to_num(meets)),
+            moved_direction=moved_direction,
+            past_load=past_means(time, moved_s, relative_load),
+            past_wash=past_means(time, moved_s, relative_load * np.nan_to_num(wake_share)),
         )
 
 
@@ -216,8 +212,8 @@ def plate_coverage(rig: Rig, plate_x_m: Array) -> Array:
 
 def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
     n = rig.n_rotors
-    for family, own in (("rpm", "rpm{}"), ("pwm", "pwm{}_us")):
-        names = [own.format(i + 1) for i in range(n)]
+    for family, pattern in (("rpm", "rpm{}"), ("pwm", "pwm{}_us")):
+        names = [pattern.format(i + 1) for i in range(n)]
         present = [name for name in names if name in recording]
         if not present:
             continue
@@ -225,103 +221,104 @@ def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
             missing = next(name for name in names if name not in recording)
             raise InputError(
                 f"the recording has {len(present)} of {n} {family} columns of rig {rig.name!r}; "
-                f"add {missing} (or give {names[0]} alone when all rotors share it)"
+                f"add {missing}, or only {names[0]} for all rotors"
             )
-        stack = np.array([recording.to_si(name) for name in present], float)
+        columns = np.array([recording.to_si(name) for name in present], float)
         if family == "pwm":
             p = rig.propulsion
-            stack = np.asarray(
+            columns = np.asarray(
                 speed_from_pwm(
-                    stack, p.speed_per_us_rad_s, p.pwm_start_us, voltage_V, p.voltage_nominal_V
+                    columns, p.speed_per_us_rad_s, p.pwm_start_us, voltage_V, p.voltage_nominal_V
                 )
             )
-        return np.broadcast_to(stack, (n, len(recording))).copy()
+        return np.broadcast_to(columns, (n, len(recording))).copy()
     raise InputError(
-        "the recording states neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us "
-        "in the model's [columns] (a constant will do: rpm1 = { constant = 6300, unit = 'rpm' })"
+        "the recording has neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us in "
+        "the model's [columns] (or a constant: rpm1 = { constant = 6300, unit = 'rpm' })"
     )
 
 
-def load_directions(time_s: Array, elapsed_s: Array, place: Array, load: Array) -> Array:
-    """Return +1 for visits that came from a smaller load, -1 from a greater one (m,).
+def load_directions(time_s: Array, elapsed_s: Array, plate_position: Array, load: Array) -> Array:
+    """Return +1 for points approached from a smaller load, -1 from a larger one (m,).
 
-    Motors stand still while the plate moves, and during a tare, so that the first visit after
-    either comes from below; levels at one place follow each other without a stop. A visit that
-    repeats the level before it keeps that one's direction.
+    Motors are stopped while the plate moves and during a tare, so the first point afterwards is
+    approached from below. Levels at one plate position follow without a stop. A point with the
+    same level as the previous one has the same direction.
 
     Args:
-        time_s: (m,) time since the run began; visits may stand in any order.
-        place: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
-        load: (m,) what thrust goes with: summed squared speeds; 0 with every rotor still.
+        time_s: (m,) time since the start of the run, in any order.
+        plate_position: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
+        load: (m,) sum of squared speeds; 0 with all rotors stopped.
     """
     directions = np.zeros(len(time_s))
-    before = -1
-    for here in np.argsort(time_s, kind="stable"):
-        if load[here] == 0.0:
-            directions[here] = -1.0
+    previous = -1
+    for row in np.argsort(time_s, kind="stable"):
+        if load[row] == 0.0:
+            directions[row] = -1.0
         elif (
-            before < 0
-            or load[before] == 0.0
-            or elapsed_s[here] < elapsed_s[before]
-            or np.any(np.abs(place[:, here] - place[:, before]) > SAME_PLACE)
+            previous < 0
+            or load[previous] == 0.0
+            or elapsed_s[row] < elapsed_s[previous]
+            or np.any(np.abs(plate_position[:, row] - plate_position[:, previous]) > SAME_PLACE)
         ):
-            directions[here] = 1.0
-        elif abs(load[here] - load[before]) < SAME_LOAD * load[here]:
-            directions[here] = directions[before]
+            directions[row] = 1.0
+        elif abs(load[row] - load[previous]) < MIN_LOAD_CHANGE * load[row]:
+            directions[row] = directions[previous]
         else:
-            directions[here] = np.sign(load[here] - load[before])
-        before = int(here)
+            directions[row] = np.sign(load[row] - load[previous])
+        previous = int(row)
     return directions
 
 
-def moves(time_s: Array, place: Array) -> tuple[Array, Array]:
-    """Return the time since the plate last moved, and the side that it came from, (m,) each.
+def plate_moves(time_s: Array, plate_position: Array) -> tuple[Array, Array]:
+    """Return the time since the last plate movement, and its direction, (m,) each.
 
-    The side is +1 where it came to its distance from nearer, -1 from farther. A visit without a
-    known place, as a tare may be, is at that of the one before it. The plate moves between two
-    visits; when is not known, and taken to be half way.
+    The direction is +1 for a distance approached from nearer, -1 from farther. A point without a
+    plate position, such as a tare, has that of the previous point. The time of a movement is
+    assumed half way between two points.
 
     Args:
-        time_s: (m,) time since the run began; visits may stand in any order.
-        place: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
+        time_s: (m,) time since the start of the run, in any order.
+        plate_position: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
     """
-    since, side = np.zeros(len(time_s)), np.zeros(len(time_s))
+    since_move_s, directions = np.zeros(len(time_s)), np.zeros(len(time_s))
     order = np.argsort(time_s, kind="stable")
     if not len(order):
-        return since, side
-    moved_at_s, direction, before = time_s[order[0]], 0.0, order[0]
-    at = place[:, before]
-    for here in order:
-        if np.isfinite(place[:, here]).all():
-            change = place[:, here] - at
+        return since_move_s, directions
+    move_time_s, direction, previous = time_s[order[0]], 0.0, order[0]
+    position = plate_position[:, previous]
+    for row in order:
+        if np.isfinite(plate_position[:, row]).all():
+            change = plate_position[:, row] - position
             if np.any(np.abs(change) > SAME_PLACE):
-                moved_at_s = 0.5 * (time_s[here] + time_s[before])
+                move_time_s = 0.5 * (time_s[row] + time_s[previous])
                 if abs(change[0]) > SAME_PLACE:
                     direction = float(np.sign(change[0]))
-            at = place[:, here]
-        since[here], side[here], before = time_s[here] - moved_at_s, direction, here
-    return since, side
+            position = plate_position[:, row]
+        since_move_s[row], directions[row], previous = time_s[row] - move_time_s, direction, row
+    return since_move_s, directions
 
 
-def past_means(time_s: Array, moved_s: Array, here: Array) -> Array:
-    """Return means over the past (4, m) of what visits have, which forget within `PAST_S`.
+def past_means(time_s: Array, moved_s: Array, values: Array) -> Array:
+    """Return a quantity, low-pass filtered with each time constant of `PAST_S` (4, m).
 
-    Motors stand still while the plate moves; levels at one place follow each other without a stop.
+    The quantity is 0 while the motors are stopped for plate movements; levels at one plate
+    position follow without a stop.
 
     Args:
-        time_s: (m,) time since the run began; visits may stand in any order.
-        moved_s: (m,) time since the plate last moved.
-        here: (m,) of each visit; 0 with every rotor still.
+        time_s: (m,) time since the start of the run, in any order.
+        moved_s: (m,) time since the last plate movement.
+        values: (m,) quantity of each point; 0 with all rotors stopped.
     """
-    past_s, out = np.array(PAST_S), np.zeros((len(PAST_S), len(time_s)))
+    time_constants_s, means = np.array(PAST_S), np.zeros((len(PAST_S), len(time_s)))
     order = np.argsort(time_s, kind="stable")
-    stay_s = np.diff(time_s[order])[np.diff(moved_s[order]) > 0.0]
-    usual_s = float(np.median(stay_s)) if len(stay_s) else 0.0
-    state, before_s = np.zeros(len(PAST_S)), time_s[order[0]] if len(order) else 0.0
+    intervals_s = np.diff(time_s[order])[np.diff(moved_s[order]) > 0.0]
+    typical_s = float(np.median(intervals_s)) if len(intervals_s) else 0.0
+    state, previous_s = np.zeros(len(PAST_S)), time_s[order[0]] if len(order) else 0.0
     for row in order:
-        passed_s = time_s[row] - before_s
-        turning_s = min(passed_s, usual_s)
-        state = state * np.exp(-(passed_s - turning_s) / past_s)
-        state = here[row] + (state - here[row]) * np.exp(-turning_s / past_s)
-        out[:, row], before_s = state, time_s[row]
-    return out
+        interval_s = time_s[row] - previous_s
+        running_s = min(interval_s, typical_s)
+        state = state * np.exp(-(interval_s - running_s) / time_constants_s)
+        state = values[row] + (state - values[row]) * np.exp(-running_s / time_constants_s)
+        means[:, row], previous_s = state, time_s[row]
+    return means

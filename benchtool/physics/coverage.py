@@ -1,7 +1,7 @@
-"""Which fraction of a rotor disc lies over a half plane, a strip or a rectangle: exact areas.
+"""Fraction of a rotor disc over a half plane or a rectangle: exact areas.
 
-The disc of a tilted rotor projects to an ellipse; at 10 degrees that is 1.5 % of area, ignored.
-Roots are of (1 - u)(1 + u), not 1 - u^2: that keeps a disc that only just touches exact.
+A tilted disc projects to an ellipse; the difference (1.5 % of the area at 10 degrees) is ignored.
+Roots are of (1 - u)(1 + u), not 1 - u^2, for full precision of a disc that just touches the edge.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from benchtool.physics.expression import Quantity, expression
 
 @expression
 def half_plane_coverage(inside_m: Quantity, radius_m: Quantity) -> Quantity:
-    """Return the covered fraction of a disc whose centre lies `inside_m` within a straight edge.
+    """Return the covered fraction of a disc whose centre is `inside_m` inside a straight edge.
 
-    The area is R^2 (pi - arccos(s/R)) + s sqrt(R^2 - s^2): none for s <= -R, all for s >= R.
+    The area is R^2 (pi - arccos(s/R)) + s sqrt(R^2 - s^2), s clipped to -R to R.
     """
     u = np.minimum(np.maximum(inside_m / radius_m, -1.0), 1.0)
     return 1.0 + (u * np.sqrt((1.0 - u) * (1.0 + u)) - np.arccos(u)) / np.pi
@@ -30,10 +30,10 @@ def half_disc_integral(u: Quantity) -> Quantity:
 
 @expression
 def corner_integral(u: Quantity, v: Quantity) -> Quantity:
-    """Return the integral over t from 0 to u of v clipped to the unit disc, |t| and |v| up to 1.
+    """Return the integral over t from 0 to u of v clipped to the unit disc; |u| and |v| up to 1.
 
-    The clipped ordinate is v where |t| <= c = sqrt(1 - v^2), and the disc's edge beyond: the
-    integral is v clip(u, -c, c), plus the half disc beyond c with the sign of v. Odd in u and v.
+    The clipped ordinate is v for |t| <= c = sqrt(1 - v^2), else the edge of the disc. The integral
+    is v clip(u, -c, c) plus the half disc beyond c with the sign of v; odd in u and v.
     """
     c = np.sqrt((1.0 - v) * (1.0 + v))
     beyond = half_disc_integral(np.maximum(u, c)) + half_disc_integral(np.minimum(u, -c))
@@ -52,8 +52,8 @@ def rectangle_coverage(
 ) -> Quantity:
     """Return the covered fraction of a disc centred at (x, y) over [x1, x2] x [y1, y2].
 
-    Sides may be infinite. Exact: four corner integrals, checked against the half-plane formula,
-    the corner formula of the circle and Monte Carlo.
+    Sides may be infinite. The four corner integrals are exact; verified with the half-plane
+    formula, the corner formula of the circle and Monte Carlo.
     """
     u1 = np.minimum(np.maximum((x1_m - x_m) / radius_m, -1.0), 1.0)
     u2 = np.minimum(np.maximum((x2_m - x_m) / radius_m, -1.0), 1.0)

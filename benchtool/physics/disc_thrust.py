@@ -1,11 +1,10 @@
-"""Thrust of every disc near a surface: the only place where the terms of eqs. (2) to (4) meet.
+"""Thrust of all discs near a surface: combination of the terms of eqs. (2) to (4).
 
-The factor of disc i is F_i = 1 / (1 - D_i), D_i the sum of all effects' terms (own image, images
-of the neighbours, body lift, ...); a disc covered in part takes 1 + a_i (F_i - 1), blades answer to
-that, and effects' factors multiply it. Which heights enter the images under tilt is the tilt rule
-(`tilt`): usually the image of disc j lies z_i + z_j below disc i, and the body term is one
-number, at the height of the body's centre. The same functions serve a sweep's arrays, a pitch bench
-and every surface under a vehicle in flight.
+The factor of disc i is F_i = 1 / (1 - D_i), D_i the sum of all terms (own image, neighbour images,
+body lift, ...). A partly covered disc has 1 + a_i (F_i - 1); the response of the blades and the
+factors of effects follow. The tilt rule (`tilt`) defines the heights: by default the image of disc
+j is z_i + z_j below disc i, and the body term is evaluated once, at the height of the body's
+centre. The same functions are used for sweeps, pitch benches and flights over any surface.
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from benchtool.physics.expression import expression
 from benchtool.physics.fold import (
     BoundHook,
     Hook,
-    added,
     chained,
-    multiplied,
-    selected,
+    multiply_hooks,
+    select_function,
+    sum_functions,
     summed,
     unrolled,
 )
@@ -36,9 +35,9 @@ from benchtool.physics.wake_rules import wake_rule
 
 
 class ImageRules(NamedTuple):
-    """Name how images are summed: wake rule (`wake_rules`), tilt rule (`tilt`), how many sources
-    the body term has, and for each the first that it equals where nothing slopes along y; () for
-    planes that do. What is equal is worked out once in a compiled loop.
+    """Rules for sums of images: wake rule (`wake_rules`), tilt rule (`tilt`), number of sources of
+    the body term, and for each source the first equal one for planes without slope along y; () for
+    other planes. A compiled loop evaluates equal sources once.
     """
 
     wake: str
@@ -48,19 +47,21 @@ class ImageRules(NamedTuple):
 
 
 class DiscThrust(NamedTuple):
-    """Hold the joined functions; `p` is the tuple of all effects' values, in their order.
+    """Combined functions of all effects; `p` is the tuple of their parameters, in their order.
 
     Attributes:
-        tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
+        tilt: tilt(p) -> tilt of the plate in addition to the commanded one: rad.
         speeds: speeds(flow, p) -> commanded speeds, changed by effects (n,).
         with_images: with_images(flow, distances, body, p) -> the flow with heights and coverages
-            changed by effects, and the images that follow: distances [n][n] between discs: m, and
+            changed by effects, and the resulting images; distances [n][n] between discs: m, body
             the `BodyImages` of eq. (4).
         image_factors: image_factors(flow, p) -> 1 + a (1/(1 - D) - 1) of each disc (n,).
-        scaled: scaled(first, flow, p) -> what blades make of first (n,), times effects' factors.
-        drags: drags(first, flow, p) -> drag torque over that far away (n,), for `first`.
-        factors: factors(flow, p) -> T_IGE/T_OGE of each disc (n,): both together.
-        nearest_z_over_R: least distance at which the effects' law holds; clamped heights end there.
+        scaled: scaled(first, flow, p) -> response of the blades to the ratios `first` (n,), times
+            the factors of effects.
+        drags: drags(first, flow, p) -> drag torque for the ratios `first` over that out of ground
+            effect (n,).
+        factors: factors(flow, p) -> T_IGE/T_OGE of each disc (n,): scaled image factors.
+        nearest_z_over_R: minimum distance at which the law is valid; limit of clamped heights.
     """
 
     tilt: Hook
@@ -73,30 +74,32 @@ class DiscThrust(NamedTuple):
     nearest_z_over_R: float
 
 
-NO_CHANGE = expression(lambda i, first, flow, p: 1.0)  # drag torque where no effect changes it
+NO_CHANGE = expression(lambda i, first, flow, p: 1.0)  # drag torque ratio without an effect on it
 
 
 def bound_hooks(
-    effects: Iterable[Effect], hook: str, of: Callable[[Effect], bool] = lambda effect: True
+    effects: Iterable[Effect],
+    hook: str,
+    is_selected: Callable[[Effect], bool] = lambda effect: True,
 ) -> tuple[BoundHook, ...]:
-    """Return one hook of every effect that has it, with the place of the effect's numbers."""
+    """Return one hook of all effects that have it, with the positions of their parameters."""
     all_effects = tuple(effects)
     ends = accumulate((len(effect.parameters) for effect in all_effects), initial=0)
     return tuple(
         BoundHook(call, effect.makes_p, start, start + len(effect.parameters))
         for effect, start in zip(all_effects, ends, strict=False)
-        if (call := getattr(effect.hooks, hook)) is not None and of(effect)
+        if (call := getattr(effect.hooks, hook)) is not None and is_selected(effect)
     )
 
 
 @expression
 def identity_hook(z_m: Any, radius_m: Any) -> Any:
-    """Return the height."""
+    """Return the height unchanged."""
     return z_m
 
 
 @cache
-def _held_at(nearest_z_over_R: float) -> Hook:
+def _clamp_hook(nearest_z_over_R: float) -> Hook:
     return expression(lambda z, radius: clamped_height(z, nearest_z_over_R * radius))
 
 
@@ -104,11 +107,11 @@ def _held_at(nearest_z_over_R: float) -> Hook:
 def disc_thrust(
     effects: tuple[Effect, ...], n_discs: int, rules: ImageRules, *, clamped: bool = False
 ) -> DiscThrust:
-    """Return the joined functions of effects for a number of discs.
+    """Return the combined functions of effects for a number of discs.
 
     Args:
-        effects: that act, in the order in which they change quantities and are summed.
-        clamped: hold heights at the least where the formulae are valid; for simulators.
+        effects: present effects, in the order of composition and summation.
+        clamped: clip heights to the minimum at which the law is valid; for simulators.
     """
     n = n_discs
     height, coverage = (
@@ -117,38 +120,38 @@ def disc_thrust(
     )
     speed, factor = (
         chained(bound_hooks(effects, "speed")),
-        multiplied(bound_hooks(effects, "factor")),
+        multiply_hooks(bound_hooks(effects, "factor")),
     )
-    elsewhere = any(law and law.surface != "below" for law in (e.distance_law for e in effects))
+    is_below = not any(law and law.surface != "below" for law in (e.distance_law for e in effects))
     law = summed(
         bound_hooks(effects, "denominator", lambda effect: effect.distance_law is not None)
     )
-    # A surface above or beside has no images in a surface below: its law stands alone.
+    # Images of a surface below are ignored for a law of a surface above or beside the rotors
     others = summed(
-        bound_hooks(effects, "denominator", lambda e: not elsewhere and e.distance_law is None)
+        bound_hooks(effects, "denominator", lambda e: is_below and e.distance_law is None)
     )
-    kept = multiplied(bound_hooks(effects, "image_share"))
+    image_share = multiply_hooks(bound_hooks(effects, "image_share"))
     response, torques = chained(bound_hooks(effects, "response")), bound_hooks(effects, "drag")
     if len(torques) > 1:
-        raise InputError("two effects of the model have the hook drag; leave one out")
+        raise InputError("two effects of the model have the hook drag; remove one")
     drag = chained(torques) if torques else NO_CHANGE
-    weight, share_of = wake_rule(rules.wake), tilt_rule(rules.tilt).share
+    weight, axial_share = wake_rule(rules.wake), tilt_rule(rules.tilt).share
     tilt = summed(bound_hooks(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
-    held = _held_at(nearest) if clamped else identity_hook
-    neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, held)
+    clamp = _clamp_hook(nearest) if clamped else identity_hook
+    neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, clamp)
     heights = unrolled(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
-    all_held = unrolled(n, expression(lambda i, z, radius: held(z[i], radius)))
+    clamp_all = unrolled(n, expression(lambda i, z, radius: clamp(z[i], radius)))
     mean_change = _mean_change(n if bound_hooks(effects, "height") else 0)
     coverages = unrolled(n, expression(lambda i, flow, p: coverage(i, flow.coverage[i], flow, p)))
     sources = unrolled(n, expression(lambda i, area, active: area[i] * active[i]))
-    counted = unrolled(n, expression(lambda i, images, share: images[i] * share))
+    scale_images = unrolled(n, expression(lambda i, images, share: images[i] * share))
     image_factors = unrolled(
         n,
         expression(
             lambda i, flow, p: partial_factor(
                 thrust_factor(
-                    kept(i, flow.axial_share * law(i, flow, p) + others(i, flow, p), flow, p)
+                    image_share(i, flow.axial_share * law(i, flow, p) + others(i, flow, p), flow, p)
                 ),
                 flow.coverage[i],
             )
@@ -159,19 +162,19 @@ def disc_thrust(
     )
 
     @expression
-    def with_images(flow: Flow, distances: Any, body_at: BodyImages, p: Any) -> Flow:
-        free, area = heights(flow, p), coverages(flow, p)
-        z, source = all_held(free, flow.radius_m), sources(area, flow.active)
+    def with_images(flow: Flow, distances: Any, body: BodyImages, p: Any) -> Flow:
+        raw_z, area = heights(flow, p), coverages(flow, p)
+        z, source = clamp_all(raw_z, flow.radius_m), sources(area, flow.active)
         plane = Plane(
-            flow.plane.centre_m + mean_change(free, flow), flow.plane.slope_x, flow.plane.slope_y
+            flow.plane.centre_m + mean_change(raw_z, flow), flow.plane.slope_x, flow.plane.slope_y
         )
-        share = share_of(axis_cosine(plane))
+        share = axial_share(axis_cosine(plane))
         return Flow(  # type: ignore[call-arg]  # mypy takes the first star for all fields
             *flow[:N_CONSTANT],
             z,
             area,
-            counted(neighbours(source, z, distances), share),
-            counted(bodies(z, plane, body_at, flow.radius_m), share),
+            scale_images(neighbours(source, z, distances), share),
+            scale_images(bodies(z, plane, body, flow.radius_m), share),
             weight(source),
             plane,
             share,
@@ -192,8 +195,8 @@ def disc_thrust(
 
 @cache
 def _mean_change(n: int) -> Hook:
-    """Return f(z, flow): by how much effects change n discs' heights in the mean; 0 without any."""
-    changes, share = added(tuple(_change(i) for i in range(n))), 1.0 / max(n, 1)
+    """Return f(z, flow), the mean change of the heights of n discs by effects; 0 for n = 0."""
+    changes, share = sum_functions(tuple(_change(i) for i in range(n))), 1.0 / max(n, 1)
     return expression(lambda z, flow: share * changes(z, flow))
 
 
@@ -204,49 +207,49 @@ def _change(i: int) -> Hook:
 
 @cache
 def _neighbours(n: int, rules: ImageRules) -> Hook:
-    """Return f(source, z, distances): at each disc the images of all other discs (eq. 3)."""
+    """Return f(source, z, distances), the images of all other discs at each disc (eq. 3)."""
     image = tilt_rule(rules.tilt).image
-    return unrolled(n, selected(tuple(_neighbours_of(i, n, image) for i in range(n))))
+    return unrolled(n, select_function(tuple(_disc_neighbours(i, n, image) for i in range(n))))
 
 
 @cache
-def _neighbours_of(i: int, n: int, image: Hook) -> Hook:
-    """Return the same at disc i, without a loop.
+def _disc_neighbours(i: int, n: int, image: Hook) -> Hook:
+    """Return the same for disc i.
 
-    A loop inside would keep the compiler from running several lanes at once.
+    Without a loop, so that the compiler can vectorise over lanes.
     """
-    return added(tuple(_neighbour(i, j, image) for j in range(n) if j != i))
+    return sum_functions(tuple(_neighbour(i, j, image) for j in range(n) if j != i))
 
 
 @cache
 def _neighbour(i: int, j: int, image: Hook) -> Hook:
-    low, high = min(i, j), max(i, j)  # one place for both ways: half the roots, once compiled
+    low, high = min(i, j), max(i, j)  # same operands in both directions: half the roots if compiled
     return expression(
         lambda source, z, distances: source[j] * image(z[i], z[j], distances[low][high])
     )
 
 
 @cache
-def _bodies(n: int, rules: ImageRules, held: Hook) -> Hook:
-    """Return f(z, plane, body_at, radius): for each disc the images of all at the body (eq. 4)."""
+def _bodies(n: int, rules: ImageRules, clamp: Hook) -> Hook:
+    """Return f(z, plane, body, radius), the images of all discs at the body, per disc (eq. 4)."""
     rule = tilt_rule(rules.tilt)
     sources = rules.body_like or range(rules.n_body)
-    body = added(tuple(_body_image(j, rule.image, held) for j in sources))
+    total = sum_functions(tuple(_body_image(j, rule.image, clamp) for j in sources))
     if not rule.one_body:
-        return unrolled(n, expression(lambda i, z, *where: body(z[i], *where)))
-    for_each = unrolled(n, expression(lambda i, found: found))
+        return unrolled(n, expression(lambda i, z, *args: total(z[i], *args)))
+    repeat = unrolled(n, expression(lambda i, velocity: velocity))
     return expression(
-        lambda z, plane, body_at, radius: for_each(
-            body(held(plane.centre_m, radius), plane, body_at, radius)
+        lambda z, plane, body, radius: repeat(
+            total(clamp(plane.centre_m, radius), plane, body, radius)
         )
     )
 
 
 @cache
-def _body_image(j: int, image: Hook, held: Hook) -> Hook:
-    """Return f(at, plane, body_at, radius): velocity at height `at` from source j of the body."""
+def _body_image(j: int, image: Hook, clamp: Hook) -> Hook:
+    """Return f(z, plane, body, radius), the velocity at height z from source j of the body."""
     return expression(
-        lambda at, plane, body_at, radius: image(
-            at, held(height_over(plane, body_at.x_m[j], body_at.y_m[j]), radius), body_at.arm_m[j]
+        lambda z, plane, body, radius: image(
+            z, clamp(height_over(plane, body.x_m[j], body.y_m[j]), radius), body.arm_m[j]
         )
     )

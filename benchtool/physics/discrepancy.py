@@ -1,4 +1,4 @@
-"""How far laws and sensors may be off before it matters, where no effect has a tolerance for it."""
+"""Tolerances of model discrepancies: errors of laws and sensors beyond those of effects."""
 
 from __future__ import annotations
 
@@ -14,20 +14,19 @@ _SWEEP_ONLY = ("speed_by_plate", "voltage")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscrepancyTolerances:
-    """Hold the departures from every law and effect that do not matter; `[discrepancy]` of a model.
+    """Irrelevant deviations from all laws and effects; table `[discrepancy]` of a model file.
 
     Attributes:
-        thrust: of thrust, over it.
-        speed: of rotor speed at a pulse, over it.
-        speed_by_plate: the same by the plate of a sweep: where the ESC sets a voltage, speed at a
-            pulse changes with the blades' torque, by half a per cent at z/R 0.5 (blade-element
-            momentum theory).
-        voltage: of a battery's voltage, over it: none empties along the curve of another.
-        torque: of the torque on the hinge, over thrust times arm.
-        encoder_rad: of an encoder's reading; two tenths of a degree, as data sheets of magnetic
-            ones state.
-        gyro: of a gyro's reading, over the standard deviation of what it reads.
-        law: standard deviation of an effect's own law, over what the effect does.
+        thrust: relative error of thrust.
+        speed: relative error of rotor speed at a pulse width.
+        speed_by_plate: the same, depending on the plate of a sweep: with an ESC that sets a
+            voltage, the blades' torque changes the speed by half a per cent at z/R 0.5
+            (blade-element momentum theory).
+        voltage: relative error of a battery's voltage; discharge curves differ.
+        torque: error of the hinge torque over thrust times arm.
+        encoder_rad: error of an encoder's reading; 0.2 degrees from data sheets of magnetic ones.
+        gyro: error of a gyro's reading over the standard deviation of its signal.
+        law: standard deviation of an effect's law over the contribution of the effect.
     """
 
     thrust: float = 0.005
@@ -40,16 +39,16 @@ class DiscrepancyTolerances:
     law: float = 0.1
 
     def shown_by(self, bench: BenchKind) -> dict[str, float]:
-        """Return those that count on a bench, by name."""
-        other = {"sweep": _PITCH_ONLY, "pitch": _SWEEP_ONLY}[bench]
-        return {
-            item.name: getattr(self, item.name) for item in fields(self) if item.name not in other
-        }
+        """Return the tolerances that apply to a kind of bench, by name."""
+        excluded = {"sweep": _PITCH_ONLY, "pitch": _SWEEP_ONLY}[bench]
+        names = (field.name for field in fields(self) if field.name not in excluded)
+        return {name: getattr(self, name) for name in names}
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
+        for field in fields(self):
+            value = getattr(self, field.name)
             if not (isfinite(value) and 0.0 < value <= 1.0):
                 raise InputError(
-                    f"the discrepancy {item.name} is {value:g}; give a number above 0 and up to 1"
+                    f"discrepancy {field.name} = {value:g} is out of range; allowed: above 0, at "
+                    f"most 1"
                 )

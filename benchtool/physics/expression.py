@@ -1,13 +1,13 @@
-"""Physics written once: branch-free functions that NumPy runs and numba can compile.
+"""Branch-free functions from one source, for NumPy and for compiled loops (numba).
 
-A function marked `@expression` stays what it is: called from Python it works on scalars, arrays
-and complex steps with plain NumPy. The mark only records it, so that `compile_expressions` can
-make the very same source callable from compiled loops where numba is installed.
+The decorator `@expression` returns the function unchanged: in Python it works on scalars, arrays
+and complex steps with NumPy. It only registers the function, so that `compile_expressions` can make
+the same source callable from compiled loops if numba is installed.
 
-What an expression may hold: arithmetic, NumPy's elementwise functions, `np.minimum` and
-`np.maximum`, loops over rotors, other expressions. What it may not: `if`, `np.where`, `abs` of
-anything that depends on a parameter (complex steps have no absolute value). The rotor axis comes
-first: `q[i]` is a scalar in a compiled loop and any broadcastable array outside of one.
+Allowed in an expression: arithmetic, NumPy's elementwise functions, `np.minimum` and `np.maximum`,
+loops over rotors, other expressions. Forbidden: `if`, `np.where`, and `abs` of values that depend
+on a parameter (not differentiable by complex steps). The rotor axis comes first: `q[i]` is a scalar
+in a compiled loop, else any broadcastable array.
 """
 
 from __future__ import annotations
@@ -28,39 +28,39 @@ Quantity: TypeAlias = Any  # scalar in a compiled loop; else float, complex or a
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-_recorded: list[Callable[..., Any]] = []
-_recorded_parts: list[Callable[..., Any]] = []
+_expressions: list[Callable[..., Any]] = []
+_loop_parts: list[Callable[..., Any]] = []
 _registered: set[int | str] = set()
-_asked_to_compile: bool = False
+_is_compiling: bool = False
 
 
 def expression(function: Function) -> Function:
-    """Mark a branch-free function for `compile_expressions` and return it unchanged."""
-    _recorded.append(function)
-    if _asked_to_compile:
+    """Register a branch-free function for `compile_expressions` and return it unchanged."""
+    _expressions.append(function)
+    if _is_compiling:
         compile_expressions()
     return function
 
 
-def recorded_expressions() -> tuple[Callable[..., Any], ...]:
-    """Return every function marked so far, in order of definition."""
-    return tuple(_recorded)
+def registered_expressions() -> tuple[Callable[..., Any], ...]:
+    """Return all registered functions in order of definition."""
+    return tuple(_expressions)
 
 
 def compile_expressions() -> None:
-    """Make every marked function callable from compiled loops; call it before such a loop compiles.
+    """Make all registered functions callable from compiled loops that are compiled afterwards.
 
-    What is marked later is registered as it is marked. Division by zero follows NumPy's rules
-    (infinity, not an exception) in the compiled form too. A compiled loop that is cached on disk
-    knows only its own file's age: key its cache by the version of the project.
+    Functions registered later become callable immediately. Division by zero follows NumPy's rules
+    (infinity, not an exception) in compiled code too. numba invalidates a cached loop only by the
+    age of the loop's own file, so the cache needs a key that covers all sources.
     """
-    global _asked_to_compile
+    global _is_compiling
     try:
         from numba.extending import register_jitable
     except ImportError as missing:
         raise MissingLibrary("numba", "a compiled simulation", "fast") from missing
-    _asked_to_compile = True
-    for function in (*_recorded, *_recorded_parts):
+    _is_compiling = True
+    for function in (*_expressions, *_loop_parts):
         if id(function) not in _registered:
             register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
             _registered.add(id(function))
@@ -69,14 +69,15 @@ def compile_expressions() -> None:
         _registered.add("records")
 
 
-WIDTH_BYTES = 8  # of a number in an array that a loop borrows: floats and 64-bit integers
+WIDTH_BYTES = 8  # per number in a shared array: floats and 64-bit integers
 
 
 class Slot(NamedTuple):
-    """Say where a record stands in a block of rows, one column per lane.
+    """Position of a record in a block of rows with one column per lane.
 
     Attributes:
-        like: a record of the same type, itself of numbers, tuples and named tuples.
+        first: first row.
+        like: record of the same type, of numbers, tuples and named tuples.
     """
 
     first: int
@@ -84,35 +85,35 @@ class Slot(NamedTuple):
 
 
 def read_record(block: Any, slot: Any, lane: Any, lanes: Any) -> Any:
-    """Return the record of one lane, as `slot.like` is, from a block of rows times lanes."""
+    """Return the record of one lane, of the type of `slot.like`, from a block of rows and lanes."""
     flat = block.reshape(-1)
-    return _filled(slot.like, iter(range(slot.first * lanes + lane, flat.size, lanes)), flat)
+    return _fill_record(slot.like, iter(range(slot.first * lanes + lane, flat.size, lanes)), flat)
 
 
 def write_record(block: Any, slot: Any, lane: Any, lanes: Any, record: Any) -> None:
-    """Write a record of the type of `slot.like` to one lane of a block of rows times lanes."""
+    """Write a record of the type of `slot.like` to one lane of a block of rows and lanes."""
     flat = block.reshape(-1)
     for position, value in enumerate(flat_values(record)):
         flat[(slot.first + position) * lanes + lane] = value
 
 
 def shared_view(table: Any, like: Any) -> Any:
-    """Return a record of arrays that the caller keeps alive, from a table of where they stand.
+    """Return a record of arrays, owned by the caller, from a table of their addresses.
+
+    A compiled loop does not count references to these arrays. Counting would take longer than a
+    plant step, because each part of a loop counts every array of its records.
 
     Args:
-        table: of each array a row: address and lengths of three axes (`simulate.layout.lend_rows`).
+        table: one row per array: address and lengths of three axes (`simulate.layout.lend_rows`).
             In Python it is the record itself.
-        like: a record of the same type; for an array a number of its type in as many tuples as it
-            has axes.
-
-    A compiled loop does not count references to them: counting costs more than a plant step,
-    because every part of a loop that is handed a record of arrays counts each of them.
+        like: record of the same type, with a number in nested tuples for an array, one tuple per
+            axis.
     """
     return table
 
 
 def with_fields(values: Any, i: int, value: Any) -> Any:
-    """Return the tuple with another value at place i; for loops over discs."""
+    """Return the tuple with the value at index i replaced; for loops over discs."""
     return (*values[:i], value, *values[i + 1 :])
 
 
@@ -120,24 +121,24 @@ def flat_values(record: Any) -> list[Any]:
     """Return the numbers of a record in the order of their rows."""
     if not isinstance(record, tuple):
         return [record]
-    found = []
+    values = []
     for part in record:
         if isinstance(part, tuple):
-            found += flat_values(part)
+            values += flat_values(part)
         else:
-            found.append(part)
-    return found
+            values.append(part)
+    return values
 
 
-def _filled(like: Any, places: Iterator[int], flat: Any) -> Any:
+def _fill_record(like: Any, indices: Iterator[int], flat: Any) -> Any:
     if not isinstance(like, tuple):
-        return flat[next(places)]
-    parts = [_filled(part, places, flat) for part in like]
+        return flat[next(indices)]
+    parts = [_fill_record(part, indices, flat) for part in like]
     return type(like)(*parts) if hasattr(like, "_fields") else tuple(parts)
 
 
 def _register_records() -> None:
-    """Give compiled loops the functions for records, as plain loads and stores."""
+    """Register the functions for records in compiled loops, as plain loads and stores."""
     from numba import types
     from numba.core import cgutils
     from numba.extending import lower_builtin, type_callable
@@ -147,77 +148,77 @@ def _register_records() -> None:
     record_type: Any = types.BaseTuple.from_types
     populate: Any = populate_array
 
-    def places(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
-        """Return a function that gives the address of the next row at every call."""
+    def row_addresses(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+        """Return a function that returns the address of the next row at every call."""
         block, slot, lane, lanes = values[:4]
         data = context.make_array(kinds[0])(context, builder, block).data
         width = context.cast(builder, lanes, kinds[3], types.intp)
         first = context.cast(builder, builder.extract_value(slot, 0), kinds[1].types[0], types.intp)
         start = builder.mul(first, width)
-        at = [builder.add(start, context.cast(builder, lane, kinds[2], types.intp))]
+        offset = [builder.add(start, context.cast(builder, lane, kinds[2], types.intp))]
 
-        def following() -> Any:
-            address = builder.gep(data, [at[0]])
-            at[0] = builder.add(at[0], width)
+        def next_address() -> Any:
+            address = builder.gep(data, [offset[0]])
+            offset[0] = builder.add(offset[0], width)
             return address
 
-        return following
+        return next_address
 
     def read(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        following = places(context, builder, signature.args, values)
+        next_address = row_addresses(context, builder, signature.args, values)
         element = signature.args[0].dtype
 
-        def made(kind: Any) -> Any:
+        def load(kind: Any) -> Any:
             if hasattr(kind, "types"):
-                return context.make_tuple(builder, kind, [made(each) for each in kind.types])
-            return context.cast(builder, builder.load(following()), element, kind)
+                return context.make_tuple(builder, kind, [load(part) for part in kind.types])
+            return context.cast(builder, builder.load(next_address()), element, kind)
 
-        return made(signature.return_type)
+        return load(signature.return_type)
 
     def write(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        following = places(context, builder, signature.args, values)
+        next_address = row_addresses(context, builder, signature.args, values)
         element = signature.args[0].dtype
 
-        def put(kind: Any, value: Any) -> None:
+        def store(kind: Any, value: Any) -> None:
             if hasattr(kind, "types"):
-                for position, each in enumerate(kind.types):
-                    put(each, builder.extract_value(value, position))
+                for position, part in enumerate(kind.types):
+                    store(part, builder.extract_value(value, position))
             else:
-                builder.store(context.cast(builder, value, kind, element), following())
+                builder.store(context.cast(builder, value, kind, element), next_address())
 
-        put(signature.args[4], values[4])
+        store(signature.args[4], values[4])
         return context.get_dummy_value()
 
     def replace(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         tuple_kind, index, value = signature.args
-        room = tools.alloca_once_value(builder, values[0])
-        place = builder.gep(
-            room, [tools.intp_t(0), context.cast(builder, values[1], index, types.intp)]
+        copy = tools.alloca_once_value(builder, values[0])
+        address = builder.gep(
+            copy, [tools.intp_t(0), context.cast(builder, values[1], index, types.intp)]
         )
-        builder.store(context.cast(builder, values[2], value, tuple_kind.dtype), place)
-        return builder.load(room)
+        builder.store(context.cast(builder, values[2], value, tuple_kind.dtype), address)
+        return builder.load(copy)
 
-    def arrays_like(kind: Any) -> Any:
-        """Return the type of arrays of a form."""
+    def array_types(kind: Any) -> Any:
+        """Return the type of a record of arrays for the type of its `like`."""
         if hasattr(kind, "instance_class"):
-            return record_type([arrays_like(each) for each in kind.types], kind.instance_class)
+            return record_type([array_types(part) for part in kind.types], kind.instance_class)
         axes = 0
         while hasattr(kind, "types"):
             kind, axes = kind.types[0], axes + 1
         return types.Array(kind, axes, "C")
 
-    def borrow(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    def build_view(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         table = context.make_array(signature.args[0])(context, builder, values[0]).data
         row = count()
 
-        def number() -> Any:
+        def next_number() -> Any:
             return builder.load(builder.gep(table, [tools.intp_t(next(row))]))
 
-        def made(kind: Any) -> Any:
+        def build(kind: Any) -> Any:
             if hasattr(kind, "types"):
-                return context.make_tuple(builder, kind, [made(each) for each in kind.types])
+                return context.make_tuple(builder, kind, [build(part) for part in kind.types])
             array = context.make_array(kind)(context, builder)
-            address, *lengths = [number() for _ in range(4)]
+            address, *lengths = [next_number() for _ in range(4)]
             shape, strides = lengths[: kind.ndim], [tools.intp_t(WIDTH_BYTES)]
             for length in reversed(shape[1:]):
                 strides.insert(0, builder.mul(strides[0], length))
@@ -225,38 +226,38 @@ def _register_records() -> None:
             populate(array, data, shape, strides, WIDTH_BYTES, None)
             return array._getvalue()  # noqa: SLF001
 
-        return made(signature.return_type)
+        return build(signature.return_type)
 
-    typed: Any = type_callable
-    lowered: Any = lower_builtin
-    typed(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
-    typed(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
-    typed(shared_view)(lambda context: lambda table, like: arrays_like(like))
-    typed(with_fields)(lambda context: lambda values, i, value: values)
-    lowered(shared_view, types.Array, types.Any)(borrow)
-    lowered(with_fields, types.UniTuple, types.Any, types.Any)(replace)
-    lowered(read_record, types.Array, *[types.Any] * 3)(read)
-    lowered(write_record, types.Array, *[types.Any] * 4)(write)
+    set_type: Any = type_callable
+    lower: Any = lower_builtin
+    set_type(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
+    set_type(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
+    set_type(shared_view)(lambda context: lambda table, like: array_types(like))
+    set_type(with_fields)(lambda context: lambda values, i, value: values)
+    lower(shared_view, types.Array, types.Any)(build_view)
+    lower(with_fields, types.UniTuple, types.Any, types.Any)(replace)
+    lower(read_record, types.Array, *[types.Any] * 3)(read)
+    lower(write_record, types.Array, *[types.Any] * 4)(write)
 
 
 def inlined_expression(function: Function) -> Function:
-    """Mark a piece of a compiled loop and return it unchanged: scalars only, branches allowed.
+    """Register a part of a compiled loop and return it unchanged: scalars only, with branches.
 
-    For what a compiled loop calls and is no expression: it may hold `if`, `while` and indexed
-    arrays. Without numba it runs as it stands.
+    Unlike an expression it may contain `if`, `while` and indexed arrays. Without numba it runs as
+    Python.
     """
-    _recorded_parts.append(function)
-    if _asked_to_compile:
+    _loop_parts.append(function)
+    if _is_compiling:
         compile_expressions()
     return function
 
 
 def compiled_closure(function: Function, key: str) -> Function:
-    """Compile a closure, kept on disk under a key: what it was made of.
+    """Compile a closure, cached on disk under a key of its components.
 
-    numba knows a closure by the place of its source alone, which many closures share. Without
-    numba the closure is returned as it stands; without a folder that can be written, or where
-    numba's cache has changed, it compiles anew in every process.
+    numba identifies a closure only by its source position, which many closures share. Without
+    numba the closure is returned unchanged. Without a writable folder, or with an incompatible
+    numba cache, every process compiles it.
     """
     try:
         compile_expressions()
@@ -268,30 +269,30 @@ def compiled_closure(function: Function, key: str) -> Function:
     try:
         machine_code._cache = _cache_under(key)(function)  # noqa: SLF001
     except (ImportError, AttributeError, TypeError, OSError, RuntimeError, IndexError):
-        pass  # no folder that can be written, or another numba: compile in every process
+        pass  # no writable folder, or an incompatible numba: compile in every process
     return machine_code  # type: ignore[no-any-return]
 
 
 def _cache_under(key: str) -> Any:
-    """Return numba's cache of functions in `compiled_folder`, with a key of ours in its index.
+    """Return numba's function cache in `compiled_folder`, with an additional key in its index.
 
-    numba's own setting of the folder is one for the whole process, where two threads that compile
-    would change it under each other.
+    numba's folder setting is global for the process and therefore not safe with several threads
+    that compile.
     """
     from numba.core.caching import FunctionCache
 
-    usual: Any = FunctionCache._impl_class  # noqa: SLF001
-    beside_the_source: Any = usual._locator_classes[1]  # noqa: SLF001
+    default_implementation: Any = FunctionCache._impl_class  # noqa: SLF001
+    source_locator: Any = default_implementation._locator_classes[1]  # noqa: SLF001
 
-    class CompiledFolder(beside_the_source):  # type: ignore[misc]
+    class CompiledFolder(source_locator):  # type: ignore[misc]
         def get_cache_path(self) -> str:
             return str(compiled_folder() / self.get_suitable_cache_subpath(self._py_file))
 
-    class InCompiledFolder(usual):  # type: ignore[misc]
+    class Implementation(default_implementation):  # type: ignore[misc]
         _locator_classes = (CompiledFolder,)
 
     class KeyedCache(FunctionCache):
-        _impl_class = InCompiledFolder
+        _impl_class = Implementation
 
         def _index_key(self, sig: Any, codegen: Any) -> Any:
             return sig, codegen.magic_tuple(), key
@@ -301,7 +302,7 @@ def _cache_under(key: str) -> Any:
 
 @lru_cache(maxsize=1)
 def compiled_folder() -> Path:
-    """Return the folder of compiled loops: of this user, and of these very sources."""
+    """Return the folder of compiled loops for this user and these sources."""
     import hashlib
 
     package = Path(__file__).resolve().parent.parent
@@ -313,12 +314,12 @@ def compiled_folder() -> Path:
 
 
 def _cache_root() -> Path:
-    """Return where this user keeps what can be made again."""
-    if given := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(given)
+    """Return the cache folder of this user."""
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(folder)
     return user_folder("XDG_CACHE_HOME", ".cache", mac="Caches")
 
 
 def can_compile() -> bool:
-    """Whether numba is installed, so that loops run at full speed."""
+    """Return True if numba is installed."""
     return find_spec("numba") is not None

@@ -1,12 +1,12 @@
-"""Join functions into one function that NumPy runs and numba can compile, without writing source.
+"""Combination of functions into nested closures that NumPy runs and numba can compile.
 
-A compiled loop cannot walk a list of functions, but it can call a function that calls another. So
-a list is folded into nested closures, once, in Python. Every piece stays ordinary source. The
-closures run on scalars, arrays and complex steps as they stand; numba takes them as expressions.
+A compiled loop cannot iterate over a list of functions, but it can call a function that calls
+another. A list is therefore folded into nested closures, once, in Python. The closures run on
+scalars, arrays and complex steps; numba compiles them as expressions.
 
-Every hook is called as `hook(p, i, flow)`, with its effect's own numbers as a named tuple; a hook
-that changes a quantity takes that quantity last. `p` of a joined function holds the numbers of all
-effects in one tuple.
+Every hook is called as `hook(p, i, flow)` with the parameters of its effect as a named tuple; a
+hook that changes a quantity takes it last. `p` of a combined function is one tuple with the
+parameters of all effects.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Hook = Callable[..., Any]
 
 
 class BoundHook(NamedTuple):
-    """Hold a hook and where its effect's own numbers stand among all of them.
+    """Hook with the position of its effect's parameters.
 
     Attributes:
         hook: hook(p, i, flow) or hook(p, i, flow, quantity).
-        numbers: makes the hook's `p` of those numbers: the effect's `P`.
-        start, stop: the numbers are p[start:stop].
+        numbers: builds the hook's `p` from the parameter values.
+        start, stop: the values are p[start:stop] of the combined function.
     """
 
     hook: Hook
@@ -39,28 +39,28 @@ class BoundHook(NamedTuple):
 
 @cache
 def unrolled(n: int, hook: Hook, start: int = 0) -> Hook:
-    """Return f(*given) -> (one(start, *given), ..., one(start + n - 1, *given)), without a loop."""
+    """Return f(*args) -> (hook(start, *args), ..., hook(start + n - 1, *args)), without a loop."""
     a, b, c, d = range(start, start + 4)
     if n == 0:
-        return expression(lambda *given: ())
+        return expression(lambda *args: ())
     if n == 1:
-        return expression(lambda *given: (hook(a, *given),))
+        return expression(lambda *args: (hook(a, *args),))
     if n == 2:
-        return expression(lambda *given: (hook(a, *given), hook(b, *given)))
+        return expression(lambda *args: (hook(a, *args), hook(b, *args)))
     if n == 3:
-        return expression(lambda *given: (hook(a, *given), hook(b, *given), hook(c, *given)))
+        return expression(lambda *args: (hook(a, *args), hook(b, *args), hook(c, *args)))
     if n == 4:
         return expression(
-            lambda *given: (hook(a, *given), hook(b, *given), hook(c, *given), hook(d, *given))
+            lambda *args: (hook(a, *args), hook(b, *args), hook(c, *args), hook(d, *args))
         )
     half = 4 if n <= 8 else n // 8 * 4
-    first, rest = unrolled(half, hook, start), unrolled(n - half, hook, start + half)
-    return expression(lambda *given: first(*given) + rest(*given))
+    first, second = unrolled(half, hook, start), unrolled(n - half, hook, start + half)
+    return expression(lambda *args: first(*args) + second(*args))
 
 
 @cache
 def summed(hooks: tuple[BoundHook, ...]) -> Hook:
-    """Return f(i, flow, p), the sum over hooks from left to right; 0.0 without any."""
+    """Return f(i, flow, p), the sum over hooks from left to right; 0.0 for none."""
     if not hooks:
         return expression(lambda i, flow, p: 0.0)
     hook, numbers, start, stop = hooks[-1]
@@ -73,12 +73,12 @@ def summed(hooks: tuple[BoundHook, ...]) -> Hook:
 
 
 @cache
-def multiplied(hooks: tuple[BoundHook, ...]) -> Hook:
-    """Return f(i, first, flow, p), `first` times every hook from left to right."""
+def multiply_hooks(hooks: tuple[BoundHook, ...]) -> Hook:
+    """Return f(i, first, flow, p), the product of `first` and all hooks from left to right."""
     if not hooks:
         return expression(lambda i, first, flow, p: first)
     hook, numbers, start, stop = hooks[-1]
-    before = multiplied(hooks[:-1])
+    before = multiply_hooks(hooks[:-1])
     return expression(
         lambda i, first, flow, p: before(i, first, flow, p) * hook(numbers(*p[start:stop]), i, flow)
     )
@@ -86,7 +86,7 @@ def multiplied(hooks: tuple[BoundHook, ...]) -> Hook:
 
 @cache
 def chained(hooks: tuple[BoundHook, ...]) -> Hook:
-    """Return f(i, quantity, flow, p), the quantity changed by every hook in turn."""
+    """Return f(i, quantity, flow, p), the composition of the hooks from left to right."""
     if not hooks:
         return expression(lambda i, quantity, flow, p: quantity)
     hook, numbers, start, stop = hooks[-1]
@@ -99,30 +99,30 @@ def chained(hooks: tuple[BoundHook, ...]) -> Hook:
 
 
 @cache
-def added(terms: tuple[Hook, ...]) -> Hook:
-    """Return f(*given), the sum of the terms from left to right; 0.0 without any."""
+def sum_functions(terms: tuple[Hook, ...]) -> Hook:
+    """Return f(*args), the sum of the terms from left to right; 0.0 for none."""
     if not terms:
-        return expression(lambda *given: 0.0)
+        return expression(lambda *args: 0.0)
     last = terms[-1]
     if len(terms) == 1:
         return last
-    before = added(terms[:-1])
-    return expression(lambda *given: before(*given) + last(*given))
+    before = sum_functions(terms[:-1])
+    return expression(lambda *args: before(*args) + last(*args))
 
 
 @cache
-def selected(functions: tuple[Hook, ...]) -> Hook:
-    """Return f(i, *given) -> functions[i](*given), for `unrolled`, which gives i as a constant."""
+def select_function(functions: tuple[Hook, ...]) -> Hook:
+    """Return f(i, *args) -> functions[i](*args), for `unrolled`, which passes a constant i."""
     last, k = functions[-1], len(functions) - 1
     if k == 0:
-        return inlined_expression(lambda i, *given: last(*given))
-    before = selected(functions[:-1])
-    return inlined_expression(lambda i, *given: last(*given) if i == k else before(i, *given))
+        return inlined_expression(lambda i, *args: last(*args))
+    before = select_function(functions[:-1])
+    return inlined_expression(lambda i, *args: last(*args) if i == k else before(i, *args))
 
 
 @cache
 def identity(function: Hook | None) -> str:
-    """Return module, name and a digest of the source file of a function; empty for None."""
+    """Return module, name and digest of the source file of a function; empty for None."""
     if function is None:
         return ""
     import hashlib

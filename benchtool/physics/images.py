@@ -1,11 +1,11 @@
-"""Rotors and their image sources: ground effect of one rotor and of several (eq. 1 to 3).
+"""Image sources of rotors: ground effect of one rotor and of several (eq. 1 to 3).
 
-Each rotor is a source of strength R^2 v / 4 (v its induced velocity), mirrored below the plate.
-The image of a rotor at distance d blows upward at a rotor at the same height z with
-v (R^2/2) z / (d^2 + 4 z^2)^(3/2); for other heights see `tilt`. At equal power, thrust times
-inflow is constant, so that T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper
-states that for equal power and applies the same factor at equal rotor speed (eq. 10). So do we,
-unless the rig states its blades (`blade_element`).
+Each rotor is a source of strength R^2 v / 4 (v its induced velocity), mirrored below the plate. The
+image of a rotor at distance d induces the upward velocity v (R^2/2) z / (d^2 + 4 z^2)^(3/2) at a
+rotor at the same height z; for other heights see `tilt`. At equal power, thrust times inflow is
+constant, so T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper derives this
+for equal power and applies it at equal rotor speed (eq. 10), as does this module unless the rig
+defines its blades (`blade_element`).
 
 Source: Sanchez-Cuevas, Heredia, Ollero 2017, sections 2.1 and 2.2; the sum over any number of
 rotors follows from the same derivation.
@@ -22,9 +22,9 @@ from benchtool.physics.expression import Quantity, expression
 def image_velocity(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
     """Return z_j / (2 (d^2 + 4 z_i z_j)^(3/2)): 1/m2.
 
-    Times R^2 and the cosine of the tilt this is the velocity along the rotor axis at a place at
-    height z_i, in units of the induced velocity, from the image of a rotor at height z_j that is d
-    away in the rotor plane. Level at d = 0, times R^2, it is (R/4z)^2.
+    Times R^2 and the cosine of the tilt, this is the velocity along the rotor axis at height z_i,
+    over the induced velocity, from the image of a rotor at height z_j and distance d in the rotor
+    plane. Level and at d = 0, times R^2, it is (R/4z)^2.
     """
     squared = distance_m * distance_m + 4.0 * (here_m * there_m)
     return 0.5 * there_m / (squared * np.sqrt(squared))
@@ -32,7 +32,7 @@ def image_velocity(here_m: Quantity, there_m: Quantity, distance_m: Quantity) ->
 
 @expression
 def self_image(z_m: Quantity) -> Quantity:
-    """Return 1 / (16 z^2), what a rotor's own image contributes per R^2 (eq. 2): 1/m2."""
+    """Return 1 / (16 z^2), the contribution of a rotor's own image per R^2 (eq. 2): 1/m2."""
     return 0.0625 / (z_m * z_m)
 
 
@@ -52,10 +52,10 @@ def partial_factor(factor: Quantity, area: Quantity) -> Quantity:
 
 
 @expression
-def clamped_height(z_m: Quantity, least_m: Quantity) -> Quantity:
-    """Return the height, or the least at which a law is trusted where it is lower: m.
+def clamped_height(z_m: Quantity, min_m: Quantity) -> Quantity:
+    """Return the height, clipped to the minimum at which a law is valid: m.
 
-    For simulators only, which count where it acts. A fit never clamps: it leaves such points out
-    by default and says how many they are.
+    For simulators only, which count the clipped steps. A fit never clips: by default it excludes
+    such points and reports their number.
     """
-    return np.maximum(z_m, least_m)
+    return np.maximum(z_m, min_m)

@@ -1,9 +1,8 @@
-"""From squared rotor speeds to thrust and torques (eq. 9).
+"""Thrust and torques from squared rotor speeds (eq. 9).
 
-Axes: x forward, y left, z up. Positive roll torque lifts the left side, positive pitch torque
-pushes the nose down (eq. 9 with rotor 1 in front), positive yaw torque turns counter-clockwise
-seen from above. A rotor's spin is +1 counter-clockwise seen from above; its drag turns the body
-the other way.
+Axes: x forward, y left, z up. Positive roll torque lifts the left side, positive pitch torque is
+nose down (eq. 9 with rotor 1 in front), positive yaw torque is counter-clockwise seen from above. A
+rotor's spin is +1 counter-clockwise seen from above; its drag torque on the body is opposite.
 """
 
 from __future__ import annotations
@@ -28,22 +27,22 @@ def mixer_matrix(
 ) -> Array:
     """Return the matrix (4, n) from squared speeds to `WRENCH` for rotors at (x, y) (eq. 9).
 
-    Rows: k; k y; -k x; -c spin. `k_N_s2` and `c_Nm_s2` are those of eq. (8).
+    Rows: k; k y; -k x; -c spin, with k and c of eq. (8).
     """
-    x, y, turn = (np.asarray(value, float) for value in (x_m, y_m, spin))
-    if not x.shape == y.shape == turn.shape or x.ndim != 1:
+    x, y, spins = (np.asarray(value, float) for value in (x_m, y_m, spin))
+    if not x.shape == y.shape == spins.shape or x.ndim != 1:
         raise InputError(
-            f"a mixer needs x, y and spin of every rotor, got {x.size}, {y.size} and {turn.size} "
-            f"values; give one of each per rotor"
+            f"the mixer needs one x, y and spin per rotor; got {x.size}, {y.size} and {spins.size} "
+            f"values"
         )
-    return np.array([np.full(x.size, k_N_s2), k_N_s2 * y, -k_N_s2 * x, -c_Nm_s2 * turn])
+    return np.array([np.full(x.size, k_N_s2), k_N_s2 * y, -k_N_s2 * x, -c_Nm_s2 * spins])
 
 
 @expression
 def pitch_moment_Nm(thrust_N: Quantity, x_m: Quantity) -> Quantity:
     """Return -sum x_i T_i over rotors (n, ...), positive nose down: N m.
 
-    A wall of ground effect under the front rotors gives a negative one (backward).
+    Ground effect under the front rotors alone makes it negative (nose up).
     """
     total = 0.0 * thrust_N[0]
     for i in range(len(x_m)):

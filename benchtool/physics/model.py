@@ -1,8 +1,8 @@
-"""A model: a rig, the images of its rotors, and named effects that add.
+"""Model of a bench: a rig, baseline parameters and effects.
 
-The baseline is one rotor over the plate (eq. 2) with thrust k w^2 (eq. 8): parameters `k`
-(thrust coefficient of one rotor), `R_m` (effective radius) and, where the vehicle turns,
-`inertia_kgm2`. Everything else is an effect.
+The baseline is thrust k w^2 (eq. 8) of each rotor, with the parameters `k` (thrust coefficient of
+one rotor), `R_m` (effective radius) and, for a pitch bench, `inertia_kgm2`. All else are effects,
+including the law of thrust against distance, by default eq. (2).
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from benchtool.physics.motor import speed_near_plate, torque_per_speed
 from benchtool.physics.tilt import Plane, height_over, plate_plane, tilt_rule
 from benchtool.physics.wake_rules import wake_rule
 
-OWN_IMAGES = ROTOR_IMAGES.name  # eq. (2), the usual law of a plate below
+OWN_IMAGES = ROTOR_IMAGES.name  # eq. (2), the default law of a plate below
 
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """Predict what a bench reads.
+    """Predictor of the readings of a bench.
 
     Attributes:
-        parameters: baseline and effects, by full name ("R_m", "body_lift.K_b").
-        body_distance: which b eq. (4) uses: half the diagonal (as derived) or all of it (printed).
-        discrepancy: how far laws and sensors may be off before it matters.
+        parameters: of baseline and effects, by full name ("R_m", "body_lift.K_b").
+        body_distance: b of eq. (4): half the diagonal (as derived) or the diagonal (as printed).
+        discrepancy: tolerances of laws and sensors.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Model:
 
     @classmethod
     def single(cls, rig: Rig, name: str = "single") -> Model:
-        """Return the baseline and the usual law of the rig's surface: eq. (2) for one below."""
+        """Return the baseline and the default law for the rig's surface: eq. (2) for one below."""
         bare = cls(name=name, rig=rig, parameters=baseline_parameters(rig))
         return bare.with_effect(DEFAULT_LAWS[rig.plate.surface])
 
@@ -69,44 +69,44 @@ class Model:
         surface = self.rig.plate.surface
         for law in laws:
             if law.distance_law is not None and law.distance_law.surface != surface:
-                of_it = (one.name for one in thrust_laws(surface))
+                names = ", ".join(effect.name for effect in thrust_laws(surface))
                 raise InputError(
-                    f"rig {self.rig.name!r} has its plate {surface} the rotors, and {law.name} is "
-                    f"a law of a surface {law.distance_law.surface}; take one of: "
-                    f"{', '.join(of_it)}"
+                    f"law {law.name} is for a surface {law.distance_law.surface} the rotors, but "
+                    f"the plate of rig {self.rig.name!r} is {surface}; allowed: {names}"
                 )
-        if len(laws) > 1 and len(acting := [e.name for e in laws if self.is_present(e)]) > 1:
+        if len(laws) > 1 and len(present := [e.name for e in laws if self.is_present(e)]) > 1:
             raise InputError(
-                f"model {self.name!r} has the laws of thrust against distance "
-                f"{' and '.join(acting)}, and a law is applied once; take all but one out"
+                f"model {self.name!r} has several laws of thrust against distance: "
+                f"{' and '.join(present)}; remove all but one"
             )
 
     def with_effect(self, effect: str | Effect, **values: float) -> Model:
-        """Return the model with one more effect, its parameters at `values` or their defaults.
+        """Return the model with an additional effect, its parameters at `values` or their defaults.
 
-        Numbers that shape its law and follow from the rig are the rig's, where none are given.
+        Defaults of parameters without a neutral value are those of the rig, if it has them.
         """
-        added = find_effect(effect) if isinstance(effect, str) else effect
-        if any(present.name == added.name for present in self.effects):
-            raise InputError(f"model {self.name!r} has the effect {added.name!r} already")
-        known = {parameter.name: parameter for parameter in added.parameters}
+        effect = find_effect(effect) if isinstance(effect, str) else effect
+        if any(present.name == effect.name for present in self.effects):
+            raise InputError(f"duplicate effect {effect.name!r} in model {self.name!r}")
+        parameters = {parameter.name: parameter for parameter in effect.parameters}
         for name in values:
-            if name not in known:
-                raise UnknownChoice(f"parameter of effect {added.name!r}", name, known)
-        of_rig = added.rig_values(self.rig) if added.rig_values is not None else {}
-        values = {key: of_rig[key] for key in of_rig if known[key].neutral is None} | values
+            if name not in parameters:
+                raise UnknownChoice(f"parameter of effect {effect.name!r}", name, parameters)
+        rig_values = effect.rig_values(self.rig) if effect.rig_values is not None else {}
+        rig_values = {key: rig_values[key] for key in rig_values if parameters[key].neutral is None}
+        values = {**rig_values, **values}
         new = [
-            (f"{added.name}.{name}", item.with_value(values[name]) if name in values else item)
-            for name, item in known.items()
+            (f"{effect.name}.{name}", item.with_value(values[name]) if name in values else item)
+            for name, item in parameters.items()
         ]
         return replace(
             self,
-            effects=(*self.effects, added),
+            effects=(*self.effects, effect),
             parameters=Parameters((*self.parameters.items(), *new)),
         )
 
     def with_law(self, law: str | Effect, **values: float) -> Model:
-        """Return the model with that law of thrust against distance in place of its own."""
+        """Return the model with its law of thrust against distance replaced."""
         model = self
         for effect in self.effects:
             if effect.distance_law is not None:
@@ -114,7 +114,7 @@ class Model:
         return model.with_effect(law, **values)
 
     def with_lag_of_rig(self) -> Model:
-        """Return the model with the lag of the rig's motors, where it states none itself."""
+        """Return the model with the motor lag of the rig, unless it has a lag effect."""
         if any(effect.hooks.lag_s is not None for effect in self.effects):
             return self
         lag = next(effect for effect in EFFECTS.values() if effect.hooks.lag_s is not None)
@@ -122,7 +122,7 @@ class Model:
         return self.with_effect(lag, **lag.rig_values(self.rig))
 
     def without(self, name: str) -> Model:
-        """Return the model with one effect taken out."""
+        """Return the model without one effect."""
         if all(effect.name != name for effect in self.effects):
             raise UnknownChoice(
                 f"effect of model {self.name!r}", name, (effect.name for effect in self.effects)
@@ -138,26 +138,25 @@ class Model:
         )
 
     def with_values(self, parameters: Parameters) -> Model:
-        """Return the model with these parameters in place of its own."""
+        """Return the model with its parameters replaced."""
         return replace(self, parameters=parameters)
 
     def with_free(self, *names: str) -> Model:
-        """Return the model with those parameters free and the others as they are.
+        """Return the model with those parameters free and the others unchanged.
 
-        A name's last part is enough where no other parameter has it.
+        The last part of a name is sufficient if it is unique.
         """
         parameters = self.parameters
-        for name in (resolve_name(each, self.parameters) for each in names):
-            parameters = parameters.with_replaced(name, parameters[name].as_free())
+        for name in names:
+            full_name = resolve_name(name, self.parameters)
+            parameters = parameters.with_replaced(full_name, parameters[full_name].as_free())
         return self.with_values(parameters)
 
     def with_fixed(self, name: str, value: float | None = None) -> Model:
-        """Return the model with one parameter fixed, at `value` when given; named as in "
-        "`with_free`.
-        """
-        full = resolve_name(name, self.parameters)
+        """Return the model with one parameter fixed, by default at its value."""
+        full_name = resolve_name(name, self.parameters)
         return self.with_values(
-            self.parameters.with_replaced(full, self.parameters[full].as_fixed(value))
+            self.parameters.with_replaced(full_name, self.parameters[full_name].as_fixed(value))
         )
 
     @cached_property
@@ -165,35 +164,37 @@ class Model:
         return {name: position for position, name in enumerate(self.parameters)}
 
     def effect_values(self, effect: Effect, values: Any) -> list[Any]:
-        """Return the effect's own slice of `values` (n_parameters, ...), in its own order."""
+        """Return the effect's slice of `values` (n_parameters, ...), in the order of the effect."""
         return [values[self._index[f"{effect.name}.{item.name}"]] for item in effect.parameters]
 
     def is_present(self, effect: Effect) -> bool:
-        """Whether an effect can act: some parameter free or away from its neutral value."""
-        own = self.effect_values(effect, [*self.parameters.values()])
-        return any(item.free or (item.neutral is not None and not item.is_neutral) for item in own)
+        """Return True if some parameter of an effect is free or not at its neutral value."""
+        items = self.effect_values(effect, [*self.parameters.values()])
+        return any(
+            item.free or (item.neutral is not None and not item.is_neutral) for item in items
+        )
 
     @cached_property
     def present_effects(self) -> tuple[Effect, ...]:
-        """The effects that can act, in order."""
+        """Effects with a free parameter or one not at its neutral value, in order."""
         return tuple(effect for effect in self.effects if self.is_present(effect))
 
     @property
     def law(self) -> Effect | None:
-        """The law of thrust against distance that acts, if there is one."""
+        """The present law of thrust against distance, or None."""
         return next((e for e in self.present_effects if e.distance_law is not None), None)
 
     @property
     def nearest_z_over_R(self) -> float:
-        """Least z/R at which the model's law is trusted."""
+        """Minimum z/R at which the model's law is valid."""
         return nearest_z_over_R(effect.distance_law for effect in self.present_effects)
 
     def flow(self, conditions: Conditions, values: Any) -> Flow:
-        """Return what the hooks see, heights and images worked out.
+        """Return the input of the hooks, with heights and images.
 
         Args:
-            conditions: of m samples; effects between pulse and speed act only on speeds that were
-                not measured.
+            conditions: of m samples; effects between pulse width and speed apply only to speeds
+                that were not measured.
             values: all parameters (n_parameters, ...), broadcastable against (m,).
         """
         rig = self.rig
@@ -230,77 +231,80 @@ class Model:
         )
         if not conditions.speed_measured:
             flow = flow._replace(speed_rad_s=self._discs.speeds(flow, p))
-        found: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_images, p)
+        full_flow: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_images, p)
         if conditions.speed_measured:
-            return found
-        return found._replace(speed_rad_s=self.speeds_near_plate(found, values))
+            return full_flow
+        return full_flow._replace(speed_rad_s=self.speeds_near_plate(full_flow, values))
 
     def speeds_near_plate(self, flow: Flow, values: Any) -> list[Quantity]:
-        """Return the speeds (n_discs, ...) under the pulses that give the flow's far away: rad/s.
+        """Return the speeds (n_discs, ...) at the pulse widths of a flow's free speeds: rad/s.
 
-        They are the flow's own where the motor is not known, or holds its speed.
+        The flow's speeds are those out of ground effect. They are returned unchanged without motor
+        data and for a governed speed.
         """
         slope = self.motor_slope_Nm_s
         if slope is None:
             return list(flow.speed_rad_s)
         c, counts = self.rig.propulsion.drag_coefficient_Nm_s2, self.rig.rotors_on_disc
-        found = zip(flow.speed_rad_s, self.drag_factors(flow, values), counts, strict=True)
+        discs = zip(flow.speed_rad_s, self.drag_factors(flow, values), counts, strict=True)
         return [
             np.sqrt(n) * speed_near_plate(w / np.sqrt(n), c, factor, slope)
-            for w, factor, n in found
+            for w, factor, n in discs
         ]
 
     def plate_plane(self, conditions: Conditions, p: tuple[Any, ...]) -> Plane:
-        """Return where the plate lies, for the present effects' own values `p`."""
+        """Return the plane of the plate for the parameters `p` of the present effects."""
         tilt_rad = conditions.plate_tilt_rad + self._discs.tilt(p)
-        found: Plane = plate_plane(conditions.plate_z_m, conditions.plate_x_m, tilt_rad)
-        return found
+        plane: Plane = plate_plane(conditions.plate_z_m, conditions.plate_x_m, tilt_rad)
+        return plane
 
     @cached_property
     def lag_s(self) -> float:
-        """Time constant with which rotor speed follows its command; 0 without a lag: s."""
-        return sum(float(x) for x in self._of_whole("lag_s", at_most_one=True))
+        """Time constant of rotor speed; 0 without a lag: s."""
+        return sum(float(x) for x in self._call_without_flow("lag_s", at_most_one=True))
 
     @cached_property
     def delay_s(self) -> float:
-        """Time between a command and its arrival at the motors: s."""
-        return sum(float(x) for x in self._of_whole("delay_s"))
+        """Delay between a command and its arrival at the motors: s."""
+        return sum(float(x) for x in self._call_without_flow("delay_s"))
 
     @cached_property
     def random_torque(self) -> tuple[float, float] | None:
-        """Standard deviation (N m) and correlation time (s) of a random torque; None without."""
-        return next(iter(self._of_whole("random_torque", at_most_one=True)), None)
+        """Standard deviation (N m) and correlation time (s) of a random torque, or None."""
+        return next(iter(self._call_without_flow("random_torque", at_most_one=True)), None)
 
     @cached_property
     def play_N(self) -> float:
-        """Half width of the play that a simulated load cell's reading stays behind: N."""
-        return sum(float(x) for x in self._of_whole("play_N"))
+        """Half width of the backlash model of a simulated load cell: N."""
+        return sum(float(x) for x in self._call_without_flow("play_N"))
 
-    def _of_whole(self, hook: str, *, at_most_one: bool = False) -> list[Any]:
-        """Return what a hook that needs no flow gives, for every effect that can act by it."""
-        found = [effect for effect in self.present_effects if getattr(effect.hooks, hook)]
-        if at_most_one and len(found) > 1:
+    def _call_without_flow(self, hook: str, *, at_most_one: bool = False) -> list[Any]:
+        """Return the values of a hook that needs no flow, for all present effects that have it."""
+        effects = [effect for effect in self.present_effects if getattr(effect.hooks, hook)]
+        if at_most_one and len(effects) > 1:
             raise InputError(
-                f"model {self.name!r}: effects {found[0].name!r} and {found[1].name!r} both have "
-                f"the hook {hook}; leave one out"
+                f"effects {effects[0].name!r} and {effects[1].name!r} of model {self.name!r} both "
+                f"have the hook {hook}; remove one"
             )
         values = self.parameters.values_array()
         return [
             getattr(effect.hooks, hook)(
                 effect.makes_p(*self.effect_values(effect, values)), 0, NO_FLOW
             )
-            for effect in found
+            for effect in effects
         ]
 
     def numbers(self, values: Any) -> tuple[Any, ...]:
-        """Return the present effects' own values in order, as joined functions take them."""
-        return tuple(values[k] for k in self._places)
+        """Return the parameter values of the present effects, `p` of the combined functions."""
+        return tuple(values[index] for index in self._effect_indices)
 
     @cached_property
-    def _places(self) -> tuple[int, ...]:
-        everything = range(len(self.parameters))
+    def _effect_indices(self) -> tuple[int, ...]:
+        indices = range(len(self.parameters))
         return tuple(
-            k for each in self.present_effects for k in self.effect_values(each, everything)
+            index
+            for effect in self.present_effects
+            for index in self.effect_values(effect, indices)
         )
 
     @cached_property
@@ -313,58 +317,58 @@ class Model:
 
     @cached_property
     def body_images(self) -> BodyImages:
-        """The sources of the body term of eq. (4)."""
+        """Sources of the body term of eq. (4)."""
         x_m, y_m = self.rig.disc_positions_m.T
         return body_images(x_m, y_m, self.body_distance, self.rig.body.half_diagonal_m)
 
     @cached_property
     def image_rules(self) -> ImageRules:
-        """How images are summed."""
+        """Rules for sums of images."""
         return ImageRules(self.wake_rule, self.tilt_rule, len(self.body_images.arm_m))
 
     def disc_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
-        """Return T_IGE/T_OGE of each disc (n_discs, ...), factors of effects included."""
-        n = len(flow.height_m)  # a prepared flow has equal discs merged
+        """Return T_IGE/T_OGE of each disc (n_discs, ...), including factors of effects."""
+        n = len(flow.height_m)  # equal discs of a precomputed flow are merged
         discs = disc_thrust(self.present_effects, n, self.image_rules)
         factors: tuple[Quantity, ...] = discs.factors(flow, self.numbers(values))
         return factors
 
     @cached_property
     def is_torque_driven(self) -> bool:
-        """Whether some present effect changes the rotors' torque near a surface."""
+        """True if a present effect changes the rotors' torque near a surface."""
         return any(effect.hooks.drag is not None for effect in self.present_effects)
 
     @cached_property
     def motor_slope_Nm_s(self) -> float | None:
-        """Torque per speed of the motors; None where speed under a pulse is the same everywhere."""
+        """Torque per speed of the motors; None if speed at a pulse width is independent of z."""
         return torque_per_speed(self.rig.motor) if self.is_torque_driven else None
 
     def drag_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
-        """Return the drag torque of each disc over that far from any surface, at equal speed."""
+        """Return the drag torque of each disc over that out of ground effect, at equal speed."""
         n, p = len(flow.height_m), self.numbers(values)
         discs = disc_thrust(self.present_effects, n, self.image_rules)
         return tuple(discs.drags(discs.image_factors(flow, p), flow, p))
 
     def thrust_N(self, conditions: Conditions, values: Any = None) -> Any:
-        """Return what the load cell shows on a settled bench (..., m): N.
+        """Return the load cell's settled reading (..., m): N.
 
         Args:
             conditions: of m samples.
             values: all parameters (n_parameters, ...) broadcastable against (m,), real or complex;
-                the model's own values when left out.
+                default: those of the model.
         """
         values = self.parameters.values_array() if values is None else values
         return self.reading_N(self.flow(conditions, values), values)
 
     def squared_speed(self, flow: Flow, values: Any) -> Any:
-        """Return the sum over discs of w^2 times its factor (..., m): thrust over k."""
+        """Return the sum over discs of w^2 times the thrust factor (..., m): thrust over k."""
         total: Quantity = 0.0
         for speed, factor in zip(flow.speed_rad_s, self.disc_factors(flow, values), strict=True):
             total = total + speed * speed * factor
         return total
 
     def reading_N(self, flow: Flow, values: Any) -> Any:
-        """Return the load cell's settled reading for a flow that is worked out (..., m): N."""
+        """Return the load cell's settled reading for a flow with images (..., m): N."""
         reading = values[self._index["k"]] * self.squared_speed(flow, values)
         return self._thrust_reading(0, reading, flow, self.numbers(values))
 
@@ -374,8 +378,8 @@ class Model:
         """Return T_IGE/T_OGE of each disc at equal rotor speed (n_discs, m).
 
         Args:
-            z_over_R: plate distance from the rotors' centre along their axis, over R (m,).
-            speed_rad_s: of each rotor (n_rotors,); 0 for a rotor that is off.
+            z_over_R: plate distance from the centre of the rotors along their axis, over R (m,).
+            speed_rad_s: of each rotor (n_rotors,); 0 for a stopped rotor.
             tilt_rad: of the plate (m,).
             coverage: fraction of each disc over the plate (n_discs,).
         """
@@ -388,9 +392,9 @@ class Model:
         return np.array(self.disc_factors(self.flow(conditions, values), values))
 
     def z_over_R(self, conditions: Conditions) -> Array:
-        """Return the least distance of any turning disc over the rig's rotor radius (m,)."""
+        """Return the minimum distance of all running discs over the rig's rotor radius (m,)."""
         flow = self.flow(conditions, self.parameters.values_array())
         heights = np.array([np.broadcast_to(h, (len(conditions),)) for h in flow.height_m])
         heights = np.where(np.asarray(flow.active) > 0.0, heights, np.inf)
-        least: Array = heights.min(axis=0) / self.rig.propulsion.radius_m
-        return least
+        z_over_R: Array = heights.min(axis=0) / self.rig.propulsion.radius_m
+        return z_over_R

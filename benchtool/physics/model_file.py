@@ -1,4 +1,4 @@
-"""Models as TOML files: a rig, named effects, parameters, and the columns of somebody's CSV."""
+"""Models as TOML files: rig, effects, parameters, and columns of a CSV file."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class _Head(FileTable):
     def __post_init__(self) -> None:
         slide_s = self.plate_slide_s
         if slide_s is not None and not 0.0 <= slide_s < inf:
-            raise InputError(f"plate_slide_s is {slide_s:g}; give seconds from 0")
+            raise InputError(f"plate_slide_s = {slide_s:g} s is out of range; allowed: from 0 s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,23 +71,23 @@ class _ParameterTable(FileTable):
     def __post_init__(self) -> None:
         for name, number in (("value", self.value), ("tolerance", self.tolerance)):
             if number is not None and not isfinite(number):
-                raise InputError(f"{name} is {number:g}; give a finite number")
+                raise InputError(f"{name} = {number:g} is not a finite number")
         for name, bound in (("lower", self.lower), ("upper", self.upper)):
             if bound is not None and isnan(bound):
-                raise InputError(f"{name} is nan; give a number, or inf for no bound")
+                raise InputError(f"{name} = nan is not a number; use inf for no bound")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedModel:
-    """A model with what its file says beyond physics.
+    """Model with the other contents of its file.
 
     Attributes:
-        columns: our channel name to the source column, for somebody's CSV.
-        row_filter: column to value: only those rows are read.
-        imperfections: numbers of a virtual bench, when the file describes a truth.
-        rig_name: how the file names its rig; empty for a model that no file describes.
-        effects_file: Python file with effects of the user's own; empty without.
-        plate_slide_s: how long the plate takes to slide in or out; None where not stated.
+        columns: channel name to source column of a CSV file.
+        row_filter: column name to value; only matching rows are read.
+        imperfections: of a virtual bench, for a file that defines one.
+        rig_name: name of the rig in the file; empty without a file.
+        effects_file: Python file with user-defined effects; empty for none.
+        plate_slide_s: time of the plate to slide in or out; None if not defined.
     """
 
     model: Model
@@ -100,31 +100,31 @@ class LoadedModel:
 
 
 def model_names() -> tuple[str, ...]:
-    """Return the names of the models that benchtool ships."""
+    """Return the names of the models in the library."""
     return list_names("models")
 
 
 def load_model(
     name_or_path: str | Path, rig: Rig | None = None, permit: CodePermit = check_code_allowed
 ) -> LoadedModel:
-    """Return a shipped model by name, or a user's own by the path of its TOML file.
+    """Return a model of the library by name, or a user's model by the path of its TOML file.
 
     Args:
-        rig: of the data; it goes before the one that the file names (`_for_rig`).
-        permit: called with the file of own effects before it is run.
+        rig: of the data; it has precedence over the rig of the file (`_adapt_to_rig`).
+        permit: called with the file of user-defined effects before it is run.
     """
     text, where = read_named("model", "models", name_or_path)
-    if kind := _kind_of_other(text):
+    if kind := _detect_other_format(text):
         raise FileFormatError(
             where,
-            f"this looks like {kind}, and a model is a TOML file with a table [model]; name one, "
-            f"or a shipped model: {', '.join(model_names())}",
+            f"this looks like {kind}, not a TOML file with a table [model]; use a model file or "
+            f"one of: {', '.join(model_names())}",
         )
     return model_from_toml(text, where, rig, permit)
 
 
-def _kind_of_other(text: str) -> str:
-    """Return what a text is that has neither a table nor a key of TOML; empty where it has one."""
+def _detect_other_format(text: str) -> str:
+    """Return the format of a text without any table or key of TOML; empty for TOML."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if not lines or any(line.startswith("[") or "=" in line for line in lines):
         return ""
@@ -134,96 +134,95 @@ def _kind_of_other(text: str) -> str:
 def model_from_toml(
     text: str, where: str, rig: Rig | None = None, permit: CodePermit = check_code_allowed
 ) -> LoadedModel:
-    """Return the model that TOML text describes; own effects are run by permit only.
+    """Return the model of a TOML text; user code runs only with permission.
 
     Raises:
-        UnknownChoice: a key, effect, parameter, rule or unit that does not exist.
-        FileFormatError: a value of the wrong type or range.
+        UnknownChoice: a key, effect, parameter, rule or unit does not exist.
+        FileFormatError: a value has a wrong type or range.
     """
-    read = build_dataclass(_ModelFile, parse_toml(text, where), where)
-    baseline = _flattened(read.parameters)
-    chosen = rig if rig is not None else _rig_beside(read.model.rig, where)
+    file = build_dataclass(_ModelFile, parse_toml(text, where), where)
+    head = file.model
+    baseline = _flatten_tables(file.parameters)
+    model_rig = rig if rig is not None else _load_rig(head.rig, where)
     try:
         if rig is not None:
-            baseline = _for_rig(rig, read.model.rig, baseline, where)
+            baseline = _adapt_to_rig(rig, head.rig, baseline, where)
         model = replace(
-            Model.single(chosen, read.model.name),
-            wake_rule=read.model.wake_rule,
-            tilt_rule=read.model.tilt_rule,
-            body_distance=read.model.body_distance,
-            discrepancy=read.discrepancy,
-            description=read.model.description,
-            provenance=dict(read.provenance),
+            Model.single(model_rig, head.name),
+            wake_rule=head.wake_rule,
+            tilt_rule=head.tilt_rule,
+            body_distance=head.body_distance,
+            discrepancy=file.discrepancy,
+            description=head.description,
+            provenance=dict(file.provenance),
         )
-        file = read.model.effects_file
-        if file and not file.endswith(".py"):
-            raise InputError(f"effects_file is {file[:80]!r}; name a Python file that ends in .py")
-        found = user_effects(str(Path(where).parent / file), permit) if file else ()
-        own = {effect.name: effect for effect in found}
+        path = head.effects_file
+        if path and not path.endswith(".py"):
+            raise InputError(f"effects_file {path[:80]!r} is not a Python file (*.py)")
+        imported = user_effects(str(Path(where).parent / path), permit) if path else ()
+        user_defined = {effect.name: effect for effect in imported}
         effects = {
-            name: _configured(own.get(name) or find_effect(name), tables.get("settings", {}))
-            for name, tables in sorted(read.effects.items(), key=lambda item: item[0] != OWN_IMAGES)
+            name: _configure(
+                user_defined.get(name) or find_effect(name), tables.get("settings", {})
+            )
+            for name, tables in sorted(file.effects.items(), key=lambda item: item[0] != OWN_IMAGES)
         }
         if any(effect.distance_law is not None for effect in effects.values()):
             model = model.without(model.effects[0].name)
         for name, effect in effects.items():
-            tables = read.effects[name]
             model = with_blades(model) if effect is BLADE_INFLOW else model.with_effect(effect)
-            given = {key: table for key, table in tables.items() if key != "settings"}
+            tables = {key: value for key, value in file.effects[name].items() if key != "settings"}
             if effect is BLADE_INFLOW:
-                given = blade_tables(given, model.rig)
-            model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
-        model = _set(with_blades_of_rig(model), baseline, where)
+                tables = blade_tables(tables, model.rig)
+            tables = {f"{name}.{key}": table for key, table in tables.items()}
+            model = _set_parameters(model, tables, where)
+        model = _set_parameters(with_blades_of_rig(model), baseline, where)
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(where, str(error)) from error
-    check_channels(read.columns, where)
+    check_channels(file.columns, where)
     return LoadedModel(
         model=model,
-        columns=read.columns,
-        row_filter=read.where,
-        imperfections=read.imperfections,
-        rig_name=read.model.rig,
-        effects_file=read.model.effects_file,
-        plate_slide_s=read.model.plate_slide_s,
+        columns=file.columns,
+        row_filter=file.where,
+        imperfections=file.imperfections,
+        rig_name=head.rig,
+        effects_file=head.effects_file,
+        plate_slide_s=head.plate_slide_s,
     )
 
 
 def stated_in(path: str | Path) -> tuple[Rig, bool]:
-    """Return the rig that a user's model file names, and whether the file maps columns.
-
-    None of its own code runs.
-    """
+    """Return the rig of a model file, and True if the file maps columns; runs no user code."""
     data = parse_toml(*read_named("model", "models", path))
     head = data.get("model")
     if not isinstance(head, dict) or not isinstance(head.get("rig"), str):
         raise FileFormatError(str(path), "model.rig is missing; add it")
-    return _rig_beside(head["rig"], str(path)), bool(data.get("columns"))
+    return _load_rig(head["rig"], str(path)), bool(data.get("columns"))
 
 
-def _configured(effect: Effect, settings: Mapping[str, Any]) -> Effect:
+def _configure(effect: Effect, settings: Mapping[str, Any]) -> Effect:
     if effect.configure is not None:
         return effect.configure(settings)
     if settings:
-        raise InputError(f"effect {effect.name!r} takes no settings; take them out")
+        raise InputError(f"effect {effect.name!r} has no settings; remove [effects.*.settings]")
     return effect
 
 
 def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
-    """Return a model as TOML text that reads back to the same model."""
+    """Return a model as TOML text; reading it returns the same model."""
     model = loaded.model
     effects: dict[str, dict[str, Any]] = {}
     if all(effect.distance_law is None for effect in model.effects):
         effects[OWN_IMAGES] = {"own_strength": {"value": 0.0, "source": "left out"}}
     for effect in model.effects:
-        values = model.effect_values(effect, [*model.parameters.values()])
-        own = {item.name: item for item in values}
-        knots = [item.value for name, item in own.items() if name.startswith("knot_")]
+        parameters = model.effect_values(effect, [*model.parameters.values()])
+        knots = [item.value for item in parameters if item.name.startswith("knot_")]
         effects[effect.name] = {
-            name: _parameter_table(item)
-            for name, item in own.items()
-            if not name.startswith("knot_")
+            item.name: _parameter_table(item)
+            for item in parameters
+            if not item.name.startswith("knot_")
         }
         if knots:
             effects[effect.name]["settings"] = {effect.knots_setting: knots}
@@ -248,64 +247,67 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
         data["model"]["effects_file"] = loaded.effects_file
     if loaded.plate_slide_s is not None:
         data["model"]["plate_slide_s"] = loaded.plate_slide_s
-    more = {
-        "columns": {name: _stated(column) for name, column in loaded.columns.items()},
+    optional = {
+        "columns": {name: _changed_fields(column) for name, column in loaded.columns.items()},
         "where": dict(loaded.row_filter),
-        "discrepancy": _stated(model.discrepancy),
+        "discrepancy": _changed_fields(model.discrepancy),
         "imperfections": dict(loaded.imperfections),
         "provenance": dict(model.provenance),
     }
-    data |= {name: table for name, table in more.items() if table}
+    data |= {name: table for name, table in optional.items() if table}
     return tomli_w.dumps(data)
 
 
-def _rig_beside(name: str, where: str) -> Rig:
-    beside = Path(where).parent / name
-    return load_rig_by_name(beside if name.endswith(".toml") and beside.exists() else name)
+def _load_rig(name: str, where: str) -> Rig:
+    """Return a rig by name, or by a path relative to the model file."""
+    path = Path(where).parent / name
+    return load_rig_by_name(path if name.endswith(".toml") and path.exists() else name)
 
 
-def _for_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return a file's baseline tables for a rig that may be another than the file's own.
+def _adapt_to_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return a file's baseline tables for the rig of the data, which may not be that of the file.
 
-    The baseline (k, R_m, inertia) belongs to a vehicle. Where the two rigs differ in one of these
-    numbers, the rig's own replaces a start value and a number that only repeats the file's rig.
+    The baseline (k, R_m, inertia) depends on the vehicle. If the two rigs differ, the value of the
+    data's rig replaces initial values and values equal to those of the file's rig.
 
     Raises:
-        InputError: a number held, or a prior stated, for another vehicle.
+        InputError: a fixed value or a prior is for another vehicle.
     """
-    ours = Model.single(rig).parameters
+    rig_parameters = Model.single(rig).parameters
     try:
-        named = _rig_beside(name, where)
-    except InputError:  # a fit may have been brought here without its rig
+        file_rig = _load_rig(name, where)
+    except InputError:  # a fitted model may have been copied without its rig
         if name == rig.name:
             return dict(tables)
-        theirs = None
+        file_parameters = None
     else:
-        theirs = Model.single(named).parameters
-    out = dict(tables)
+        file_parameters = Model.single(file_rig).parameters
+    adapted = dict(tables)
     for key in ("k", "R_m", "inertia_kgm2"):
-        own, other = ours[key].value, None if theirs is None else theirs[key].value
-        if key not in tables or (other is not None and isclose(own, other, rel_tol=1e-9)):
+        rig_value = rig_parameters[key].value
+        file_value = None if file_parameters is None else file_parameters[key].value
+        if key not in tables:
+            continue
+        if file_value is not None and isclose(rig_value, file_value, rel_tol=1e-9):
             continue
         table = tables[key] if isinstance(tables[key], Mapping) else {"value": tables[key]}
         value = table.get("value")
-        repeats = {own, other, None}
-        if not table.get("free", False) and value not in repeats:
+        if not table.get("free", False) and value not in {rig_value, file_value, None}:
             raise InputError(
-                f"{key} is held at {value:g}, a number of rig {name!r}, but the data are of rig "
-                f"{rig.name!r} ({key} {own:g}); free it, or take its value out of the file"
+                f"{key} is fixed at {value:g} for rig {name!r}, but the data are from rig "
+                f"{rig.name!r} ({key} {rig_value:g}); free it or remove its value from the file"
             )
         if "prior" in table:
             raise InputError(
-                f"{key} has a prior for rig {name!r}, but the data are of rig {rig.name!r} "
-                f"({key} {own:g}); take the prior out of the file, or state one for that rig"
+                f"{key} has a prior for rig {name!r}, but the data are from rig {rig.name!r} "
+                f"({key} {rig_value:g}); remove the prior or define one for that rig"
             )
-        out[key] = {"free": bool(table.get("free", False))}
-    return out
+        adapted[key] = {"free": bool(table.get("free", False))}
+    return adapted
 
 
-def _flattened(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return {"noise": {"scale": 1}} as {"noise.scale": 1}, leaving parameter tables whole."""
+def _flatten_tables(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return {"noise": {"scale": 1}} as {"noise.scale": 1}; parameter tables stay unchanged."""
     flat: dict[str, Any] = {}
     for key, table in tables.items():
         if isinstance(table, Mapping) and not set(table) & _KEYS:
@@ -318,20 +320,20 @@ def _flattened(tables: Mapping[str, Any]) -> dict[str, Any]:
 _KEYS = {item.name for item in fields(_ParameterTable)}
 
 
-def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
+def _set_parameters(model: Model, tables: Mapping[str, Any], where: str) -> Model:
     parameters = model.parameters
-    for name, table in tables.items():
-        given = {"value": table} if isinstance(table, int | float) else table
-        if not isinstance(given, Mapping):
+    for name, value in tables.items():
+        table = {"value": value} if isinstance(value, int | float) else value
+        if not isinstance(table, Mapping):
             raise FileFormatError(
-                where, f"{name} is {given!r}; write a number or {{ value = ..., source = ... }}"
+                where, f"{name} = {table!r} is not a number or {{ value = ..., source = ... }}"
             )
-        read = build_dataclass(_ParameterTable, given, f"{where}: {name}")
+        entry = build_dataclass(_ParameterTable, table, f"{where}: {name}")
         keys = ("value", "lower", "upper", "tolerance", "prior")
-        stated = {key: getattr(read, key) for key in keys if getattr(read, key) is not None}
-        source = read.source or parameters[name].source
-        changed = replace(parameters[name], free=read.free, source=source, **stated)
-        parameters = parameters.with_replaced(name, changed)
+        changes = {key: getattr(entry, key) for key in keys if getattr(entry, key) is not None}
+        source = entry.source or parameters[name].source
+        parameter = replace(parameters[name], free=entry.free, source=source, **changes)
+        parameters = parameters.with_replaced(name, parameter)
     return model.with_values(parameters)
 
 
@@ -347,7 +349,7 @@ def _parameter_table(item: Parameter) -> dict[str, Any]:
     return table
 
 
-def _stated(table: ColumnSource | DiscrepancyTolerances) -> dict[str, Any]:
-    """Return what differs from its default."""
-    given = ((item, getattr(table, item.name)) for item in fields(table))
-    return {item.name: value for item, value in given if value != item.default}
+def _changed_fields(table: ColumnSource | DiscrepancyTolerances) -> dict[str, Any]:
+    """Return the fields that differ from their defaults."""
+    values = ((item, getattr(table, item.name)) for item in fields(table))
+    return {item.name: value for item, value in values if value != item.default}

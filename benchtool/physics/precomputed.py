@@ -1,8 +1,8 @@
-"""A model made ready for many evaluations on the same conditions.
+"""Model with precomputed geometry, for many evaluations under the same conditions.
 
-What no free parameter can change (heights, covered areas, images) is worked out once, and discs
-that are alike are merged into one, so that an evaluation costs what a hand-written formula would.
-Where only the height of a level plate moves, images at equal distance are summed before.
+Quantities independent of the free parameters (heights, coverages, images) are computed once and
+equal discs are merged, so that an evaluation is as fast as a hand-written formula. If only the
+height of a level plate depends on free parameters, images at equal distance are summed beforehand.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from benchtool.physics.fold import chained
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
-Images = list[tuple[float, Any]]  # (distance, summed source) of images that blow together
+Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at that distance)
 
 
 class Prepared:
-    """Evaluate a model on fixed conditions for many values of its free parameters.
+    """Model under fixed conditions, as a function of its free parameters.
 
     Args:
-        merge: let equal discs be one; not where the speed of each is needed.
+        merge: merge equal discs; False if the speed of each is needed.
     """
 
     def __init__(self, model: Model, conditions: Conditions, *, merge: bool = True) -> None:
@@ -38,7 +38,7 @@ class Prepared:
         self._flow: Flow | None = None
         self._images: list[Images] = []
         effects = model.present_effects
-        moving = {
+        geometry_effects = {
             name: effect
             for effect in effects
             if effect.changes_geometry or effect.hooks.speed is not None
@@ -46,41 +46,43 @@ class Prepared:
             if (name := f"{effect.name}.{item.name}") in model.parameters.free_names
         }
         if model.motor_slope_Nm_s is not None and not conditions.speed_measured:
-            return  # speeds go with the factors
-        whole = model.flow(conditions, model.parameters.values_array())
-        flow = merged(whole, len(conditions)) if merge and mergeable(model) else whole
-        tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
-        turning = [i for i, speed in enumerate(whole.speed_rad_s) if np.any(speed)]
-        is_one_height = len(flow.height_m) == 1 and not tilted
-        if not moving:
+            return  # speeds depend on the thrust factors
+        full_flow = model.flow(conditions, model.parameters.values_array())
+        flow = full_flow
+        if merge and can_merge(model):
+            flow = merge_discs(full_flow, len(conditions))
+        is_tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
+        running = [i for i, speed in enumerate(full_flow.speed_rad_s) if np.any(speed)]
+        is_one_height = len(flow.height_m) == 1 and not is_tilted
+        if not geometry_effects:
             self._flow = flow
-        elif turning and is_one_height and all(e.hooks.height for e in moving.values()):
+        elif running and is_one_height and all(e.hooks.height for e in geometry_effects.values()):
             self._flow, self._height = flow, chained(bound_hooks(effects, "height"))
-            sources = zip(whole.coverage, whole.active, strict=True)
-            blown = [area * active for area, active in sources]
-            distances = model.rig.disc_distances_m[turning[0]]
+            coverages = zip(full_flow.coverage, full_flow.active, strict=True)
+            sources = [coverage * active for coverage, active in coverages]
+            distances = model.rig.disc_distances_m[running[0]]
             self._images = [
-                _together((distances[j], blown[j]) for j in turning[1:]),
-                _together((arm_m, 1.0) for arm_m in model.body_images.arm_m),
+                _sum_by_distance((distances[j], sources[j]) for j in running[1:]),
+                _sum_by_distance((arm_m, 1.0) for arm_m in model.body_images.arm_m),
             ]
-            moved = model.parameters.values_array()
-            for name in moving:
+            test_values = model.parameters.values_array()
+            for name in geometry_effects:
                 item = model.parameters[name]
                 end = item.upper if np.isfinite(item.upper) else item.value + abs(item.value)
-                moved[self._names.index(name)] += 0.1 * (end - item.value)
-            exact = model.thrust_N(conditions, moved)
-            if not np.allclose(self.thrust_N(moved), exact, rtol=1e-9, atol=0.0):
-                self._flow = None  # the heights of the discs part, or the speeds move with them
+                test_values[self._names.index(name)] += 0.1 * (end - item.value)
+            exact = model.thrust_N(conditions, test_values)
+            if not np.allclose(self.thrust_N(test_values), exact, rtol=1e-9, atol=0.0):
+                self._flow = None  # disc heights differ, or speeds depend on the parameters
 
     def flow(self, values: Any) -> Flow:
-        """Return what the hooks see; `values` as `Model.thrust_N`."""
+        """Return the input of the hooks; `values` as in `Model.thrust_N`."""
         if self._flow is None:
             return self.model.flow(self.conditions, values)
         flow = self._flow._replace(radius_m=values[self._radius])
         if not self._images:
             return flow
-        free = flow._replace(height_m=[self.conditions.plate_z_m])
-        z = self._height(0, free.height_m[0], free, self.model.numbers(values))
+        uncorrected = flow._replace(height_m=[self.conditions.plate_z_m])
+        z = self._height(0, uncorrected.height_m[0], uncorrected, self.model.numbers(values))
         near, body = (
             sum(source * image_velocity(z, z, distance) for distance, source in images)
             for images in self._images
@@ -89,20 +91,20 @@ class Prepared:
         return flow._replace(height_m=[z], neighbour_images=[near], body_images=[body], plane=plane)
 
     def thrust_N(self, values: Any) -> Any:
-        """Return the load cell's settled reading (..., m): N; `values` as `Model.thrust_N`."""
+        """Return the load cell's settled reading (..., m): N; `values` as in `Model.thrust_N`."""
         return self.model.reading_N(self.flow(values), values)
 
 
-def mergeable(model: Model) -> bool:
-    """Whether no present effect treats discs differently by their own speed."""
+def can_merge(model: Model) -> bool:
+    """Return True if no present effect depends on the speed of individual discs."""
     return all(effect.hooks.factor is None for effect in model.present_effects)
 
 
-def merged(flow: Flow, m: int) -> Flow:
-    """Return the flow with equal discs merged into one and still discs left out.
+def merge_discs(flow: Flow, m: int) -> Flow:
+    """Return the flow with equal discs merged and stopped discs removed.
 
-    Thrust sums k w^2 F over discs, so discs of equal F merge into one whose squared speed is the
-    sum of theirs.
+    Thrust is the sum of k w^2 F over discs, so discs of equal F merge into one with the sum of
+    their squared speeds.
     """
 
     def row(quantity: Any) -> Array:
@@ -122,25 +124,25 @@ def merged(flow: Flow, m: int) -> Flow:
                 break
         else:
             groups.append((i, speed * speed))
-    kept = [first for first, _ in groups]
+    indices = [first for first, _ in groups]
 
-    def only(quantity: Any) -> list[Any]:
-        return [quantity[i] for i in kept]
+    def select(quantity: Any) -> list[Any]:
+        return [quantity[i] for i in indices]
 
     return flow._replace(
-        position_x_m=only(flow.position_x_m),
-        position_y_m=only(flow.position_y_m),
-        height_m=only(flow.height_m),
-        coverage=only(flow.coverage),
-        active=only(flow.active),
+        position_x_m=select(flow.position_x_m),
+        position_y_m=select(flow.position_y_m),
+        height_m=select(flow.height_m),
+        coverage=select(flow.coverage),
+        active=select(flow.active),
         speed_rad_s=[np.sqrt(squares) for _, squares in groups],
-        neighbour_images=only(flow.neighbour_images),
-        body_images=only(flow.body_images),
+        neighbour_images=select(flow.neighbour_images),
+        body_images=select(flow.body_images),
     )
 
 
-def _together(images: Iterable[tuple[float, Any]]) -> Images:
-    """Return images (distance, source) with the sources of equal distance summed."""
+def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:
+    """Return images (distance, source) with the sources at equal distance summed."""
     summed: dict[float, Any] = {}
     for distance, source in images:
         near = next((d for d in summed if abs(d - distance) <= 1e-11 * d), distance)

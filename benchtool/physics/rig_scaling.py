@@ -1,7 +1,7 @@
-"""How large a vehicle is, against the bench that the default tolerances were stated for.
+"""Scale factors of a vehicle for default tolerances, relative to the rig `beam`.
 
-What does not matter on a beam of 1.2 kg is absurd for a vehicle of 30 g and for one of 12 kg, so
-that default tolerances go with weight, arm and radius. On that beam every scale here is 1.
+Default tolerances were defined for a beam of 1.2 kg. For vehicles of 30 g or 12 kg they scale with
+weight, arm and radius; for the beam every factor is 1.
 """
 
 from __future__ import annotations
@@ -11,46 +11,46 @@ from functools import partial
 
 from benchtool.core.rig import Rig
 
-MASS_KG = 1.2  # mass of the bench whose owner stated the tolerances (rig `beam`)
-ARM_M = 0.25  # its arm L from hinge to rotor axis
-RADIUS_M = 0.127  # its rotor radius
+MASS_KG = 1.2  # of the rig `beam`
+ARM_M = 0.25  # arm L of the rig `beam` from hinge to rotor axis
+RADIUS_M = 0.127  # rotor radius of the rig `beam`
 
 
 def half_throttle_speed(rig: Rig) -> float:
-    """Return the rotor speed in the middle of the pulses' range: rad/s."""
+    """Return the rotor speed in the middle of the pulse width range: rad/s."""
     p = rig.propulsion
     return 0.5 * p.speed_per_us_rad_s * (p.pwm_max_us - p.pwm_start_us)
 
 
 def weight_scale(rig: Rig) -> float:
-    """Return how much heavier the vehicle is than that bench's beam."""
+    """Return the mass of the vehicle over that of the beam."""
     return rig.body.mass_kg / MASS_KG
 
 
 def arm_scale(rig: Rig) -> float:
-    """Return how much longer the arm about the pitch axis is; a radius where there is no arm."""
-    arm_m = max(abs(place.x_m) for place in rig.rotors)
+    """Return the arm about the pitch axis over that of the beam; the arm is at least a radius."""
+    arm_m = max(abs(rotor.x_m) for rotor in rig.rotors)
     return max(arm_m, rig.propulsion.radius_m) / ARM_M
 
 
 def torque_scale(rig: Rig) -> float:
-    """Return how much greater m g L is."""
+    """Return m g L over that of the beam."""
     return weight_scale(rig) * arm_scale(rig)
 
 
 def radius_scale(rig: Rig) -> float:
-    """Return how much larger the rotors are."""
+    """Return the rotor radius over that of the beam."""
     return rig.propulsion.radius_m / RADIUS_M
 
 
 def scale_rig(
-    scale: Callable[[Rig], float], **on_the_beam: float
+    scale: Callable[[Rig], float], **beam_tolerances: float
 ) -> Callable[[Rig, object], Mapping[str, float]]:
-    """Return an effect's `tolerance_of`: tolerances on that beam, which grow with a scale."""
-    return partial(_scaled, scale, on_the_beam)
+    """Return an effect's `tolerance_of`: tolerances for the beam times a scale factor."""
+    return partial(_scale_tolerances, scale, beam_tolerances)
 
 
-def _scaled(
-    scale: Callable[[Rig], float], on_the_beam: Mapping[str, float], rig: Rig, bench: object
+def _scale_tolerances(
+    scale: Callable[[Rig], float], beam_tolerances: Mapping[str, float], rig: Rig, bench: object
 ) -> Mapping[str, float]:
-    return {name: value * scale(rig) for name, value in on_the_beam.items()}
+    return {name: value * scale(rig) for name, value in beam_tolerances.items()}

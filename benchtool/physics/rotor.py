@@ -1,4 +1,4 @@
-"""One rotor: thrust and drag against speed (eq. 8, 10), and speed against pulse width."""
+"""Single rotor: thrust and drag torque against speed (eq. 8, 10), speed against pulse width."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def thrust_N(speed_rad_s: Quantity, k_N_s2: Quantity) -> Quantity:
 
 @expression
 def drag_torque_Nm(speed_rad_s: Quantity, c_Nm_s2: Quantity) -> Quantity:
-    """Return Q = c w^2 (eq. 8), which the paper takes near the plate too: N m."""
+    """Return Q = c w^2 (eq. 8), in the paper also near the plate: N m."""
     return c_Nm_s2 * speed_rad_s * speed_rad_s
 
 
@@ -33,10 +33,10 @@ def speed_from_pwm(
     voltage_V: Quantity,
     nominal_V: Quantity,
 ) -> Quantity:
-    """Return the settled speed, slope (V / V_nominal) (pwm - start), 0 below the start: rad/s.
+    """Return the steady speed, slope (V / V_nominal) (pwm - start), 0 below the start: rad/s.
 
     Assumed: speed is linear in pulse width and proportional to battery voltage, as for a brushless
-    motor with an open-loop ESC within its usual range.
+    motor with an open-loop ESC within its operating range.
     """
     return slope_rad_s_us * (voltage_V / nominal_V) * np.maximum(pwm_us - start_us, 0.0)
 
@@ -49,11 +49,11 @@ def pwm_from_speed(
     voltage_V: Quantity,
     nominal_V: Quantity,
 ) -> Quantity:
-    """Return the pulse width that gives a speed, the inverse of `speed_from_pwm`: us."""
+    """Return the pulse width of a steady speed, the inverse of `speed_from_pwm`: us."""
     return start_us + speed_rad_s * nominal_V / (slope_rad_s_us * voltage_V)
 
 
 @expression
-def speed_from_thrust(thrust_wanted_N: Quantity, k_N_s2: Quantity) -> Quantity:
-    """Return the speed that gives a thrust out of ground effect, 0 for none or less: rad/s."""
-    return np.sqrt(np.maximum(thrust_wanted_N, 0.0) / k_N_s2)
+def speed_from_thrust(target_N: Quantity, k_N_s2: Quantity) -> Quantity:
+    """Return the speed for a thrust out of ground effect; 0 for negative thrust: rad/s."""
+    return np.sqrt(np.maximum(target_N, 0.0) / k_N_s2)

@@ -1,10 +1,10 @@
-"""Rotors at different heights: where the surface lies under them, and what images then blow.
+"""Surface and image velocities for rotors at different heights (tilt).
 
-Eqs. (3) and (4) were derived for one height z, and the paper does not say which heights enter them
-under tilt. By the method of images the image of a rotor at height z_j lies z_i + z_j below a rotor
-at height z_i, at the horizontal distance of the tilted places; with d the distance of the places in
-the rotor plane, the square of the whole distance is d^2 + 4 z_i z_j. Other readings are choices by
-name (`TILT_RULES`). In level flight all of them are eqs. (3) and (4).
+Eqs. (3) and (4) are derived for one height z; the paper does not define the heights under tilt. By
+the method of images, the image of a rotor at height z_j is z_i + z_j below a rotor at height z_i,
+at the horizontal distance of the tilted positions. With d the distance in the rotor plane, the
+squared total distance is d^2 + 4 z_i z_j. `TILT_RULES` contains alternatives; level, all of them
+are eqs. (3) and (4).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from benchtool.physics.images import image_velocity
 
 
 class Plane(NamedTuple):
-    """Hold the distance of the body's centre to a surface (...): m, measured at right angles to it;
-    and how the distance grows per metre forward (+x) and to the left (+y) in the rotor plane.
+    """Distance of the body's centre to a surface, along its normal (...): m; slopes of the distance
+    forward (+x) and to the left (+y) in the rotor plane.
     """
 
     centre_m: Quantity = 0.0
@@ -37,11 +37,11 @@ LEVEL = Plane()  # for flows that need no heights
 def plate_plane(z_m: Quantity, plate_x_m: Quantity, tilt_rad: Quantity) -> Plane:
     """Return the plane of a tilted plate under a level rotor plane.
 
-    The plate pivots about its own centre, whose distance along the rotor axis stays what was read:
-    a disc at x is z cos(tilt) - (x - x_plate) sin(tilt) away.
+    The pivot is the plate's centre, whose distance along the rotor axis is unchanged: the distance
+    of a disc at x is z cos(tilt) - (x - x_plate) sin(tilt).
 
     Args:
-        z_m: distance from the rotor plane along its axis to the plate's centre: m.
+        z_m: distance from the rotor plane to the plate's centre, along the rotor axis: m.
         tilt_rad: about the y axis; positive brings +x rotors nearer.
     """
     sine = np.sin(tilt_rad)
@@ -50,7 +50,7 @@ def plate_plane(z_m: Quantity, plate_x_m: Quantity, tilt_rad: Quantity) -> Plane
 
 @expression
 def height_over(plane: Plane, x_m: Quantity, y_m: Quantity) -> Quantity:
-    """Return the distance to the surface of a place in the rotor plane: m."""
+    """Return the distance of a point of the rotor plane to the surface: m."""
     return plane.centre_m + plane.slope_x * x_m + plane.slope_y * y_m
 
 
@@ -62,15 +62,15 @@ def axis_cosine(plane: Plane) -> Quantity:
 
 @dataclass(frozen=True, slots=True)
 class TiltRule:
-    """Name one reading.
+    """Rule for image velocities under tilt; functions are expressions.
 
     Attributes:
         image: image(here, there, distance) -> velocity at height `here` from the image of a source
-            at height `there`, per R^2 and before `share`: 1/m2, an expression.
-        share: share(cosine) -> what counts of it, also of a rotor's own image; `cosine` is that of
-            the angle between the rotor axis and the surface's normal. An expression.
-        one_body: whether the body term is one number, taken at the centre's height; else it is
-            taken at each rotor's own height.
+            at height `there`, per R^2 and before `share`: 1/m2.
+        share: share(cosine) -> factor on it, also for a rotor's own image; `cosine` is that of the
+            angle between the rotor axis and the surface normal.
+        one_body: True if the body term is evaluated once at the centre's height, False if at the
+            height of each rotor.
     """
 
     image: Callable[[Quantity, Quantity, Quantity], Quantity]
@@ -80,20 +80,20 @@ class TiltRule:
 
 @expression
 def vertical_image(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
-    """Return the velocity at right angles to the surface: (z_i + z_j)/2 in place of z_j.
+    """Return the velocity along the surface normal: (z_i + z_j)/2 in place of z_j.
 
-    The direction of the level derivation; real neighbours are left out.
+    This is the direction of the level derivation; velocities of real neighbours are ignored.
     """
-    along = image_velocity(here_m, there_m, distance_m)
-    return 0.5 * (along + image_velocity(there_m, here_m, distance_m))
+    axial = image_velocity(here_m, there_m, distance_m)
+    return 0.5 * (axial + image_velocity(there_m, here_m, distance_m))
 
 
 @expression
 def own_height_image(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
-    """Return the velocity from an image as deep as the place itself is high.
+    """Return the velocity from an image at the height of the point itself.
 
-    Eq. (10) as printed, f_GE(z_r,i); no physics: images and the body's centre then move with the
-    rotor that looks.
+    Eq. (10) as printed, f_GE(z_r,i). Not physical: positions of images and of the body's centre
+    then depend on the rotor in question.
     """
     return image_velocity(here_m, here_m, distance_m)
 
@@ -111,7 +111,7 @@ def whole_share(cosine: Quantity) -> Quantity:
 
 
 TILT_RULES: dict[str, TiltRule] = {
-    # Thrust times axial inflow is constant, and real neighbours, in the rotor plane, give nothing.
+    # Thrust times axial inflow is constant; real neighbours in the rotor plane induce no axial one
     "axis": TiltRule(image_velocity, cosine_share, True),
     "vertical": TiltRule(vertical_image, whole_share, True),
     "own_height": TiltRule(own_height_image, whole_share, False),
@@ -119,7 +119,7 @@ TILT_RULES: dict[str, TiltRule] = {
 
 
 def tilt_rule(name: str) -> TiltRule:
-    """Return the rule of that name; an unknown name lists the known ones."""
+    """Return the tilt rule of that name."""
     if name not in TILT_RULES:
         raise UnknownChoice("tilt rule", name, TILT_RULES)
     return TILT_RULES[name]

@@ -1,9 +1,9 @@
-"""How partly covered rotors share the body term: model data, because nobody has measured it.
+"""Weight of the body term for partial coverage: assumptions, without measurements.
 
-The paper measures a quadrotor with all rotors over the plate (weight 1) and says of three rotors
-that they follow "the same trend with less intensity". Every rule here is a named assumption that
-agrees with eq. (4) when all discs are covered. A weight function takes the covered fraction of
-each disc (n, ...), 0 for a rotor that is off, and returns w (...).
+The paper measures a quadrotor with all rotors over the plate (weight 1) and reports for three
+rotors "the same trend with less intensity". All rules agree with eq. (4) for full coverage. A
+weight function takes the coverage of each disc (n, ...), 0 for a stopped rotor, and returns
+w (...).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from benchtool.physics.expression import Quantity, expression
 
 @expression
 def notes_weight(coverage: Quantity) -> Quantity:
-    """Return max(0, (sum a - 1) / (n - 1)); 0 for one rotor: linear from the second rotor on.
+    """Return max(0, (sum a - 1) / (n - 1)), linear from the second rotor; 0 for one rotor; assumed.
 
-    It gives eq. (2) for one covered rotor, eq. (4) for all, two thirds for three of four ("same
-    trend with less intensity", section 2.3 of the paper); assumed.
+    The result is eq. (2) for one covered rotor, eq. (4) for all, and two thirds of the body term
+    for three of four ("same trend with less intensity", section 2.3 of the paper).
     """
     n = len(coverage)
     total = 0.0 * coverage[0]
@@ -32,7 +32,7 @@ def notes_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def full_weight(coverage: Quantity) -> Quantity:
-    """Return 1, however many rotors are covered: the upper bound; assumed."""
+    """Return 1 for any number of covered rotors: upper bound; assumed."""
     return 1.0 + 0.0 * coverage[0]
 
 
@@ -48,7 +48,7 @@ def mean_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def product_weight(coverage: Quantity) -> Quantity:
-    """Return the product of all a: a fountain with all rotors over the plate alone; assumed."""
+    """Return the product of all a: a fountain only with all rotors over the plate; assumed."""
     product = 1.0 + 0.0 * coverage[0]
     for j in range(len(coverage)):
         product = product * coverage[j]
@@ -57,7 +57,7 @@ def product_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def pairs_weight(coverage: Quantity) -> Quantity:
-    """Return the mean of a_i a_j over pairs i < j; 0 for one rotor: every pair adds alike; assumed.
+    """Return the mean of a_i a_j over pairs i < j, all pairs equal; 0 for one rotor; assumed.
 
     The fountain "arises when a pair of rotors" is near the ground (section 2.2 of the paper).
     """
@@ -80,7 +80,7 @@ WAKE_RULES: dict[str, Callable[[Quantity], Quantity]] = {
 
 
 def wake_rule(name: str) -> Callable[[Quantity], Quantity]:
-    """Return the weight function of that name; an unknown name lists the known ones."""
+    """Return the weight function of that name."""
     if name not in WAKE_RULES:
         raise UnknownChoice("wake rule", name, WAKE_RULES)
     return WAKE_RULES[name]

@@ -97,10 +97,12 @@ def test_what_is_unverified_is_free():
 def test_a_rig_says_where_the_surface_is_and_refuses_laws_of_another():
     above = rig_of("ceiling")
     assert [effect.name for effect in Model.single(above).effects] == ["ceiling_momentum"]
-    with pytest.raises(InputError, match=r"plate above the rotors, and hayden is a law of a surf"):
+    with pytest.raises(
+        InputError, match=r"law hayden is for a surface below the rotors, but .* is above"
+    ):
         Model.single(above).with_law("hayden")
     text = '[model]\nname = "mine"\nrig = "x"\n[effects.rotor_images]\nown_strength = 1.0\n'
-    with pytest.raises(FileFormatError, match="take one of: ceiling, ceiling_momentum"):
+    with pytest.raises(FileFormatError, match="allowed: ceiling, ceiling_momentum"):
         model_from_toml(text, "mine.toml", above)
 
 
@@ -210,7 +212,7 @@ def test_a_table_takes_its_knots_from_the_model_file_and_gives_them_back():
     assert np.array_equal(
         ratio(again, np.geomspace(0.1, 3.0, 50)), ratio(model, np.geomspace(0.1, 3.0, 50))
     )
-    with pytest.raises(InputError, match="increase from 0, got"):
+    with pytest.raises(InputError, match="two or more increasing values from 0"):
         model_from_toml(text.replace("[0.3, 1.0", "[1.3, 1.0"), "mine.toml")
 
 
@@ -219,7 +221,7 @@ def test_a_model_file_names_its_law_in_place_of_eq_2():
     loaded = model_from_toml(text, "mine.toml")
     assert [effect.name for effect in loaded.model.effects] == ["hayden"]
     both = text + "[effects.rotor_images]\nown_strength = 1.0\n"
-    with pytest.raises(FileFormatError, match="rotor_images and hayden, and a law is applied once"):
+    with pytest.raises(FileFormatError, match="rotor_images and hayden; remove all but one"):
         model_from_toml(both, "mine.toml")
     left_out = model_from_toml(
         both.replace("own_strength = 1.0", "own_strength = 0.0"), "mine.toml"

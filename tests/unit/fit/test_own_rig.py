@@ -150,10 +150,10 @@ strength = 1.0
         ("0.12", ""),
         ("0.0635", ""),
         ("{ free = true }", ""),
-        ("0.126", r"R_m is held at 0\.126, a number of rig 'pquad', but the data are of rig"),
+        ("0.126", r"R_m is fixed at 0\.126 for rig 'pquad', but the data are from rig"),
         (
             '{ value = 0.12, free = true, prior = { kind = "normal", mean = 0.12, sd = 0.01 } }',
-            "R_m has a prior for rig 'pquad', but the data are of rig 'five_inch'",
+            "R_m has a prior for rig 'pquad', but the data are from rig 'five_inch'",
         ),
     ],
 )

@@ -134,7 +134,7 @@ def test_without_blades_every_basis_is_the_papers():
 def test_equal_pulse_without_a_motor_is_refused():
     rig = bladed("pquad_single", None)
     model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
-    with pytest.raises(InputError, match=r"no \[motor\] that .*governed = true"):
+    with pytest.raises(InputError, match=r"no \[motor\] table, .*governed = true"):
         problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_pwm")
     power = problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_power")
     assert power.facts["power"] == "of the shafts: the rig describes no motor"

@@ -7,7 +7,7 @@ import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.bases import factor_at
-from benchtool.physics.conditions import Conditions, moves, past_means
+from benchtool.physics.conditions import Conditions, past_means, plate_moves
 from benchtool.physics.effects.effect import PAST_S
 from benchtool.physics.model import Model
 
@@ -17,14 +17,16 @@ PLACE = np.array([Z_M, np.zeros(6), np.zeros(6)])
 
 
 def test_a_plate_moves_half_way_between_two_visits_and_comes_from_a_side():
-    since_s, side = moves(TIME_S, PLACE)
+    since_s, side = plate_moves(TIME_S, PLACE)
     assert since_s.tolist() == [0.0, 10.0, 20.0, 10.0, 20.0, 10.0]
     assert side.tolist() == [0.0, 0.0, 0.0, -1.0, -1.0, 1.0]
 
 
 def test_visits_may_stand_in_any_order():
     order = np.array([3, 0, 5, 1, 4, 2])
-    for now, then in zip(moves(TIME_S[order], PLACE[:, order]), moves(TIME_S, PLACE), strict=True):
+    for now, then in zip(
+        plate_moves(TIME_S[order], PLACE[:, order]), plate_moves(TIME_S, PLACE), strict=True
+    ):
         assert now.tolist() == then[order].tolist()
 
 

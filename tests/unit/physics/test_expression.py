@@ -18,7 +18,7 @@ from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.expression import (
     compile_expressions,
     expression,
-    recorded_expressions,
+    registered_expressions,
     shared_view,
 )
 from benchtool.physics.images import image_velocity, partial_factor, self_image, thrust_factor
@@ -84,7 +84,7 @@ def test_compiled_loops_and_arrays_give_the_same_numbers(rng):
 def test_expressions_are_branch_free():
     for info in pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics."):
         import_module(info.name)
-    own = [f for f in recorded_expressions() if f.__module__.startswith("benchtool.physics.")]
+    own = [f for f in registered_expressions() if f.__module__.startswith("benchtool.physics.")]
     assert len(own) > 20
     branches = {}
     for function in own:

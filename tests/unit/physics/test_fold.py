@@ -13,7 +13,7 @@ import pytest
 
 from benchtool.physics import expression as compiling
 from benchtool.physics.expression import compiled_closure, expression
-from benchtool.physics.fold import BoundHook, chained, multiplied, summed, unrolled
+from benchtool.physics.fold import BoundHook, chained, multiply_hooks, summed, unrolled
 
 
 class Two(NamedTuple):
@@ -57,7 +57,7 @@ def joined_change(i: int, quantity: Any, flow: Any, p: Any) -> Any:
 CASES = {
     "sum": (lambda i, flow, p: summed(TERMS)(i, flow, p), joined_sum),
     "product": (
-        lambda i, flow, p: multiplied(TERMS[:2])(i, 1.5, flow, p),
+        lambda i, flow, p: multiply_hooks(TERMS[:2])(i, 1.5, flow, p),
         lambda i, flow, p: 1.5 * (p[0] * flow[i] + p[1]) * flow[i] ** p[2],
     ),
     "chain": (
