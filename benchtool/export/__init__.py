@@ -1,4 +1,4 @@
-"""Files by which simulators, autopilots and firmware take what was fitted."""
+"""Export of fitted models to simulators, autopilots and firmware."""
 
 import sys
 

@@ -1,7 +1,7 @@
-"""A C header with the thrust near a surface, for firmware: float, no heap, no globals.
+"""C header with the thrust near a surface, for firmware: float, no heap, no globals.
 
-The thrust factor of any law is written as polynomials of degree 7 over pieces of z_min/z, which is
-0 far away and 1 at the least distance; pieces are halved until each holds the model.
+The thrust factor is a piecewise polynomial of degree 7 in z_min/z (0 far away, 1 at the minimum
+distance); intervals are halved until the error is within tolerance.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from benchtool.export.render import render
 from benchtool.export.vehicle import Vehicle
 
 DEGREE = 7
-TOLERANCE = 1e-7  # relative error of a piece: float's own rounding adds a few times 6e-8
-MAX_PIECES = 128  # more are a law that no polynomial follows: 128 are 4 kB; assumed
+TOLERANCE = 1e-7  # relative error of an interval; float rounding adds a few times 6e-8
+MAX_INTERVALS = 128  # 4 kB; assumed
 
 
 def split_intervals(vehicle: Vehicle) -> tuple[Array, Array]:
-    """Return ends (n + 1,) of the pieces in z_min/z, and their coefficients (n, DEGREE + 1).
+    """Return interval ends (n + 1,) in z_min/z, and coefficients (n, DEGREE + 1).
 
-    Coefficients are of powers of x, -1 to 1 over a piece.
+    Coefficients are of powers of x, -1 to 1 over an interval.
 
     Raises:
-        InputError: the law has more pieces than `MAX_PIECES`.
+        InputError: the law needs more than `MAX_INTERVALS`.
     """
     nearest_m = vehicle.nearest_z_m
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     check = np.linspace(-1.0, 1.0, 33)
-    ends, found = [0.0], []
-    left = [(0.0, 1.0)]
-    while left:
-        low, high = left.pop()
+    ends, coefficients = [0.0], []
+    pending = [(0.0, 1.0)]
+    while pending:
+        low, high = pending.pop()
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
 
         def factor(x: Array, middle: float = middle, half: float = half) -> Array:
@@ -44,20 +44,20 @@ def split_intervals(vehicle: Vehicle) -> tuple[Array, Array]:
         truth = factor(check)
         if np.abs(chebyshev.chebval(check, series) / truth - 1.0).max() < TOLERANCE:
             ends.append(high)
-            found.append(chebyshev.cheb2poly(series))
+            coefficients.append(chebyshev.cheb2poly(series))
             continue
-        if len(found) + len(left) + 2 > MAX_PIECES:
+        if len(coefficients) + len(pending) + 2 > MAX_INTERVALS:
             raise InputError(
-                f"model {vehicle.model.name!r}: its law of thrust against distance has corners "
-                f"that {MAX_PIECES} polynomials do not follow; export a model with a smooth law"
+                f"model {vehicle.model.name!r}: {MAX_INTERVALS} polynomials do not fit its law of "
+                f"thrust against distance; export a model with a smooth law"
             )
-        left += [(middle, high), (low, middle)]
+        pending += [(middle, high), (low, middle)]
     width = DEGREE + 1
-    return np.array(ends), np.array([np.pad(one, (0, width - len(one))) for one in found])
+    return np.array(ends), np.array([np.pad(c, (0, width - len(c))) for c in coefficients])
 
 
 def c_header(vehicle: Vehicle) -> str:
-    """Return the header; its names begin with the rig's."""
+    """Return the header; its names have the rig name as prefix."""
     ends, coefficients = split_intervals(vehicle)
     values = {"ends": ends, "coefficients": coefficients, "degree": DEGREE}
     return render("c_header", vehicle, **values)

@@ -1,8 +1,8 @@
-"""Templates of Gazebo, MuJoCo, rotorpy and the C header, filled with a vehicle's numbers.
+"""Templates of Gazebo, MuJoCo, rotorpy and the C header, filled with a vehicle's values.
 
-Axes are forward, left, up, as in the rigs. What the bench does not measure (drag of the air along
-the rotor, rolling moment, flapping) is 0, and its comment says so. MuJoCo: an actuator's control is
-its share of full thrust, 0 to 1, with one lag, that of rising thrust; share = (1 - e) u + e u^2.
+Axes are forward, left, up, as in the rigs. Unmeasured quantities (rotor drag, rolling moment,
+flapping) are 0, with a comment. MuJoCo: the control of an actuator is its fraction of full thrust,
+0 to 1, with the lag of rising thrust; fraction = (1 - e) u + e u^2.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from benchtool.export.vehicle import ExportedNumber, Vehicle
 
 VALUES = {
     "Number": ExportedNumber,
-    "not_measured": "not measured; 0 leaves it out",
-    # Gazebo needs a mass of a rotor's link, and the rig states none: mass and inertia stay within
-    # 0.1 % a rotor; the body's mass is reduced by it.
+    "not_measured": "not measured; 0: none",
+    # Gazebo needs a mass of each rotor link: 0.1 % of the body, which is reduced by it.
     "rotor_mass_share": 1e-3,  # assumed
 }
 
 
 def render(template: str, vehicle: Vehicle, **values: object) -> str:
-    """Return a template of `templates/`, filled."""
+    """Return a template of `templates/` with the values filled in."""
     folder = files("benchtool.export") / "templates"
     environment = Environment(
         loader=FunctionLoader(lambda name: (folder / name).read_text("utf-8")),
@@ -40,8 +39,9 @@ def render(template: str, vehicle: Vehicle, **values: object) -> str:
         "c_floats": _c_floats,
         "plain": lambda text: text.replace("*/", "* /").replace("\n", " "),  # in a C comment
     }
-    found = environment.get_template(f"{template}.jinja")
-    return found.render(VALUES | values, v=vehicle, rig=vehicle.rig)
+    return environment.get_template(f"{template}.jinja").render(
+        VALUES | values, v=vehicle, rig=vehicle.rig
+    )
 
 
 def _xml_comment(number: ExportedNumber, name: str) -> str:

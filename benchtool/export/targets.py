@@ -19,11 +19,11 @@ from benchtool.export.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Describe what a model can be written for.
+    """Export target.
 
     Attributes:
-        file: name of the file, "{name}" for the rig's.
-        comment: how a line of comment is written, "{}" for its text.
+        file: file name, with "{name}" for the rig name.
+        comment: format of a comment line.
     """
 
     title: str
@@ -32,23 +32,22 @@ class Target:
     comment: str = "# {}"
 
     def text(self, vehicle: Vehicle) -> str:
-        """Return the whole file, where it came from in its first lines of comment."""
+        """Return the content of the file, with its source in the first comment lines."""
         lines = [f"rig {vehicle.rig.name}, model {vehicle.model.name}; benchtool {__version__}"]
         if vehicle.simulated:
-            lines.append("SIMULATED: a virtual bench made the data of the fit or motor test")
-        about = "\n".join(self.comment.format(line) for line in lines)
+            lines.append("SIMULATED: the data of the fit or motor test are from a virtual bench")
+        header = "\n".join(self.comment.format(line) for line in lines)
         body = self.write(vehicle)
         if body.startswith("<?xml"):
-            # Nothing stands before the declaration.
-            head, _, rest = body.partition("\n")
-            return f"{head}\n{about}\n{rest}\n"
-        return f"{about}\n{body}\n"
+            declaration, _, content = body.partition("\n")
+            return f"{declaration}\n{header}\n{content}\n"
+        return f"{header}\n{body}\n"
 
 
 XML = "<!-- {} -->"
 sdf, mujoco, rotorpy = (partial(render, name) for name in ("sdf", "mujoco", "rotorpy"))
 
-TARGETS: Mapping[str, Target] = {  # what `benchtool export --to` takes
+TARGETS: Mapping[str, Target] = {  # values of `benchtool export --to`
     "sdf": Target("Gazebo: SDF with MulticopterMotorModel", "{name}.sdf", sdf, XML),
     "mujoco": Target("MuJoCo: MJCF with thrust actuators", "{name}.xml", mujoco, XML),
     "rotorpy": Target("rotorpy: a module with quad_params", "{name}_params.py", rotorpy),
@@ -60,26 +59,22 @@ TARGETS: Mapping[str, Target] = {  # what `benchtool export --to` takes
 
 
 def find_target(name: str) -> Target:
-    """Return a target.
-
-    Raises:
-        UnknownChoice: there is none of that name.
-    """
+    """Return a target by name; raise UnknownChoice for an unknown one."""
     if name not in TARGETS:
         raise UnknownChoice("target", name, (*TARGETS, "all"))
     return TARGETS[name]
 
 
 def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[Path, ...]:
-    """Write the file of a target, or a folder with those of "all", and return the paths.
+    """Write the file of a target, or a folder for "all"; return the paths.
 
     Args:
-        out: new file, or new folder for "all"; named after the rig when None.
+        out: new file, or new folder for "all"; default: named after the rig.
 
     Raises:
-        UnknownChoice: there is no such target.
-        InputError: a target cannot hold the model.
-        WouldOverwrite: the path exists; nothing was written.
+        UnknownChoice: unknown target.
+        InputError: the target cannot represent the model.
+        WouldOverwrite: the path exists.
     """
     if to == "all":
         folder = out if out is not None else Path(f"{vehicle.name}-export")

@@ -1,4 +1,4 @@
-"""What every target is written from: the numbers of a vehicle, each with its interval or source."""
+"""Vehicle data for export targets, each number with its interval or source."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ MODEL_FILE = "model.toml"
 
 @dataclass(frozen=True, slots=True)
 class ExportedNumber:
-    """Hold one exported number.
+    """Exported number.
 
     Attributes:
-        why: its 95 % interval and the fit, or where it comes from.
-        stated: False where it is a typical number in place of one that the rig does not state.
+        why: 95 % interval and fit, or source.
+        stated: False for a typical value that replaces a missing one of the rig.
     """
 
     value: float
@@ -46,30 +46,29 @@ class ExportedNumber:
         return self.why if self.unit == "1" else f"{self.unit}; {self.why}"
 
     def within(self, low: float, high: float) -> ExportedNumber:
-        """Return the number held to what a target takes, which its origin then says."""
+        """Return the number clipped to the range of a target, which its origin then states."""
         value = min(max(self.value, low), high)
         if value == self.value:
             return self
-        why = f"limit of the target, found {self.value:.4g}; {self.why}"
+        why = f"limit of the target, estimate {self.value:.4g}; {self.why}"
         return replace(self, value=value, why=why)
 
     def of(self, factor: float, unit: str) -> ExportedNumber:
-        """Return the number times a factor, in another unit; an interval stays that of its own."""
+        """Return the number times a factor, in another unit; the stated interval is unscaled."""
         why = f"of {self.value:.6g} {self.unit}, {self.why}"
         return replace(self, value=self.value * factor, unit=unit, why=why)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """Describe a vehicle as flight software and simulators do.
+    """Vehicle data for flight software and simulators.
 
     Attributes:
         model: physics of the thrust near a surface.
-        motor: constants of a test without a plate; None where only the rig's are known.
-        intervals: 95 % intervals of the model's fitted parameters, by full name; with every source
-            of the fit's budget where it has one.
-        fitted: what the intervals are of, as in "fit bench-1".
-        simulated: whether no physical bench made the data of the fit or of the motor test.
+        motor: constants of a motor test; None: those of the rig.
+        intervals: 95 % intervals of the fitted parameters, by full name; combined if available.
+        fitted: source of the intervals, such as "fit bench-1".
+        simulated: whether data of the fit or the motor test are simulated.
     """
 
     model: Model
@@ -77,8 +76,8 @@ class Vehicle:
     intervals: Mapping[str, tuple[float, float]]
     fitted: str = ""
     simulated: bool = False
-    mass_kg: float | None = None  # in place of the rig's
-    rotors: int | None = None  # that carry the mass; other than the rig's, for hover alone
+    mass_kg: float | None = None  # instead of the rig's
+    rotors: int | None = None  # that carry the mass, if not the rig's; for hover only
 
     def __post_init__(self) -> None:
         if self.rotors is not None and self.rig.n_rotors not in (1, self.rotors):
@@ -94,8 +93,8 @@ class Vehicle:
     @property
     def name(self) -> str:
         """Name of the rig as an identifier."""
-        word = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.rig.name)
-        return word if word[:1].isalpha() else f"rig_{word}"
+        text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.rig.name)
+        return text if text[:1].isalpha() else f"rig_{text}"
 
     def of_rig(self, key: str, unit: str) -> ExportedNumber:
         """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
@@ -106,7 +105,7 @@ class Vehicle:
         for part in key.split("."):
             value = getattr(value, part)
         assert isinstance(value, float | int)
-        source = self.rig.sources.get(key) or "no source is stated"
+        source = self.rig.sources.get(key) or "no source"
         assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
         stated = not source.startswith(UNSPECIFIED)
         return ExportedNumber(float(value), unit, f"no interval; {assumed}{source}", stated)
@@ -121,15 +120,15 @@ class Vehicle:
         return {"mass": self.of_rig("body.mass_kg", "kg"), **inertias}
 
     def _of_motor(self, name: str) -> ExportedNumber | None:
-        """Return a constant of the motor test; None where it is not determined."""
+        """Return a constant of the motor test; None if it is not determined."""
         if self.motor is None or not isfinite(self.motor.value(name)):
             return None
-        found: Estimate = self.motor[name]
-        low, high = found.interval_95
-        note = f"{found.bound}; " if found.bound else ""
+        estimate: Estimate = self.motor[name]
+        low, high = estimate.interval_95
+        note = f"{estimate.bound}; " if estimate.bound else ""
         runs = ", ".join(self.motor.names)
         why = f"{note}95 %: {low:.5g} to {high:.5g}, motor test {runs}"
-        return ExportedNumber(found.value, found.unit, why)
+        return ExportedNumber(estimate.value, estimate.unit, why)
 
     @cached_property
     def full(self) -> tuple[ExportedNumber, ExportedNumber]:
@@ -157,9 +156,9 @@ class Vehicle:
 
     @cached_property
     def _k(self) -> ExportedNumber:
-        """Thrust over squared speed of one rotor: of motor test, fit or rig, in this order."""
-        if (found := self._of_motor("k")) is not None:
-            return found
+        """Thrust over squared speed of one rotor: from motor test, fit or rig, in this order."""
+        if (k := self._of_motor("k")) is not None:
+            return k
         if "k" in self.intervals:
             return self.parameter("k")
         return self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
@@ -168,18 +167,18 @@ class Vehicle:
     def k(self) -> ExportedNumber:
         """Thrust over squared speed at full command: N/(rad/s)^2.
 
-        A target whose thrust is k w^2 reaches `thrust_max` at `speed_max`; how far it is off at
-        lower throttles is stated.
+        A target whose thrust is k w^2 reaches `thrust_max` at `speed_max`; the error at lower
+        throttles is stated.
         """
         k = self.thrust_max.value / self.speed_max.value**2
         thrust = self.thrust_N(np.linspace(0.1, 1.0, 91))
         error = np.abs(k * self.speed_rad_s(thrust) ** 2 - thrust)
         worst = int(error.argmax())
-        share, there = error[worst] / thrust[-1], error[worst] / thrust[worst]
-        if share < 1e-9:
+        of_full, relative = error[worst] / thrust[-1], error[worst] / thrust[worst]
+        if of_full < 1e-9:
             return self._k
-        why = f"exact at full command, k w^2 within {100.0 * share:.2g} % of full thrust"
-        why += f" ({100.0 * there:.3g} % of the thrust there) from throttle 0.1 on; fitted"
+        why = f"exact at full command, k w^2 within {100.0 * of_full:.2g} % of full thrust"
+        why += f" ({100.0 * relative:.3g} % of that thrust) above throttle 0.1; fitted"
         return ExportedNumber(
             k, self._k.unit, f"{why} {self._k.value:.6g}, {self._k.why}", self._k.stated
         )
@@ -189,7 +188,7 @@ class Vehicle:
         if self.motor is None or self.motor.law is None:
             return np.asarray(np.sqrt(thrust_N / self._k.value), float)
         speed_at = self.motor.law.speed_at
-        return np.asarray(np.vectorize(lambda one: speed_at(one)[0], otypes=[float])(thrust_N))
+        return np.asarray(np.vectorize(lambda T: speed_at(T)[0], otypes=[float])(thrust_N))
 
     @cached_property
     def torque_per_thrust(self) -> ExportedNumber:
@@ -200,16 +199,16 @@ class Vehicle:
 
     @cached_property
     def speed_max(self) -> ExportedNumber:
-        """Speed at full command, of the thrust there: rad/s."""
+        """Speed at full command, from the thrust: rad/s."""
         full = self.thrust_max
         speed = float(self.speed_rad_s(np.array(full.value)))
-        return ExportedNumber(speed, "rad/s", f"where thrust is {full.value:.6g} N, {full.why}")
+        return ExportedNumber(speed, "rad/s", f"at thrust {full.value:.6g} N, {full.why}")
 
     @cached_property
     def thrust_max(self) -> ExportedNumber:
         """Thrust of one rotor at pulse and voltage of `full`: N."""
-        if (found := self._of_motor("T_max")) is not None:
-            return found
+        if (thrust := self._of_motor("T_max")) is not None:
+            return thrust
         p = self.rig.propulsion
         slope = self.of_rig("propulsion.speed_per_us_rad_s", "rad/s/us")
         return self._k.of((slope.value * (p.pwm_max_us - p.pwm_start_us)) ** 2, "N")
@@ -218,21 +217,21 @@ class Vehicle:
     def expo(self) -> ExportedNumber:
         """The e of thrust over throttle u: T = T_max ((1 - e) u + e u^2).
 
-        1 for a speed that is linear in the pulse from `pwm_start_us` on, as rigs state it.
+        1 for a speed linear in the pulse above `pwm_start_us`, as in rigs.
         """
-        found = self._of_motor("expo")
+        expo = self._of_motor("expo")
         why = "no interval; the rig's speed is linear in the pulse, thrust in its square"
-        return found if found is not None else ExportedNumber(1.0, "1", why, stated=False)
+        return expo if expo is not None else ExportedNumber(1.0, "1", why, stated=False)
 
     def lag(self, way: str) -> ExportedNumber:
         """Return the time constant of speed, throttle rising ("up") or falling ("down"): s."""
-        if (found := self._of_motor(f"lag_{way}")) is not None:
-            return found
+        if (lag := self._of_motor(f"lag_{way}")) is not None:
+            return lag
         return self.of_rig("propulsion.lag_s", "s")
 
     @property
     def hover_share(self) -> ExportedNumber:
-        """Thrust that carries the vehicle over full thrust."""
+        """Hover thrust over full thrust."""
         mass = self.of_rig("body.mass_kg", "kg")
         if self.mass_kg is not None:
             mass = ExportedNumber(self.mass_kg, "kg", "no interval; as stated for the export")
@@ -248,7 +247,7 @@ class Vehicle:
     def thrust_N(self, throttle: Array) -> Array:
         """Return the thrust of one rotor at throttles (n,), far from any surface: N.
 
-        Every target has its thrust from here. Throttle: 0 at `pwm_start_us`, 1 at `full`.
+        Used by all targets. Throttle: 0 at `pwm_start_us`, 1 at `full`.
         """
         e = self.expo.value
         u = np.asarray(throttle, float)
@@ -256,7 +255,7 @@ class Vehicle:
 
     @cached_property
     def _flying(self) -> Model:
-        """The model without what the bench alone has: an offset or a tilt of its plate."""
+        """Model without bench geometry: offset or tilt of the plate."""
         model = self.model
         for effect in self.model.effects:
             if effect.changes_geometry:
@@ -265,11 +264,11 @@ class Vehicle:
 
     @property
     def nearest_z_m(self) -> float:
-        """Distance from the surface below which the model is not trusted: m."""
+        """Minimum distance of the model's validity: m."""
         return self.model.nearest_z_over_R * self.rig.propulsion.radius_m
 
     def factor(self, z_m: Array) -> Array:
-        """Return thrust over that far away (n,), level, all rotors at one speed, all covered."""
+        """Return the thrust ratio (n,), level, with equal speeds and full coverage."""
         conditions = Conditions.of(
             self.rig,
             speed_rad_s=np.full((self.rig.n_rotors, len(z_m)), 0.5 * self.speed_max.value),
@@ -280,8 +279,8 @@ class Vehicle:
         conditions.coverage[:] = 1.0
         values = self._flying.parameters.values_array()
         near, far = (
-            self._flying.squared_speed(self._flying.flow(each, values), values)
-            for each in (conditions, conditions.out_of_ground_effect())
+            self._flying.squared_speed(self._flying.flow(state, values), values)
+            for state in (conditions, conditions.out_of_ground_effect())
         )
         return np.asarray(near / far, float)
 
@@ -294,63 +293,63 @@ def build_vehicle(
     propeller: Propeller | None = None,
     extrapolate: bool = False,
 ) -> Vehicle:
-    """Return the vehicle of a model, a fit's folder, a run without a plate, or a stand's log.
+    """Return the vehicle of a model, a fit folder, a run without a plate, or a stand log.
 
     Args:
-        model: shipped name or path. A run or log counts as a motor test of its own rig, whose
-            thrust near a surface is that of the paper's law.
-        motor: runs without a plate or logs of the same rotors, whose constants go before the rig's.
-        permit: called with a model's own Python before it is run.
-        rig, propeller, extrapolate: see `fit_motor`; the rig of a model where there is one.
+        model: bundled name or path. A run or log is a motor test of its rig, with the law of the
+            paper near a surface.
+        motor: runs without a plate or logs of the same rotors, whose constants replace the rig's.
+        permit: called with user code of a model before it is run.
+        rig, propeller, extrapolate: see `fit_motor`.
 
     Raises:
-        FileFormatError, UnknownChoice: there is no such model.
-        InputError: the model was rejected by its data, or the motor test is of another rig.
+        FileFormatError, UnknownChoice: unknown model.
+        InputError: model rejected by its data, or motor test of another rig.
     """
     path = Path(model)
     if is_run(path) or (path.is_file() and path.suffix != ".toml"):
         test = fit_motor((path, *motor), None, rig, propeller, extrapolate=extrapolate)
-        of_rig = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
-        return Vehicle(model=of_rig.model, motor=test, intervals={}, simulated=test.simulated)
+        paper_model = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
+        return Vehicle(model=paper_model.model, motor=test, intervals={}, simulated=test.simulated)
     if path.is_dir():
         if not (path / MODEL_FILE).is_file():
             raise FileFormatError(
-                str(path), f"no {MODEL_FILE} is in it; name the folder of a fit or run"
+                str(path), f"no {MODEL_FILE} in it; name the folder of a fit or run"
             )
         path = path / MODEL_FILE
     loaded = load_model(path if path.is_file() else model, permit=permit).model
     if why := loaded.provenance.get("rejected"):
-        raise InputError(f"model {loaded.name!r} was rejected by its own data, not exported: {why}")
+        raise InputError(f"model {loaded.name!r} was rejected by its data, not exported: {why}")
     intervals: dict[str, tuple[float, float]] = {}
-    beside, simulated = path.with_name(FIT_FILE), False
-    if path.is_file() and beside.is_file():
-        tables = read_result(beside.parent)
+    fit_file, simulated = path.with_name(FIT_FILE), False
+    if path.is_file() and fit_file.is_file():
+        tables = read_result(fit_file.parent)
         simulated = bool(tables["simulated"])
         for result in tables["results"].values():
             for name, item in result["estimates"].items():
-                own = item.get("combined_95", (None,))
-                low, high = item["interval_95"] if None in own else own
+                combined = item.get("combined_95", (None,))
+                low, high = item["interval_95"] if None in combined else combined
                 intervals[name] = (float(low), float(high))
-    of_log = (None, rig or loaded.rig, propeller)
-    found = fit_motor(motor, *of_log, extrapolate=extrapolate) if motor else None
-    # One rotor stands for each of a vehicle; another vehicle does not.
-    if found is not None and found.rig.n_rotors not in (1, loaded.rig.n_rotors):
+    inputs = (None, rig or loaded.rig, propeller)
+    motor_test = fit_motor(motor, *inputs, extrapolate=extrapolate) if motor else None
+    # A test of one rotor represents each rotor of the vehicle.
+    if motor_test is not None and motor_test.rig.n_rotors not in (1, loaded.rig.n_rotors):
         raise InputError(
-            f"the motor test has {found.rig.n_rotors} rotors and rig {loaded.rig.name!r} "
+            f"the motor test has {motor_test.rig.n_rotors} rotors and rig {loaded.rig.name!r} "
             f"{loaded.rig.n_rotors}; test one rotor, or this vehicle's"
         )
-    if found is not None and _pulses(found.rig) != _pulses(loaded.rig):
+    if motor_test is not None and _pulses(motor_test.rig) != _pulses(loaded.rig):
         raise InputError(
-            f"the motor test was made on rig {found.rig.name!r}, whose pulses "
-            f"{_pulses(found.rig)} us are not those of rig {loaded.rig.name!r}, "
-            f"{_pulses(loaded.rig)} us; name the run itself in place of a model, or another model"
+            f"the motor test was made on rig {motor_test.rig.name!r}, whose pulses "
+            f"{_pulses(motor_test.rig)} us are not those of rig {loaded.rig.name!r}, "
+            f"{_pulses(loaded.rig)} us; name the run instead of a model, or another model"
         )
     return Vehicle(
         model=loaded,
-        motor=found,
+        motor=motor_test,
         intervals=intervals,
-        fitted=f"fit {beside.parent.resolve().name}",
-        simulated=simulated or (found is not None and found.simulated),
+        fitted=f"fit {fit_file.parent.resolve().name}",
+        simulated=simulated or (motor_test is not None and motor_test.simulated),
     )
 
 
