@@ -163,28 +163,28 @@ def _slopes(problem: Problem, method: DerivativeMethod, shape: Array) -> Array:
 
 
 def _score(
-    problem: Problem, density: Array, left: Array, best_density: Array, groups: IntArray
+    problem: Problem, density: Array, residuals: Array, best_density: Array, groups: IntArray
 ) -> Score:
-    whole = fit_least_squares(problem)
-    n, m = len(problem.free_names), len(problem)
-    lost = _by_setting(best_density - density, groups)
-    own = _by_setting(density, groups)
-    settings = len(own)
+    result = fit_least_squares(problem)
+    n_free, n_points = len(problem.free_names), len(problem)
+    losses = _by_setting(best_density - density, groups)
+    log_scores = _by_setting(density, groups)
+    settings = len(log_scores)
     return Score(
         model=problem.model,
-        held_out_log_score=float(density.sum() / m),
-        held_out_log_score_se=float(np.sqrt(settings) * own.std(ddof=1) / m),
-        behind_best=float(lost.sum()),
-        behind_best_se=float(np.sqrt(settings) * lost.std(ddof=1)),
-        held_out_rms=float(np.sqrt(np.mean(left**2))),
-        aic=2.0 * n - 2.0 * whole.log_likelihood,
-        bic=n * float(np.log(m)) - 2.0 * whole.log_likelihood,
-        chi2_per_dof=whole.chi2_per_dof,
-        parameters=n,
+        held_out_log_score=float(density.sum() / n_points),
+        held_out_log_score_se=float(np.sqrt(settings) * log_scores.std(ddof=1) / n_points),
+        behind_best=float(losses.sum()),
+        behind_best_se=float(np.sqrt(settings) * losses.std(ddof=1)),
+        held_out_rms=float(np.sqrt(np.mean(residuals**2))),
+        aic=2.0 * n_free - 2.0 * result.log_likelihood,
+        bic=n_free * float(np.log(n_points)) - 2.0 * result.log_likelihood,
+        chi2_per_dof=result.chi2_per_dof,
+        parameters=n_free,
     )
 
 
 def _by_setting(values: Array, groups: IntArray) -> Array:
     """Return sums of values (m,) over each setting (k,)."""
-    _, place = np.unique(groups, return_inverse=True)
-    return np.bincount(place, values).astype(float)
+    _, index = np.unique(groups, return_inverse=True)
+    return np.bincount(index, values).astype(float)

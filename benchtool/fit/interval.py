@@ -109,10 +109,8 @@ def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
         else _from_covariance(quantity, names, result)
         for quantity in quantities
     )
-    derived = tuple(
-        _with_bound_notes(estimate, quantity, result)
-        for estimate, quantity in zip(estimates, quantities, strict=True)
-    )
+    pairs = zip(estimates, quantities, strict=True)
+    derived = tuple(_with_bound_notes(*pair, result) for pair in pairs)
     return replace(result, derived=(*result.derived, *derived))
 
 

@@ -47,7 +47,7 @@ def central_differences(
     lower: Array,
     upper: Array,
 ) -> Array:
-    """Return d prediction / d values (m, n) in one vectorised call, steps kept in bounds."""
+    """Return d prediction / d values (m, n) in one vectorised call, steps within bounds."""
     n = len(values)
     h = RELATIVE_STEP * _step_scale(values)
     above, below = np.minimum(values + h, upper), np.maximum(values - h, lower)

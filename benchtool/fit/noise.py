@@ -33,8 +33,7 @@ def fit_noise(
 ) -> tuple[Estimate, Solution]:
     """Return the fitted noise with its intervals, and the shape's solution at that noise.
 
-    Args:
-        first: solution at the initial noise value.
+    The search starts from `first`, the solution at the initial noise value.
     """
     name = problem.noise_name
     assert name is not None
@@ -86,10 +85,8 @@ def _fit_place(problem: Problem, first: Solution, refit: Refit) -> tuple[Estimat
 
     value = float(np.exp(best_log))
     solution = refit(value, latest)
-    interval_68, interval_95 = (
-        (find_end(q, low), find_end(q, high))
-        for q in (float(chdtri(1, 1.0 - p)) for p in PROBABILITIES)
-    )
+    limits = (float(chdtri(1, 1.0 - p)) for p in PROBABILITIES)
+    interval_68, interval_95 = ((find_end(q, low), find_end(q, high)) for q in limits)
     sd = 0.5 * (interval_68[1] - interval_68[0])
     return Estimate(NOISE_PLACE, parameter.unit, value, sd, interval_68, interval_95), solution
 
@@ -136,9 +133,8 @@ def _fit_by_search(
     x_min, x_max = lower**2, min(parameter.upper, 1e9 * unit) ** 2
     latest = first
 
-    # Secant search in x, the squared noise, for y = 1 / chi2.
     def inverse(x: float) -> float:
-        """Return 1 over chi2 at a squared noise: nearly linear, and concave."""
+        """Return y = 1 / chi2 at x, the squared noise, for a secant search: concave in x."""
         nonlocal latest
         latest = refit(x**0.5, latest)
         return 1.0 / max(latest.chi2, 1e-300)

@@ -31,12 +31,7 @@ from benchtool.fit.uncertainty.density import STANDARD_K, Density, air_density
 from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources, misfit
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
-from benchtool.fit.uncertainty.propagation import (
-    Propagation,
-    bound_sources,
-    build_budget,
-    build_propagation,
-)
+from benchtool.fit.uncertainty.propagation import Propagation, bound_sources, make_budget, propagate
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -122,7 +117,7 @@ def run_recipe(
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     models = _load_models(recipe, loaded.model, permit)
     problem = recipe_problem(loaded.model, recipe, data)
-    estimates = (_estimate(problem, recipe, result, progress, profile) for result in recipe.methods)
+    estimates = (_estimate(problem, recipe, name, progress, profile) for name in recipe.methods)
     density = air_density(recipe.air, recipe.data)
     results = tuple(_add_diagnosis(loaded.model, data, problem, e, density) for e in estimates)
     comparison, laws = None, None
@@ -170,7 +165,7 @@ def propagate_uncertainty(output: FitOutput) -> Propagated | None:
     """
     model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
     free = [estimate.name for estimate in result.estimates]
-    propagation = build_propagation(problem, result, _quantities(model, free, output.density))
+    propagation = propagate(problem, result, _quantities(model, free, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
     sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     if propagation is None:
@@ -192,7 +187,7 @@ def _budget(output: FitOutput, use_monte_carlo: bool, progress: Progress) -> Bud
     propagated = propagate_uncertainty(output)
     if propagated is None:
         return None
-    by_propagation = build_budget(*propagated, traceability=output.data.load_cells.traceability)
+    by_propagation = make_budget(*propagated, traceability=output.data.load_cells.traceability)
     if not use_monte_carlo:
         return by_propagation
     return replace(

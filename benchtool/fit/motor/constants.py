@@ -237,10 +237,10 @@ def _curves(
     linear, square = curve.values
     full_N = linear + square
 
-    def add(name: str, unit: str, value: float, way: Sequence[float], per_N: float) -> None:
-        """Add an estimate with its gradient by the coefficients and by thrust (`per_N`)."""
-        own = float(np.array(way) @ covariance @ np.array(way))
-        sd = sqrt(own + (residual_N * per_N) ** 2)
+    def add(name: str, unit: str, value: float, gradient: Sequence[float], per_N: float) -> None:
+        """Add an estimate from its gradients by the coefficients and by thrust (`per_N`)."""
+        variance = float(np.array(gradient) @ covariance @ np.array(gradient))
+        sd = sqrt(variance + (residual_N * per_N) ** 2)
         estimates.append(t_estimate(name, unit, float(value), sd, curve.dof, note=note))
 
     note = full.note
@@ -248,8 +248,8 @@ def _curves(
         note += f", thrust as V^{power * exponent.value:.3g} (± {power * exponent.sd:.2g})"
     add("T_max", "N", full_N, (1.0, 1.0), 1.0)
     note = f"u is 1 {full.note.partition(';')[0]}"
-    way = (-square / full_N**2, linear / full_N**2)
-    add("expo", "1", square / full_N, way, 1.0 / full_N)
+    gradient = (-square / full_N**2, linear / full_N**2)
+    add("expo", "1", square / full_N, gradient, 1.0 / full_N)
     if mass_kg is None:
         return estimates, law
     hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rotors
@@ -262,12 +262,12 @@ def _curves(
     slope = linear + 2.0 * square * hover
     note = f"{start_us + hover * (full.pulse_us - start_us):.0f} us"
     note += f" at {full.voltage_V:.4g} V" if np.isfinite(full.voltage_V) else ""
-    way = (-hover / slope, -(hover**2) / slope)
-    add("hover_throttle", "1", hover, way, 1.0 / slope)
+    gradient = (-hover / slope, -(hover**2) / slope)
+    add("hover_throttle", "1", hover, gradient, 1.0 / slope)
     share_sd = hover_N / full_N * estimates[-3].sd / full_N
     estimates.append(t_estimate("hover_thrust_share", "1", hover_N / full_N, share_sd, curve.dof))
     if law is not None:
-        rpm, sd = (30.0 / pi * each for each in law.speed_at(hover_N))
+        rpm, sd = (30.0 / pi * value for value in law.speed_at(hover_N))
         estimates.append(t_estimate("hover_rpm", "rpm", rpm, sd, law.dof))
     return estimates, law
 

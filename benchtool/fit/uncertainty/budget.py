@@ -23,9 +23,7 @@ from benchtool.core.fit_result import Estimate, FitResult
 BudgetMethod = Literal["propagation", "mc"]
 
 COVERAGE = 0.95  # probability of the expanded interval
-UNIFORM_DRAWS = (
-    np.arange(400.0) + 0.5
-) / 200.0 - 1.0  # draws of a uniform source over its half width
+UNIFORM_DRAWS = (np.arange(400.0) + 0.5) / 200.0 - 1.0  # of a source over its half width
 MIN_RELATIVE_VALUE = 0.01  # in standard uncertainties; a smaller value is 0, without percent
 
 
@@ -122,18 +120,15 @@ class Budget:
 
     def _factor(self, parts: Array) -> float:
         uniform = parts * [line.distribution == "uniform" for line in self.lines]
-        largest_uniform, upper = uniform * (uniform == uniform.max()), 0.5 + 0.5 * COVERAGE
-        share, dof = (
-            largest_uniform.max() / np.linalg.norm(parts),
-            self._dof(parts - largest_uniform),
-        )
-        t_factor, scale = float(stdtrit(dof, upper)), max(1.0 - share**2, 1e-4) ** 0.5
+        largest, upper = uniform * (uniform == uniform.max()), 0.5 + 0.5 * COVERAGE
+        share, dof = largest.max() / np.linalg.norm(parts), self._dof(parts - largest)
+        t_width, scale = float(stdtrit(dof, upper)), max(1.0 - share**2, 1e-4) ** 0.5
         half_widths = 3.0**0.5 * share * UNIFORM_DRAWS
 
         def excess(factor: float) -> float:
             return float(stdtr(dof, (factor - half_widths) / scale).mean()) - upper
 
-        return float(brentq(excess, 0.0, t_factor + 2.0)) if share > 0.0 else t_factor
+        return float(brentq(excess, 0.0, t_width + 2.0)) if share > 0.0 else t_width
 
     @cached_property
     def expanded(self) -> Array:
@@ -166,9 +161,7 @@ class Budget:
         digit = [0.05 * 10.0 ** int(f"{u:.1e}".partition("e")[2]) for u in self.combined]
         below, above = (stdtr(self.dof, self.coverage_factor + step) for step in (-5e-4, 5e-4))
         se = (0.25 * (1.0 - COVERAGE**2) / self.monte_carlo.draws) ** 0.5 * 1e-3 / (above - below)
-        return tuple(
-            bool(is_confirmed) for is_confirmed in deviation <= digit + 3.0 * se * self.combined
-        )
+        return tuple((deviation <= digit + 3.0 * se * self.combined).tolist())
 
     def added_to(self, estimate: Estimate, first: bool) -> Estimate:
         """Return an estimate with its combined uncertainty; the budget is of the first method.
@@ -252,9 +245,7 @@ def budget_from(tables: Mapping[str, Any]) -> Budget:
 
     lines = []
     for source in tables["sources"]:
-        row = {
-            field.name: source[field.name] for field in fields(BudgetLine) if field.name in source
-        }
+        row = {f.name: source[f.name] for f in fields(BudgetLine) if f.name in source}
         row |= {key: tuple(source[key][name] for name in names) for key in _BY_QUANTITY}
         lines.append(BudgetLine(**row | {"dof": inf if row["dof"] is None else row["dof"]}))
     mc, mc_fields = tables["monte_carlo"], {key: f"monte_carlo_{key}" for key in _MC_FIELDS}

@@ -73,7 +73,7 @@ def fixed_parameter_sources(
                     columns=column, origin="assumed by benchtool: no bench follows a law exactly",
                 )
             )  # fmt: skip
-    return tuple(effect for effect in sources if np.abs(effect.columns).max() > 0.0)
+    return tuple(source for source in sources if np.abs(source.columns).max() > 0.0)
 
 
 def misfit(problem: Problem, sigma: Array, chi2_per_dof: float) -> ErrorSource:

@@ -30,7 +30,7 @@ TARED_ZERO_N = 1e-6  # zero error of a calibration after a tare: none; above 0 f
 class ScaleError:
     """Scale error shared by the points of one calibration."""
 
-    known: Mapping[str, Any]  # the calibration as in its file or a run's metadata
+    calibration: Mapping[str, Any]  # the calibration as in its file or a run's metadata
     rows: NDArray[np.bool_]  # (n,) True for its points
 
 
@@ -44,7 +44,7 @@ class LoadCells:
     @property
     def traceability(self) -> tuple[str, ...]:
         """Traceability statement of each calibration."""
-        return tuple(traceability(error.known) for error in self.errors)
+        return tuple(traceability(error.calibration) for error in self.errors)
 
 
 def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | None) -> LoadCells:
@@ -74,10 +74,10 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
             f"{', '.join(without)} has no calibration, so that its scale counts as exact; "
             f"recalibrate it, or set --calibration"
         )
-    calibration = pool_calibrations([run_path for run_path, _ in by_id.values()])
+    pooled = pool_calibrations([calibration for calibration, _ in by_id.values()])
     errors = tuple(
-        ScaleError(known=run_path, rows=np.isin(owners, places))
-        for run_path, (_, places) in zip(calibration, by_id.values(), strict=True)
+        ScaleError(calibration=calibration, rows=np.isin(owners, indices))
+        for calibration, (_, indices) in zip(pooled, by_id.values(), strict=True)
     )
     return LoadCells(errors=errors, warnings=tuple(warnings))
 
@@ -136,7 +136,7 @@ def with_scale_errors(problem: Problem, errors: Sequence[ScaleError]) -> Problem
     With several calibrations the names of scales contain the calibration id.
     """
     for error in errors:
-        calibration = error.known
+        calibration = error.calibration
         relative_sd = float(calibration["relative_sd"])
         if relative_sd == 0.0 or not error.rows.any():
             continue

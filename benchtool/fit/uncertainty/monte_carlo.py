@@ -30,7 +30,7 @@ def monte_carlo(
     seed: int = 1,
     progress: Callable[[str, int, int], None] = lambda what, done, expected: None,
 ) -> MonteCarlo:
-    """Return deviations of refits from the fit's values; sources as in `build_budget`."""
+    """Return deviations of refits from the fit's values; sources as in `make_budget`."""
     rng, problem = np.random.default_rng(seed), linear.problem
     m, shared = len(problem), problem.shared(linear.noise)
     offsets = np.cumsum([0, *(source.columns.shape[1] for source in problem.error_sources)])

@@ -39,7 +39,7 @@ def parameter_dof(
     remaining_sd = np.sqrt(np.maximum(np.diag(finite) - np.sum(np.square(sd), axis=0), 0.0))
     dof = np.array([*(source.dof for source in sources), base])
     scatters = [*(source.scatter for source in sources), ""]
-    effective = [effective_dof(source, dof, scatters) for source in np.array([*sd, remaining_sd]).T]
+    effective = [effective_dof(parts, dof, scatters) for parts in np.array([*sd, remaining_sd]).T]
     variance, growth = np.diag(finite), np.ones(len(finite))
     for rows in groups:
         gains = gain[:, m + rows]

@@ -67,7 +67,7 @@ class Propagation:
         return np.column_stack([shapes, *derived])
 
 
-def build_propagation(
+def propagate(
     problem: Problem, result: FitResult, derived: Sequence[Derived] = ()
 ) -> Propagation | None:
     """Return the propagation of errors to a result's quantities; None if one is open."""
@@ -128,7 +128,7 @@ def bound_sources(linear: Propagation, sources: Sequence[ErrorSource]) -> tuple[
     )  # fmt: skip
 
 
-def build_budget(
+def make_budget(
     linear: Propagation,
     outside: Sequence[ErrorSource] = (),
     quantity_errors: Sequence[tuple[ErrorSource, str]] = (),

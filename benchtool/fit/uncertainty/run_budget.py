@@ -26,7 +26,7 @@ from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.fixed_parameters import LAW, fixed_parameter_sources
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
-from benchtool.fit.uncertainty.propagation import bound_sources, build_budget, build_propagation
+from benchtool.fit.uncertainty.propagation import bound_sources, make_budget, propagate
 from benchtool.physics.effects.effect import Derived
 
 
@@ -72,7 +72,7 @@ def _budget(path: Path) -> Budget:
         raise EstimationError("thrust was measured at one distance, so there is no ratio")
     ratio = Derived(f"{near} over {far}", "1", lambda values: values[near] / values[far])
     result = with_derived(fit_least_squares(problem), [ratio])
-    linear = build_propagation(problem, result, [ratio])
+    linear = propagate(problem, result, [ratio])
     if linear is None:
         raise EstimationError("a setting has no usable point")
     rows = [linear.names.index(name) for name in dict.fromkeys([*selection, ratio.name])]
@@ -85,7 +85,7 @@ def _budget(path: Path) -> Budget:
     # Measured thrusts have no law error.
     outside = [error for error in sources if not error.name.startswith(LAW)]
     bounds = bound_sources(linear, outside)
-    return build_budget(selected, bounds, traceability=load_cells.traceability)
+    return make_budget(selected, bounds, traceability=load_cells.traceability)
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:

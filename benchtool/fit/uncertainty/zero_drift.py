@@ -55,15 +55,15 @@ def standstill_means(samples: Recording) -> Array:
         return np.empty((0, 4))
     is_tare_start = in_tare & ~np.concatenate([[False], in_tare[:-1]])
     tare = np.cumsum(is_tare_start)
-    change = np.concatenate([[True], (is_still[1:] != is_still[:-1]) | is_tare_start[1:]])
-    stretch = np.cumsum(change)
-    start = time[change][stretch - 1]
+    is_phase_start = np.concatenate([[True], (is_still[1:] != is_still[:-1]) | is_tare_start[1:]])
+    phase = np.cumsum(is_phase_start)
+    start = time[is_phase_start][phase - 1]
     is_still &= time - start > SETTLED_S
     width = max(BIN_S, float(np.median(np.diff(time))) * is_still.sum() / MAX_BINS)
-    number = stretch * 1_000_000 + ((time - start) / width).astype(int)
+    bins = phase * 1_000_000 + ((time - start) / width).astype(int)
     rows = []
-    for bin_number in np.unique(number[is_still]):
-        in_bin = is_still & (number == bin_number)
+    for bin_number in np.unique(bins[is_still]):
+        in_bin = is_still & (bins == bin_number)
         if in_bin.sum() >= MIN_BINS:
             values = thrust[in_bin]
             error = float(values.std(ddof=1)) / np.sqrt(len(values))
@@ -74,21 +74,21 @@ def standstill_means(samples: Recording) -> Array:
     return means
 
 
-def estimate_zero_drift(still: Array, stated: ZeroNoise) -> ZeroNoise:
+def estimate_zero_drift(means: Array, prior: ZeroNoise) -> ZeroNoise:
     """Return the random walk from means at standstill (k, 4), with the stated one as prior.
 
     Maximum of likelihood (exact covariance) times prior; level and drift since each tare are free.
     """
     groups = []
-    for number in np.unique(still[:, 0]):
-        rows = still[still[:, 0] == number]
-        since = rows[:, 1] - rows[0, 1]
+    for number in np.unique(means[:, 0]):
+        rows = means[means[:, 0] == number]
+        time_s = rows[:, 1] - rows[0, 1]
         scale = 1e3 * np.max(rows[:, 3])
-        level_and_drift = 1.0 + np.outer(since, since) / max(float(since[-1]), 1.0) ** 2
+        level_and_drift = 1.0 + np.outer(time_s, time_s) / max(float(time_s[-1]), 1.0) ** 2
         covariance = np.diag(rows[:, 3] ** 2) + scale**2 * level_and_drift
-        covariance += zero_covariance(since, replace(stated, walk=0.0))
+        covariance += zero_covariance(time_s, replace(prior, walk=0.0))
         # On these axes a walk w adds w^2 times the eigenvalue to a variance of 1.
-        eigenvalues, eigenvectors = eigh(np.minimum(since[:, None], since), covariance)
+        eigenvalues, eigenvectors = eigh(np.minimum(time_s[:, None], time_s), covariance)
         groups.append((rows[:, 2] @ eigenvectors, np.maximum(eigenvalues, 0.0)))
 
     def loss(log_walk: float) -> float:
@@ -96,15 +96,15 @@ def estimate_zero_drift(still: Array, stated: ZeroNoise) -> ZeroNoise:
         for rows, eigenvalues in groups:
             variance = 1.0 + np.exp(2.0 * log_walk) * eigenvalues
             total += 0.5 * float(np.sum(rows**2 / variance + np.log(variance)))
-        if stated.walk > 0.0:
-            total += 0.5 * ((log_walk - np.log(stated.walk)) / PRIOR_LN) ** 2
+        if prior.walk > 0.0:
+            total += 0.5 * ((log_walk - np.log(prior.walk)) / PRIOR_LN) ** 2
         return total
 
-    error = float(np.median(still[:, 3]))
+    error = float(np.median(means[:, 3]))
     low, high = np.log(1e-4 * error), np.log(1e2 * error)
     best = float(minimize_scalar(loss, bounds=(low, high), method="bounded").x)
     step = 0.1
     curvature = (loss(best + step) - 2.0 * loss(best) + loss(best - step)) / step**2
     if best < low + 0.5:  # nothing of it shows
-        return replace(stated, walk=0.0) if stated.walk == 0.0 else stated
-    return replace(stated, walk=float(np.exp(best)), dof=float(max(0.5 * curvature, 1.0)))
+        return replace(prior, walk=0.0) if prior.walk == 0.0 else prior
+    return replace(prior, walk=float(np.exp(best)), dof=float(max(0.5 * curvature, 1.0)))

@@ -88,7 +88,7 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab, column):
         (f"{LAB} --fix k=x", "'k=x'; write NAME=NUMBER"),
         (f"{QUAD} --model quad --where a=1 --columns c.toml", "--columns and --where"),
         (f"{LAB} --profile --loss huber", "--profile needs least squares with --loss linear"),
-        (f"lab.csv {LAB}", "the same data as lab.csv"),
+        (f"lab.csv {LAB}", "duplicate data: lab.csv and lab.csv"),
         (f"{QUAD.parent} --model quad", "neither a file nor a run folder"),
         (f"{LAB} --min-z-over-r 99", "none of 7 points"),
         (f"{LAB} --out .", "exists already"),

@@ -20,12 +20,7 @@ from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.budget import MonteCarlo
 from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources
 from benchtool.fit.uncertainty.monte_carlo import draw_source
-from benchtool.fit.uncertainty.propagation import (
-    Propagation,
-    bound_sources,
-    build_budget,
-    build_propagation,
-)
+from benchtool.fit.uncertainty.propagation import Propagation, bound_sources, make_budget, propagate
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
@@ -41,7 +36,7 @@ from tests.unit.fit.cases import (
 
 
 def carried(problem: Problem, *derived: Derived) -> Propagation:
-    way = build_propagation(problem, with_derived(fit_least_squares(problem), derived), derived)
+    way = propagate(problem, with_derived(fit_least_squares(problem), derived), derived)
     assert way is not None
     return way
 
@@ -63,7 +58,7 @@ def weighted_mean(*sources: ErrorSource) -> Problem:
 
 def test_a_weighted_mean_with_a_common_zero():
     """Its variance is 1 / sum of weights, and the zero's beside it."""
-    budget = build_budget(carried(weighted_mean(shared(3))))
+    budget = make_budget(carried(weighted_mean(shared(3))))
     repeat, zero = budget.lines
     weights = 1.0 / np.array([0.1, 0.2, 0.3]) ** 2
     assert repeat.contribution[0] == pytest.approx(weights.sum() ** -0.5)
@@ -71,7 +66,7 @@ def test_a_weighted_mean_with_a_common_zero():
     assert budget.combined[0] == pytest.approx(np.hypot(weights.sum() ** -0.5, 0.1))
     assert budget.combined[0] == pytest.approx(budget.fit_sd[0])
     # The same source outside of the fit adds the same, and the fit does not know it.
-    outside = build_budget(carried(weighted_mean()), [shared(3)])
+    outside = make_budget(carried(weighted_mean()), [shared(3)])
     assert outside.combined == pytest.approx(budget.combined)
     assert outside.fit_sd[0] == pytest.approx(weights.sum() ** -0.5)
     assert [line.in_fit for line in outside.lines] == [True, False]
@@ -89,9 +84,7 @@ def test_the_thermometer_of_the_gum():
         lambda v: v[0] + v[1] * (t - 20.0),
         b,
     )
-    budget = build_budget(
-        carried(problem, Derived("b_30", "1", lambda v: v["y1"] + 10.0 * v["y2"]))
-    )
+    budget = make_budget(carried(problem, Derived("b_30", "1", lambda v: v["y1"] + 10 * v["y2"])))
     assert budget.values == pytest.approx((-0.1712, 0.00218, -0.1494), abs=6e-5)
     assert budget.combined == pytest.approx((0.0029, 0.00067, 0.0041), rel=0.02)
     assert budget.correlation[0][1] == pytest.approx(-0.930, abs=5e-4)
@@ -129,9 +122,9 @@ def test_sources_of_a_fit_make_its_covariance(make):
         problem, error_sources=(shared(m), shared(m, name="stays", columns=steps, scaled=True))
     )
     result = fit_least_squares(problem)
-    way = build_propagation(problem, result)
+    way = propagate(problem, result)
     assert way is not None
-    budget = build_budget(way)
+    budget = make_budget(way)
     assert budget.combined == pytest.approx(budget.fit_sd, rel=1e-6)
     place = problem.shape_index
     covariance = result.covariance[np.ix_(place, place)]
@@ -174,7 +167,7 @@ def test_an_open_parameter_has_no_budget():
         X,
         np.ones(len(X)),
     )
-    assert build_propagation(problem, fit_least_squares(problem)) is None
+    assert propagate(problem, fit_least_squares(problem)) is None
 
 
 @pytest.mark.parametrize(
@@ -200,11 +193,11 @@ def test_a_uniform_source_and_normal_ones_have_the_factor_of_their_sum(share, fa
     """Against 95 % quantiles of a million drawn sums."""
     rest = (np.array([0.1, 0.2, 0.3]) ** -2.0).sum() ** -0.5
     source = shared(3, share / (1.0 - share**2) ** 0.5 * rest, distribution="uniform")
-    budget = build_budget(carried(weighted_mean()), [source])
+    budget = make_budget(carried(weighted_mean()), [source])
     assert budget.coverage_factor[0] == pytest.approx(factor, abs=2e-3)
     # Many draws of their own add to a normal distribution.
     drawn_apart = replace(source, columns=np.diag(source.columns[:, 0]))
-    apart = build_budget(carried(weighted_mean()), [drawn_apart])
+    apart = make_budget(carried(weighted_mean()), [drawn_apart])
     assert apart.coverage_factor[0] == pytest.approx(1.95996, abs=1e-4)
 
 
@@ -327,7 +320,7 @@ def test_a_posterior_has_the_sources_outside_of_it_as_well(quad):
 def test_monte_carlo_goes_before_a_propagation_that_it_refutes():
     way = carried(weighted_mean())
     drawn = MonteCarlo(draws=2000, seed=1, sd=(0.1,), low=(-0.1,), high=(0.3,))
-    budget = replace(build_budget(way), monte_carlo=drawn)
+    budget = replace(make_budget(way), monte_carlo=drawn)
     assert budget.confirmed == (False,)
     item = budget.added_to(way.items[0], first=True)
     assert np.array(item.combined_95) - item.value == pytest.approx((-0.1, 0.3))

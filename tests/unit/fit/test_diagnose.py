@@ -116,7 +116,7 @@ def test_settings_that_miss_more_than_repeats_scatter_reject_a_model():
     assert 2.0 < result.chi2_per_dof < 16.0
     found = diagnose(problem, result)
     assert found.verdict == "rejected"
-    assert f"{lack.size:.2g} times as much as repeats scatter" in found.sentences[0]
+    assert f"misfit is {lack.size:.2g} times the scatter of repeats" in found.sentences[0]
     # As large a chi2 of repeats themselves is scatter, and so it is where no setting is repeated.
     scattered = repeated_line(scatter=3.0, bend=0.0)
     assert diagnose(scattered, fit_least_squares(scattered)).verdict == "scatter"

@@ -102,7 +102,7 @@ def test_too_few_steps_give_advice_and_are_refused():
 def test_walkers_are_even_and_enough():
     with pytest.raises(InputError, match="7 walkers are invalid for 2 free parameters; allowed"):
         fit_ensemble(line_problem(), walkers=7)
-    with pytest.raises(InputError, match="even number from 6 on"):
+    with pytest.raises(InputError, match="even numbers from 6"):
         fit_ensemble(line_problem(), walkers=4)
 
 

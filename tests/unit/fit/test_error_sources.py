@@ -15,7 +15,7 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.sampling import log_probability
-from benchtool.fit.uncertainty.propagation import build_propagation
+from benchtool.fit.uncertainty.propagation import propagate
 from tests.unit.fit.cases import (
     Array,
     X,
@@ -152,7 +152,7 @@ def test_held_out_points_are_judged_given_the_training_points():
 def test_gain_is_the_derivative_of_the_answer():
     problem = replace(calibrated_line(), error_sources=with_errors(line_problem()).error_sources)
     result = fit_least_squares(problem)
-    way = build_propagation(problem, result)
+    way = propagate(problem, result)
     assert way is not None
     gain = np.hstack([way.changes(np.eye(25)), way.gain[:, 25:]])
     assert gain.shape == (4, 25 + 2)

@@ -21,7 +21,7 @@ from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.load_cell import ScaleError, pool_calibrations, with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
-from benchtool.fit.uncertainty.propagation import build_budget, build_propagation
+from benchtool.fit.uncertainty.propagation import make_budget, propagate
 from benchtool.fit.uncertainty.run_budget import run_budget
 from tests.unit.fit.test_fits import CALIBRATION, FITS, copied
 
@@ -67,7 +67,7 @@ def weighed(seed: int) -> tuple[Problem, float]:
         made.newtons(seen, 0.0),
         1e-4 * squares,
     )
-    error = ScaleError(known=asdict(made), rows=np.ones(30, bool))
+    error = ScaleError(calibration=asdict(made), rows=np.ones(30, bool))
     return with_scale_errors(problem, [error]), truth
 
 
@@ -100,7 +100,7 @@ def competing(seed: int, cells: int, *, se: float = 1e-5) -> Problem:
         facts |= {"residual_sd_N": sd, "components": [of_line]}
         known.append({**CALIBRATION, **facts})
     errors = [
-        ScaleError(known=one, rows=np.arange(3 * cells) // 3 == cell)
+        ScaleError(calibration=one, rows=np.arange(3 * cells) // 3 == cell)
         for cell, one in enumerate(pool_calibrations(known))
     ]
     return with_scale_errors(problem, errors)
@@ -158,11 +158,11 @@ def test_the_budget_lists_what_the_calibration_is_made_of():
             np.ones(9),
             1e-4 * np.ones(9),
         ),
-        [ScaleError(known=asdict(made), rows=np.ones(9, bool))],
+        [ScaleError(calibration=asdict(made), rows=np.ones(9, bool))],
     )
-    way = build_propagation(problem, fit_least_squares(problem))
+    way = propagate(problem, fit_least_squares(problem))
     assert way is not None
-    budget = build_budget(way)
+    budget = make_budget(way)
     by_name = {line.name.rpartition(": ")[2]: line for line in budget.lines}
     k = budget.names.index("k")
     for part in made.components:
