@@ -118,11 +118,13 @@ def _held_out(problem: Problem, fold: IntArray, count: int) -> tuple[Array, Arra
             result = fit_least_squares(training)
         except EstimationError:
             continue
-        density[test], residuals[test] = predicted(problem.subset(test), training, result)
+        density[test], residuals[test] = predictive_density(problem.subset(test), training, result)
     return density, residuals
 
 
-def predicted(problem: Problem, training: Problem, result: FitResult) -> tuple[Array, Array]:
+def predictive_density(
+    problem: Problem, training: Problem, result: FitResult
+) -> tuple[Array, Array]:
     """Return predictive log density and residual (m,) of points for a fit to training points.
 
     Both are conditional on the training points (Rasmussen and Williams, Gaussian Processes for

@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError, ModelRejected
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.compare import predicted
+from benchtool.fit.compare import predictive_density
 from benchtool.fit.diagnose import refusal, with_diagnosis
 from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
 from benchtool.fit.least_squares import fit_least_squares
@@ -145,22 +145,22 @@ def _fit_law(
 ) -> _Trial:
     """Return a law fitted to all distances, or the reason for its rejection."""
     effect, equivalent_laws = candidate
-    tried = _Trial(law=effect.name, one_with=equivalent_laws)
+    trial = _Trial(law=effect.name, one_with=equivalent_laws)
     nearest = _distance_law(effect).nearest_z_over_R
     if distances[0] < nearest * (1.0 - 1e-9):
         reason = f"points at z/R {distances[0]:.3g}, valid from {nearest:g}"
-        return replace(tried, refused=reason, applied=False)
+        return replace(trial, refused=reason, applied=False)
     try:
         start = with_law(model, effect, distances, is_oge_known=is_oge_known)
         problem = build_problem(initial_values(start, effect, distances))
         whole = fit_least_squares(problem)
     except EstimationError as error:
-        return replace(tried, refused=str(error))
+        return replace(trial, refused=str(error))
     rejection = refusal((with_diagnosis(problem, whole),))
     reason = "" if rejection is None else whole.outcome.message
     if isinstance(rejection, ModelRejected):
         reason = f"rejected by chi2/dof {whole.chi2_per_dof:.3g}"
-    return replace(tried, refused=reason, problem=problem.at(whole.values), whole=whole)
+    return replace(trial, refused=reason, problem=problem.at(whole.values), whole=whole)
 
 
 def initial_values(model: Model, effect: Effect, distances: list[float]) -> Model:
@@ -182,24 +182,24 @@ def initial_values(model: Model, effect: Effect, distances: list[float]) -> Mode
     )
 
 
-def _cross_validate(tried: _Trial, group: IntArray, distances: list[float]) -> _Trial:
+def _cross_validate(trial: _Trial, group: IntArray, distances: list[float]) -> _Trial:
     """Return the trial with its scores at held-out distances."""
-    problem = tried.problem
+    problem = trial.problem
     if problem is None:
-        return tried
+        return trial
     density, squares = np.zeros(len(distances)), 0.0
     for number, distance in enumerate(distances):
         test = np.flatnonzero(group == number)
         training = problem.subset(np.flatnonzero(group != number))
         try:
             result = fit_least_squares(training)
-            logs, residuals = predicted(problem.subset(test), training, result)
+            logs, residuals = predictive_density(problem.subset(test), training, result)
         except EstimationError as error:
-            return replace(tried, refused=f"without z/R {distance:.3g}: {error}")
+            return replace(trial, refused=f"without z/R {distance:.3g}: {error}")
         density[number] = logs.sum()
         squares += float(residuals @ residuals)
     rms = float(np.sqrt(squares / np.count_nonzero(group >= 0)))
-    return replace(tried, density=density, rms=rms)
+    return replace(trial, density=density, rms=rms)
 
 
 def with_law(
@@ -239,27 +239,27 @@ def with_law(
     return model.with_free(*(f"{effect.name}.{name}" for name in law.compared))
 
 
-def _score_law(tried: _Trial, best: _Trial, distances: int) -> LawScore:
+def _score_law(trial: _Trial, best: _Trial, distances: int) -> LawScore:
     behind, se, lost = np.nan, np.nan, np.empty(0)
-    if tried.density is not None and best.density is not None:
-        lost = best.density - tried.density
+    if trial.density is not None and best.density is not None:
+        lost = best.density - trial.density
         behind = float(lost.mean())
         se = float(lost.std(ddof=1) * np.sqrt(1.0 / distances + 1.0 / (distances - 1)))
     verdict: Verdict = "indistinguishable"
-    if not tried.applied:
+    if not trial.applied:
         verdict = "not applied"
-    elif tried.refused or tried.density is None:
+    elif trial.refused or trial.density is None:
         verdict = "refused"
-    elif tried is best:
+    elif trial is best:
         verdict = "best"
-    elif behind > stdtrit(distances - 1, 0.975) * se or _lost_everywhere(tried, best):
+    elif behind > stdtrit(distances - 1, 0.975) * se or _lost_everywhere(trial, best):
         verdict = "behind"
-    whole, prefix = tried.whole, f"{tried.law}."
+    whole, prefix = trial.whole, f"{trial.law}."
     return LawScore(
-        law=tried.law,
+        law=trial.law,
         verdict=verdict,
-        reason=tried.refused,
-        one_with=tried.one_with,
+        reason=trial.refused,
+        one_with=trial.one_with,
         parameters=0 if whole is None else len(whole.estimates),
         values=", ".join(
             f"{item.name.rpartition('.')[2]} {item.value:.4g}"
@@ -270,20 +270,20 @@ def _score_law(tried: _Trial, best: _Trial, distances: int) -> LawScore:
         behind=behind,
         behind_se=se,
         losses=tuple(lost.tolist()),
-        held_out_rms=tried.rms,
+        held_out_rms=trial.rms,
     )
 
 
-def _lost_everywhere(tried: _Trial, best: _Trial) -> bool:
+def _lost_everywhere(trial: _Trial, best: _Trial) -> bool:
     """Return True if a law loses at significantly many distances (Wilcoxon's test).
 
     A large loss at one distance makes the standard error of the mean as large as the mean itself.
     """
     from scipy.stats import wilcoxon
 
-    assert tried.density is not None
+    assert trial.density is not None
     assert best.density is not None
-    lost = best.density - tried.density
+    lost = best.density - trial.density
     if not lost.any():
         return False
     return bool(wilcoxon(lost, alternative="greater").pvalue < SIGNIFICANCE)

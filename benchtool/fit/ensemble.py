@@ -215,7 +215,7 @@ def _outcome(
             evaluations,
         )
     worst = problem.free_names[int(np.argmax(convergence.rhat))]
-    if not convergence.mixed:
+    if not convergence.is_mixed:
         reason = (
             f"after {steps} steps the ensembles still disagree about {worst} (R-hat "
             f"{np.max(convergence.rhat):.3f}, limit {RHAT_LIMIT})"
@@ -254,19 +254,19 @@ class Convergence:
         return largest if np.isfinite(largest) else float("inf")
 
     @property
-    def long_enough(self) -> bool:
+    def is_long_enough(self) -> bool:
         """True if the chains have `TAU_LENGTHS` autocorrelation times."""
         return self.steps >= TAU_LENGTHS * self.slowest_tau_steps
 
     @property
-    def mixed(self) -> bool:
+    def is_mixed(self) -> bool:
         """True if the ensembles agree."""
         return bool(np.all(self.rhat < RHAT_LIMIT))
 
     @property
     def reached(self) -> bool:
         """True if both criteria are met."""
-        return self.long_enough and self.mixed
+        return self.is_long_enough and self.is_mixed
 
 
 def split_rhat(chains: Array) -> Array:

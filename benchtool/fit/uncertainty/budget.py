@@ -163,7 +163,7 @@ class Budget:
         se = (0.25 * (1.0 - COVERAGE**2) / self.monte_carlo.draws) ** 0.5 * 1e-3 / (above - below)
         return tuple((deviation <= digit + 3.0 * se * self.combined).tolist())
 
-    def added_to(self, estimate: Estimate, first: bool) -> Estimate:
+    def add_combined(self, estimate: Estimate, first: bool) -> Estimate:
         """Return an estimate with its combined uncertainty; the budget is of the first method.
 
         Monte Carlo replaces a propagation that it does not confirm (JCGM 101, 8.1). For another
@@ -225,8 +225,10 @@ def with_budget(results: Sequence[FitResult], budget: Budget | None) -> tuple[Fi
     return tuple(
         replace(
             result,
-            estimates=tuple(budget.added_to(estimate, index == 0) for estimate in result.estimates),
-            derived=tuple(budget.added_to(estimate, index == 0) for estimate in result.derived),
+            estimates=tuple(
+                budget.add_combined(estimate, index == 0) for estimate in result.estimates
+            ),
+            derived=tuple(budget.add_combined(estimate, index == 0) for estimate in result.derived),
         )
         for index, result in enumerate(results)
     )

@@ -322,6 +322,6 @@ def test_monte_carlo_goes_before_a_propagation_that_it_refutes():
     drawn = MonteCarlo(draws=2000, seed=1, sd=(0.1,), low=(-0.1,), high=(0.3,))
     budget = replace(make_budget(way), monte_carlo=drawn)
     assert budget.confirmed == (False,)
-    item = budget.added_to(way.items[0], first=True)
+    item = budget.add_combined(way.items[0], first=True)
     assert np.array(item.combined_95) - item.value == pytest.approx((-0.1, 0.3))
     assert item.combined_sd == 0.1

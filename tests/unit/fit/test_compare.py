@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.fit.compare import compare, predicted
+from benchtool.fit.compare import compare, predictive_density
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
@@ -61,7 +61,7 @@ def test_a_foretold_density_carries_the_uncertainty_of_the_fit():
     problem = line_problem()
     train, test = problem.subset(np.arange(10)), problem.subset(np.array([24]))
     result = fit_least_squares(train)
-    density, left = predicted(test, train, result)
+    density, left = predictive_density(test, train, result)
     row = np.array([1.0, X[24]])
     variance = 0.04 + row @ result.covariance @ row
     expected = -0.5 * left[0] ** 2 / variance - 0.5 * np.log(2 * np.pi * variance)

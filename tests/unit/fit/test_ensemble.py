@@ -83,7 +83,7 @@ def test_ensembles_that_disagree_are_seen():
     chains[:, 2, :, 1] += 0.5
     bad = convergence_of(chains)
     assert bad.rhat[0] < 1.01 < bad.rhat[1]
-    assert not bad.mixed
+    assert not bad.is_mixed
     # A drift within every ensemble shows between their halves.
     drifting = rng.standard_normal((400, 4, 8, 1)) + np.linspace(0, 2, 400)[:, None, None, None]
     assert split_rhat(drifting)[0] > 1.05

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
-from benchtool.fit.compare import compare, predicted
+from benchtool.fit.compare import compare, predictive_density
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import add_profile_intervals
@@ -136,7 +136,7 @@ def test_held_out_points_are_judged_given_the_training_points():
     problem = with_errors(line_problem())
     test, train = np.arange(2, 25, 6), np.setdiff1d(np.arange(25), np.arange(2, 25, 6))
     result = fit_least_squares(problem.subset(train))
-    density, left = predicted(problem.subset(test), problem.subset(train), result)
+    density, left = predictive_density(problem.subset(test), problem.subset(train), result)
     wide = covariance_of(problem) + 1e4 * DESIGN @ DESIGN.T
     weight = wide[np.ix_(test, train)] @ np.linalg.inv(wide[np.ix_(train, train)])
     mean = weight @ problem.observed[train]
