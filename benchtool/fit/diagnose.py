@@ -128,7 +128,7 @@ def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
 
 def _remedy(result: FitResult) -> str:
     """Return the remedy for a model that lacks an effect."""
-    if result.facts.get("data") == "ratios":  # benchtool explain takes thrusts in N
+    if result.facts.get("data") == "ratios":  # benchtool explain needs thrusts in N
         return "compare laws with --compare laws, or add an effect to the model"
     return "ask benchtool explain"
 

@@ -132,9 +132,7 @@ def _build_confusion(
     return Confusion(involved, inflation, open_directions, remedy)
 
 
-UNDETERMINED_HINT = (
-    25.0  # twice the mean log-likelihood ratio below which two are a class: 25 may be 10
-)
+UNDETERMINED_HINT = 25.0  # mean ratio below which two effects form a class: a draw may be 10
 
 
 def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> float:

@@ -41,7 +41,7 @@ class Solution:
     cost: float  # half the sum of squares, after the loss
     finished: bool  # True if a tolerance was met
     evaluations: int  # of the prediction; a Jacobian counts as one
-    method: DerivativeMethod  # how derivatives were taken
+    method: DerivativeMethod  # method of derivatives
 
     @property
     def chi2(self) -> float:

@@ -30,7 +30,7 @@ def parameter_dof(
     groups = priors.estimated
     if not sources and not groups:
         return np.full(len(covariance), base), np.ones(len(covariance))
-    finite = np.where(np.isfinite(covariance), covariance, 0.0)  # others have no interval
+    finite = np.where(np.isfinite(covariance), covariance, 0.0)  # infinite: no interval
     m, gain = len(problem), finite @ jacobian.T
     sd = [np.linalg.norm(gain[:, :m] @ whitening(source.columns), axis=1) for source in sources]
     for row in (row for rows in groups for row in rows):

@@ -20,7 +20,7 @@ PRIOR_LN = 0.7  # standard deviation of the logarithm of a stated walk, a factor
 MIN_BINS = 8  # means at standstill, and samples of a mean; assumed
 MAX_BINS = 240  # approximate number of means of a run, the rows of their covariance
 
-BIN_S, SETTLED_S = 0.5, 0.4  # shortest span of a mean; left out after rotors stop; assumed
+BIN_S, SETTLED_S = 0.5, 0.4  # minimum duration of a mean; settling time after a stop; assumed
 
 
 def add_zero_drift(points: Recording, path: str, rig: Rig) -> Recording:
@@ -69,7 +69,7 @@ def standstill_means(samples: Recording) -> Array:
             error = float(values.std(ddof=1)) / np.sqrt(len(values))
             rows.append((float(tare[in_bin][0]), time[in_bin].mean(), values.mean(), error))
     means = np.array(rows).reshape(-1, 4)
-    if len(means):  # one error for all: that of one mean is of few samples
+    if len(means):  # one error for all, because a mean has few samples
         means[:, 3] = max(float(np.median(means[:, 3])), 1e-12)
     return means
 
@@ -105,6 +105,6 @@ def estimate_zero_drift(means: Array, prior: ZeroNoise) -> ZeroNoise:
     best = float(minimize_scalar(loss, bounds=(low, high), method="bounded").x)
     step = 0.1
     curvature = (loss(best + step) - 2.0 * loss(best) + loss(best - step)) / step**2
-    if best < low + 0.5:  # nothing of it shows
+    if best < low + 0.5:  # the data show no walk
         return replace(prior, walk=0.0) if prior.walk == 0.0 else prior
     return replace(prior, walk=float(np.exp(best)), dof=float(max(0.5 * curvature, 1.0)))
