@@ -86,7 +86,7 @@ class Port:
             written = self.link.write(bytes(data))
             del data[:written]
             if written and not self._is_cut and self.host is not None:
-                await_bytes(self.host._open_socket())
+                await_bytes(self.host._require_open())
 
     def await_host(self) -> None:
         """Wait until what the host has written is here."""

@@ -54,7 +54,7 @@ class SerialPort:
 
     def write(self, data: bytes) -> None:
         try:
-            self._open_port().write(data)
+            self._require_open().write(data)
         except serial.SerialTimeoutException as error:
             raise LinkLost(
                 f"{self.port} accepted no data for {WRITE_TIMEOUT_S:g} s; check that the device "
@@ -70,13 +70,13 @@ class SerialPort:
             with suppress(Exception):
                 device.close()
 
-    def _open_port(self) -> serial.Serial:
+    def _require_open(self) -> serial.Serial:
         if self._serial is None:
             raise LinkLost(f"{self.port} is closed; call open() first")
         return self._serial
 
     def _read_available(self) -> bytes:
-        device = self._open_port()
+        device = self._require_open()
         try:
             if os.name != "posix":
                 return bytes(device.read(device.in_waiting))

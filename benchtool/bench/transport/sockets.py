@@ -36,7 +36,7 @@ class SocketTransport(ABC):
         if sock is not None:
             sock.close()
 
-    def _open_socket(self) -> socket.socket:
+    def _require_open(self) -> socket.socket:
         if self._socket is None:
             raise LinkLost(f"{self.where} is closed; call open() first")
         return self._socket
@@ -64,7 +64,7 @@ class TcpSocket(SocketTransport):
         self._socket = sock
 
     def write(self, data: bytes) -> None:
-        sock = self._open_socket()
+        sock = self._require_open()
         try:
             # Usually one call sends all data, and the socket stays non-blocking, which matters to
             # another thread that is reading.
@@ -82,7 +82,7 @@ class TcpSocket(SocketTransport):
 
     def _read_available(self) -> bytes:
         try:
-            data = self._open_socket().recv(65536)
+            data = self._require_open().recv(65536)
         except BlockingIOError:
             return b""
         except OSError as error:
@@ -130,7 +130,7 @@ class UdpSocket(SocketTransport):
         self._socket = sock
 
     def write(self, data: bytes) -> None:
-        sock = self._open_socket()
+        sock = self._require_open()
         for peer in self._peers:
             try:
                 if self.listens:
@@ -143,7 +143,7 @@ class UdpSocket(SocketTransport):
                 raise lost_error(error, f"UDP {peer[0]}:{peer[1]}") from error
 
     def _read_available(self) -> bytes:
-        sock = self._open_socket()
+        sock = self._require_open()
         parts: list[bytes] = []
         size_bytes = 0
         while size_bytes < BUFFER_BYTES:  # a flood of datagrams must not block the caller
