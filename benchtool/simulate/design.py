@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite, prod
 
@@ -42,9 +42,7 @@ class VariedParameter:
             count = 0
             lower = upper = float("nan")
         if len(parts) != 3 or not name or not (isfinite(lower) and isfinite(upper)) or count < 1:
-            raise InputError(
-                f"--vary got {text!r}; write NAME=FROM:TO:COUNT, for example K_b=1.5:2.5:11"
-            )
+            raise InputError(f"--vary got {text!r}; write NAME=FROM:TO:COUNT, such as K_b=1:2:11")
         return cls(name.strip(), lower, upper, count)
 
     def values(self) -> list[float]:
@@ -71,9 +69,7 @@ class Design:
         if not names:
             raise InputError("a campaign needs a varied parameter; add --vary NAME=FROM:TO:COUNT")
         if len(set(names)) != len(names):
-            raise InputError(
-                "a parameter occurs twice in --vary; give it once with the whole range"
-            )
+            raise InputError("a parameter occurs twice in --vary; give it once")
         if self.seeds < 1 or self.samples < 0:
             raise InputError(
                 f"{self.seeds} seeds and {self.samples} samples are out of range; allowed: seeds "
@@ -97,9 +93,7 @@ class Design:
     ) -> Design:
         """Return the design of `NAME=FROM:TO:COUNT` texts; `full_name` completes each name."""
         parameters = [VariedParameter.read(text) for text in texts]
-        varied = tuple(
-            VariedParameter(full_name(v.name), v.lower, v.upper, v.count) for v in parameters
-        )
+        varied = tuple(replace(v, name=full_name(v.name)) for v in parameters)
         return cls(varied=varied, samples=samples, seeds=seeds, seed=seed)
 
     @property
@@ -120,10 +114,7 @@ class Design:
             return
         rng = np.random.default_rng(self.seed)
         for _ in range(self.samples):
-            yield {
-                parameter.name: float(rng.uniform(parameter.lower, parameter.upper))
-                for parameter in self.varied
-            }
+            yield {v.name: float(rng.uniform(v.lower, v.upper)) for v in self.varied}
 
     def probes(self) -> Iterator[dict[str, float]]:
         """Yield the points that are checked before a campaign: corners, and every single value."""

@@ -38,12 +38,12 @@ class Imperfections(FiniteTable):
         thrust_rate_Hz: conversions per second, 0 for one at every stream tick; default: the rig's
             sensor.
         drift_N_per_s: steady zero drift of the load cell since power-on.
-        drift_walk_N_per_sqrt_s: random walk of the zero (sd after one second); open: the rig's
+        drift_walk_N_per_sqrt_s: random walk of the zero (sd after one second); default: the rig's
             sensor.
         start_offset_N: reading of the untared cell at power-on.
         vibration_N: amplitude at the frequency of each rotor's shaft, at its highest speed; it
             grows with the square of speed and reaches the samples aliased.
-        rpm_noise_rpm: white noise of a speed reading above 0 (sd); default: the rig's sensor.
+        rpm_noise_rpm: white noise of a turning rotor's reading (sd); default: the rig's sensor.
         rpm_quantum_rpm: resolution of the speed reading; default: the rig's sensor.
         voltage_noise_V, voltage_quantum_V: of the voltage reading; default: the rig's sensor.
         current_noise_A, current_quantum_A: of the current reading; default: the rig's sensor.

@@ -17,16 +17,16 @@ BUILT_IN, CALLER, PULSES = range(3)  # source of commands: law, caller, or sched
 
 LoopPlan = namedtuple(
     "LoopPlan",
-    "substeps driver delayed log_every before held late_theta late_rate late_plate",
+    "substeps driver delayed log_every ticks_before is_at_rest theta_delay rate_delay plate_delay",
     defaults=(1, 0, 0, 1, 0, 0, 0, 0, 0),
 )
 """Integer settings of a run.
 
 Attributes:
     substeps: plant steps per tick.
-    before: number of earlier ticks, for the time of the first one.
-    held: 1 for a plant at rest: commands are stored for the delay, and nothing moves.
-    late_theta, late_rate, late_plate: delays of the sensors of a bench in ticks.
+    ticks_before: number of earlier ticks, for the time of the first one.
+    is_at_rest: 1 for a plant at rest: commands are stored for the delay, and nothing moves.
+    theta_delay, rate_delay, plate_delay: delays of the sensors of a bench in ticks.
 """
 
 PLAN = Slot(0, LoopPlan())
@@ -78,12 +78,12 @@ def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases:
     settings = read_record(plan, PLAN, 0, 1)
     geometry, ring = phases.geometry(arrays), arrays.sent.shape[1]
     substeps, log_every = settings.substeps, settings.log_every
-    steps = substeps * (1 - settings.held)
+    steps = substeps * (1 - settings.is_at_rest)
     position, row = max(first, 0) % ring, (max(first, 0) + log_every - 1) // log_every
     for tick in range(first, last):
         scheduled = phases.scheduled(arrays, max(tick, 0))
         if tick >= 0:
-            time_s = (settings.before + tick) * substeps * geometry.dt_s
+            time_s = (settings.ticks_before + tick) * substeps * geometry.dt_s
             now = Instant(tick, time_s, 0, settings, geometry, scheduled)
             if settings.driver == BUILT_IN:
                 phases.law(arrays, now)
@@ -92,7 +92,9 @@ def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases:
                 for lane in range(n_lanes):
                     sent_rad_s = read_record(w, slots.targets, lane, n_lanes).sent_rad_s
                     arrays.sent[i, position, lane] = sent_rad_s[i]
-            position = position + 1 if position + 1 < ring else 0  # faster than a remainder
+            position = (
+                position + 1 if position + 1 < ring else 0
+            )  # a remainder costs a tenth of a tick
             if tick == row * log_every:
                 for channel in range(len(arrays.logged)):
                     for lane in range(n_lanes):
@@ -106,6 +108,6 @@ def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases:
                 phases.move(arrays, Instant(tick, time_s, part, settings, geometry, scheduled))
                 if not phases.is_running(arrays):
                     return tick
-        time_s = (settings.before + tick + 1) * substeps * geometry.dt_s
+        time_s = (settings.ticks_before + tick + 1) * substeps * geometry.dt_s
         phases.sense(arrays, Instant(tick + 1, time_s, 0, settings, geometry, scheduled))
     return last

@@ -69,11 +69,11 @@ def rows_in(slot: Slot, path: str) -> slice:
 
 
 @lru_cache(maxsize=256)
-def allocate(record: Any) -> Any:
+def zero_record(record: Any) -> Any:
     """Return a record of the same type with zeros for numbers."""
     if not isinstance(record, tuple):
         return 0.0
-    parts = [allocate(part) for part in record]
+    parts = [zero_record(part) for part in record]
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 

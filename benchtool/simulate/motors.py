@@ -30,7 +30,7 @@ Lag = namedtuple("Lag", "remains old new", defaults=(0.0, 0.0, 0.0))
 # its innovation (N m), and delay of commands in whole steps.
 Motion = namedtuple(
     "Motion",
-    "first second wake_remains wake_kick_Nm delay_steps",
+    "first second wake_decay wake_innovation_Nm delay_steps",
     defaults=(Lag(), Lag(), 0.0, 0.0, 0.0),
 )
 
@@ -40,9 +40,8 @@ def first_order_lag(lag: Any, speed: Any, old: Any, new: Any) -> Any:
     """Return the speed of each rotor after half a plant step: rad/s."""
     speeds = speed
     for i in range(len(speed)):
-        speeds = with_fields(
-            speeds, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i]
-        )
+        next_speed = lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i]
+        speeds = with_fields(speeds, i, next_speed)
     return speeds
 
 
@@ -79,11 +78,11 @@ def build_motion(model: Model, dt_s: float) -> Motion:
         before, after = decay(old_s), decay(half_s - old_s)
         return Lag(before * after, (1.0 - before) * after, 1.0 - after)
 
-    wake_remains = wake_innovation = 0.0
+    wake_decay = wake_innovation = 0.0
     if model.random_torque is not None:
         sd, correlation_s = model.random_torque
-        wake_remains = np.exp(-dt_s / correlation_s)
-        wake_innovation = sd * np.sqrt(1.0 - wake_remains**2)
+        wake_decay = np.exp(-dt_s / correlation_s)
+        wake_innovation = sd * np.sqrt(1.0 - wake_decay**2)
     first = half_step_lag(min(remaining_delay_s, half_s))
     second = half_step_lag(max(remaining_delay_s - half_s, 0.0))
-    return Motion(first, second, wake_remains, wake_innovation, float(delay_steps))
+    return Motion(first, second, wake_decay, wake_innovation, float(delay_steps))

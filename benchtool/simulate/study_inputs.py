@@ -46,7 +46,7 @@ class StudyInputs(Inputs):
     ] = ("s3",)
     duration_s: Annotated[
         Annotated[float, Gt(0.0), Le(MAX_DURATION_S)] | None,
-        Input("Length.", "s", default_text="its own"),
+        Input("Duration.", "s", default_text="of the schedule or flight"),
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
     settings: Annotated[

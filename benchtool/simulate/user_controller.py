@@ -24,20 +24,13 @@ def split_controllers(
         InputError: no controller, a duplicate, or a class that cannot be loaded.
     """
     entries = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
-    names = [
-        controller if isinstance(controller, str) else controller.__name__ for controller in entries
-    ]
+    names = [entry if isinstance(entry, str) else entry.__name__ for entry in entries]
     if len(set(names)) < len(names) or not names:
         raise InputError(f"controllers {', '.join(names) or 'none'} are invalid; name each once")
     user_defined = [
-        (
-            name,
-            controller_class(controller, builtin_names, permit)
-            if isinstance(controller, str)
-            else controller,
-        )
-        for name, controller in zip(names, entries, strict=True)
-        if controller not in builtin_names
+        (name, controller_class(entry, builtin_names, permit) if isinstance(entry, str) else entry)
+        for name, entry in zip(names, entries, strict=True)
+        if entry not in builtin_names
     ]
     return tuple(name for name in names if name in builtin_names), user_defined
 
@@ -53,8 +46,8 @@ def make_controllers(controller: type[Any], name: str) -> Any:
     except (Exception, SystemExit) as error:
         raise InputError(
             f"controller {name!r} cannot be constructed without arguments: {type(error).__name__}: "
-            f"{_message(error)}{_location(controller, '__init__')}; give its arguments default "
-            f"values"
+            f"{_message(error)}{_location(controller, '__init__')}; give its arguments "
+            f"defaults"
         ) from error
 
 

@@ -143,7 +143,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
         ("--vary speed=0.2:1:3 --seeds 0 --out x", "--seeds is 0, allowed is 1 or more"),
         ("--vary speed=0.2:1:3 --samples -1 --out x", "--samples is -1, allowed is 0 or more"),
         ("--vary speed=0:1:3 --out x", "goal speed_m_s is 0"),
-        ("--vary speed=0.01:1:3 --out x", "hardly any could arrive"),
+        ("--vary speed=0.01:1:3 --out x", "too long for a flight of"),
         ("--vary speed=0.2:1:3", "add --out FOLDER"),
         ("--vary speed=0.2:1:3 --vary speed_m_s=1:2:3 --out x", "twice"),
         ("--vary K_b=1:2:3 --measure arive --out x", "did you mean 'arrives'"),

@@ -79,7 +79,7 @@ class ControlLaw:
         body: controlled body: "hinged" is a pitch bench, "free" a vehicle in flight.
         step: step(p, state, measurement, reference, dt_s) -> state, command: a `PitchCommand` or a
             `FlightCommand`. Marked `@expression`, so that the same source runs in Python and in the
-            compiled loop; in flight `@loop_part` does too, because a flight has one lane.
+            compiled loop; in flight `@inlined_expression` does too, because a flight has one lane.
         state: initial state, a named tuple of floats and tuples of them. A field `estimate_Nm` is
             logged as the disturbance estimate; in flight, the fields in `flight.LOGGED`.
         numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them; arguments

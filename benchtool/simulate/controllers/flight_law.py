@@ -18,7 +18,7 @@ from benchtool.physics.expression import Quantity, expression, inlined_expressio
 from benchtool.physics.fold import unrolled
 from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
 from benchtool.simulate.controllers.limits import clip, integrate_clamped, limit_slew_rate
-from benchtool.simulate.controllers.observer import next_disturbance_estimate, update_observer
+from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
 from benchtool.simulate.controllers.pid import (
     AttitudePid,
     PidState,
@@ -136,16 +136,14 @@ FlightLawState = namedtuple(
 
 @expression
 def _estimate(i: int, momentum: Any, explained: Any, rate_per_s: Any, enabled: Any) -> Any:
-    return enabled * update_observer(momentum[i], explained[i], rate_per_s)
+    return enabled * estimate_disturbance(momentum[i], explained[i], rate_per_s)
 
 
 @expression
 def _explain(
     i: int, momentum: Any, explained: Any, force: Any, estimate: Any, enabled: Any, dt_s: Any
 ) -> Any:
-    return next_disturbance_estimate(
-        momentum[i], explained[i], force[i], estimate[i], enabled, dt_s
-    )
+    return next_explained_momentum(momentum[i], explained[i], force[i], estimate[i], enabled, dt_s)
 
 
 _estimate_all, _explain_all = unrolled(6, _estimate), unrolled(6, _explain)

@@ -30,7 +30,7 @@ def integrate_clamped(
 
 
 @expression
-def unwrap_integral(requested: Quantity, granted: Quantity, change_per_s: Quantity) -> Quantity:
+def anti_windup_rate(requested: Quantity, granted: Quantity, change_per_s: Quantity) -> Quantity:
     """Return the rate of change of an integral, or 0 while it would increase a saturation.
 
     Anti-windup by clamping: `requested` is the command of the law, `granted` the same after the

@@ -16,7 +16,7 @@ from benchtool.physics.expression import Quantity, expression
 
 
 @expression
-def update_observer(
+def estimate_disturbance(
     momentum: Quantity, explained_momentum: Quantity, rate_per_s: Quantity
 ) -> Quantity:
     """Return the estimate L (p - z) of one component: N or N m."""
@@ -24,7 +24,7 @@ def update_observer(
 
 
 @expression
-def next_disturbance_estimate(
+def next_explained_momentum(
     momentum: Quantity,
     explained_momentum: Quantity,
     modelled_force: Quantity,
@@ -36,7 +36,7 @@ def next_disturbance_estimate(
 
     Args:
         modelled_force: includes the commanded compensation: N or N m.
-        estimate: from `update_observer`, with the same momentum: N or N m.
+        estimate: from `estimate_disturbance`, with the same momentum: N or N m.
         enabled: 1 while the observer runs; 0 sets z = p, so that the estimate starts from zero.
     """
     return (

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from benchtool.physics.expression import Quantity, expression
-from benchtool.simulate.controllers.limits import clip, integrate_clamped, unwrap_integral
+from benchtool.simulate.controllers.limits import anti_windup_rate, clip, integrate_clamped
 
 
 class AttitudePid(NamedTuple):
@@ -81,13 +81,13 @@ def next_pid_state(
     return PidState(
         integrate_clamped(
             state.rate_rad_s,
-            unwrap_integral(requested_torque, granted_torque, p.k_i_theta_per_s2 * error),
+            anti_windup_rate(requested_torque, granted_torque, p.k_i_theta_per_s2 * error),
             p.theta_integral_limit_rad_s,
             dt_s,
         ),
         integrate_clamped(
             state.acceleration_rad_s2,
-            unwrap_integral(requested_torque, granted_torque, p.k_i_q_per_s2 * rate_error),
+            anti_windup_rate(requested_torque, granted_torque, p.k_i_q_per_s2 * rate_error),
             p.q_integral_limit_rad_s2,
             dt_s,
         ),

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from benchtool.physics.expression import expression
 from benchtool.simulate.controllers.controller import ControlLaw, PitchCommand, PitchPlant
 from benchtool.simulate.controllers.limits import clip
-from benchtool.simulate.controllers.observer import next_disturbance_estimate, update_observer
+from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
 from benchtool.simulate.controllers.pid import (
     AttitudePid,
     PidState,
@@ -47,11 +47,13 @@ def attitude_step(
     reference_rad, angle, rate = reference.theta_rad, measurement.theta_rad, measurement.rate_rad_s
     is_enabled, integrals = reference.observer, state.integrals
     momentum = p.pid.inertia_kgm2 * rate
-    estimate = is_enabled * update_observer(momentum, state.explained_Nms, p.observer_rate_per_s)
+    estimate = is_enabled * estimate_disturbance(
+        momentum, state.explained_Nms, p.observer_rate_per_s
+    )
     requested_Nm = attitude_torque(reference_rad, angle, rate, integrals, p.pid) - estimate
     torque = clip(requested_Nm, p.pid.torque_limit_Nm)
     next_integrals = next_pid_state(reference_rad, angle, rate, integrals, p.pid, dt_s)
-    explained = next_disturbance_estimate(
+    explained = next_explained_momentum(
         momentum, state.explained_Nms, torque, estimate, is_enabled, dt_s
     )
     error = reference_rad - angle

@@ -22,12 +22,7 @@ from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 from benchtool.simulate.layout import LINE, PLANE, SOLID
 
-ALWAYS = (
-    -1e9,
-    -1e9,
-    1e9,
-    1e9,
-)  # s: start and end of the insertion, start and end of the withdrawal
+ALWAYS = (-1e9, -1e9, 1e9, 1e9)  # s: insertion start and end, removal start and end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,8 +33,8 @@ class Block(FileTable):
         x_m, y_m: extent in plan, lower and upper; may be infinite.
         top_m: height of the top, for a slope at the lower corner (x, y).
         slope_x, slope_y: rise of the top per metre along x and y; 0 is a box.
-        times_s: of a moving plate: start and end of its insertion, then of its withdrawal.
-        slide_m: displacement along x and y before the insertion and after the withdrawal.
+        times_s: of a moving plate: start and end of its insertion, then of its removal.
+        slide_m: displacement along x and y before the insertion and after the removal.
     """
 
     x_m: tuple[float, float]
@@ -61,9 +56,7 @@ class Block(FileTable):
             if slope and not all(map(isfinite, ends)):
                 raise InputError(f"{self.name}: a slope along {axis} needs finite ends")
             if not abs(slope) <= 2.0:
-                raise InputError(
-                    f"{self.name}: slope_{axis} is {slope:g}; allowed: -2 to 2 (63 deg)"
-                )
+                raise InputError(f"{self.name}: slope_{axis} is {slope:g}; maximum: 2 (63 deg)")
         if not isfinite(self.top_m):
             raise InputError(f"{self.name}: top_m is {self.top_m:g}; allowed: finite heights")
         if not all(map(isfinite, (*self.times_s, *self.slide_m))):
@@ -104,9 +97,7 @@ class Environment:
 
     def __post_init__(self) -> None:
         if not self.floor_m < inf:
-            raise InputError(
-                f"floor_m is {self.floor_m:g}; allowed: finite heights in m, or -inf for none"
-            )
+            raise InputError(f"floor_m is {self.floor_m:g}; allowed: finite, or -inf for no floor")
         for a, b in combinations(self.blocks, 2):
             if _overlap(a.x_m, b.x_m) and _overlap(a.y_m, b.y_m):
                 raise InputError(f"blocks {a.name!r} and {b.name!r} overlap in plan; shorten one")
@@ -151,8 +142,8 @@ class Environment:
 
 BlockRow = namedtuple(  # a `Block` in the compiled loop, with the number of its surface
     "BlockRow",
-    "x1_m x2_m y1_m y2_m top_m slope_x slope_y begins_s there_s leaves_s gone_s slide_x_m "
-    "slide_y_m surface",
+    "x1_m x2_m y1_m y2_m top_m slope_x slope_y insert_start_s insert_end_s remove_start_s "
+    "remove_end_s slide_x_m slide_y_m surface",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 BLOCK = Slot(0, BlockRow())  # one column of `Tables.blocks`

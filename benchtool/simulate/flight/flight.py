@@ -23,7 +23,7 @@ from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
-from benchtool.simulate.layout import allocate, lend_rows
+from benchtool.simulate.layout import lend_rows, zero_record
 from benchtool.simulate.motors import Rotors, build_motion
 from benchtool.simulate.noise import lane_states
 
@@ -217,7 +217,7 @@ class FlightLoop:
         n_numbers = sum(len(effect.parameters) for effect in effects)
         rotor_disc = tuple(int(disc) for disc in rig.disc_of_rotor)
         self.layout = r.flight_layout(
-            rig.n_discs, rig.n_rotors, n_numbers, allocate(law_numbers), law.state
+            rig.n_discs, rig.n_rotors, n_numbers, zero_record(law_numbers), law.state
         )
         self.loops = flight_loops(effects, self.layout, rotor_disc, model.image_rules, law.step)
         feeds_forward = case.feeds_forward

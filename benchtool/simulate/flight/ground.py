@@ -103,14 +103,14 @@ def disc_on_rectangle(x: Any, y: Any, radius: Any, x1: Any, x2: Any, y1: Any, y2
 @inlined_expression
 def slide_share(time_s: Any, block: Any) -> Any:
     """Return the relative displacement of a moving plate: 0 in place, 1 before and after."""
-    if time_s < block.there_s:
-        if time_s <= block.begins_s:
+    if time_s < block.insert_end_s:
+        if time_s <= block.insert_start_s:
             return 1.0
-        return (block.there_s - time_s) / (block.there_s - block.begins_s)
-    if time_s > block.leaves_s:
-        if time_s >= block.gone_s:
+        return (block.insert_end_s - time_s) / (block.insert_end_s - block.insert_start_s)
+    if time_s > block.remove_start_s:
+        if time_s >= block.remove_end_s:
             return 1.0
-        return (time_s - block.leaves_s) / (block.gone_s - block.leaves_s)
+        return (time_s - block.remove_start_s) / (block.remove_end_s - block.remove_start_s)
     return 0.0
 
 
@@ -259,7 +259,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
         n_planes = int(map_numbers.n_planes)
         place_discs(body, discs, scratch)
         factor, coverage, height = ones, ones, infinite
-        total_coverage, nearest, is_touching, is_clamped = covered_fractions(ones), np.inf, 0.0, 0.0
+        coverage_sum, nearest, is_touching, is_clamped = covered_fractions(ones), np.inf, 0.0, 0.0
         for surface in range(n_planes + 2):
             total, plane = 0.0, LEVEL
             if surface < n_planes:
@@ -284,9 +284,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
             surface_factors = functions.image_factors(flow, p)
             for i in range(n):
                 factor = with_fields(factor, i, factor[i] + (surface_factors[i] - 1.0))
-                total_coverage = with_fields(
-                    total_coverage, i, total_coverage[i] + flow.coverage[i]
-                )
+                coverage_sum = with_fields(coverage_sum, i, coverage_sum[i] + flow.coverage[i])
                 disc = read_record(scratch, DISC, i, n)
                 if disc.share > 0.0:
                     nearest = min(nearest, disc.height_m)
@@ -306,7 +304,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
         for i in range(n):
             finite_height = with_fields(finite_height, i, min(height[i], OUT_OF_GROUND_EFFECT_M))
         flow = functions.bare(
-            craft.effective_radius_m, discs.x_m, discs.y_m, LEVEL, finite_height, total_coverage,
+            craft.effective_radius_m, discs.x_m, discs.y_m, LEVEL, finite_height, coverage_sum,
             speed, time_s, pitch_rad, body.q_rad_s,
         )  # fmt: skip
         drag, factor = functions.drags(factor, flow, p), functions.scaled(factor, flow, p)

@@ -50,9 +50,7 @@ class FlightInputs(Inputs):
         Annotated[float, Ge(0.001), Le(50.0)] | None,
         Input("Speed limit.", "m/s", default_text="of the case"),
     ] = None
-    ramp: Annotated[bool, Input("Move the reference at the speed instead of a speed limit.")] = (
-        False
-    )
+    ramp: Annotated[bool, Input("Move the reference, without a speed limit.")] = False
     gyro_noise_rad_s: Annotated[
         Annotated[float, Ge(0.0), Le(10.0)] | None,
         Input(
@@ -63,8 +61,7 @@ class FlightInputs(Inputs):
         ),
     ] = None
     map_offset_m: Annotated[
-        tuple[float, float, float],
-        Input("Displacement X,Y,Z of the feedforward's map; -0.05,0,0.", "m"),
+        tuple[float, float, float], Input("Offset X,Y,Z of the feedforward's map; -0.05,0,0.", "m")
     ] = (0.0, 0.0, 0.0)
     map: Annotated[
         Path | None, Input("Map (TOML or CSV) instead of the obstacle of the case.", group="Course")

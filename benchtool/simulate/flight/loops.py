@@ -54,8 +54,8 @@ from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 
 # Loops of a flight: run(arrays, plan, first, last) -> the tick at which it ended, with arrays from
-# `layout.lend_rows`; and look, see `ground.build_look_below`.
-FlightLoops = namedtuple("FlightLoops", "run look")
+# `layout.lend_rows`; and look_below, see `ground.build_look_below`.
+FlightLoops = namedtuple("FlightLoops", "run look_below")
 
 
 @inlined_expression
@@ -200,11 +200,11 @@ def move_vehicle(
     middle_rate = rate + 0.5 * rate_per_torque * (pitching + hooks.torque(0, flow, p))
     flow = hooks.with_thrust(flow, middle_rate, craft.k_N_s2, below.factor)
     torque = (roll, pitching + hooks.torque(0, flow, p), yaw)
-    wake = motion.wake_remains * body.wake_Nm
-    if motion.wake_kick_Nm > 0.0:
+    wake = motion.wake_decay * body.wake_Nm
+    if motion.wake_innovation_Nm > 0.0:
         first = next_state(arrays.states[0])
         arrays.states[0] = next_state(first)
-        wake += motion.wake_kick_Nm * normal(first, arrays.states[0])
+        wake += motion.wake_innovation_Nm * normal(first, arrays.states[0])
     velocity = next_velocity(time_s, body, lift, craft, arrays.gusts, dt_s)
     rates = rates_after_impulse(body, torque, craft.inertia_kgm2, dt_s)
     body = drift(apply_impulse(body, velocity, rates, wake), 0.5 * dt_s)

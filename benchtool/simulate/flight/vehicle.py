@@ -134,9 +134,8 @@ class FlightVehicle:
     def reach_m(self) -> float:
         """Largest distance of a disc edge from the centre: m."""
         positions_m = self.rig.disc_positions_m
-        return float(
-            np.hypot(positions_m[:, 0], positions_m[:, 1]).max() + self.rig.propulsion.radius_m
-        )
+        arms_m = np.hypot(positions_m[:, 0], positions_m[:, 1])
+        return float(arms_m.max() + self.rig.propulsion.radius_m)
 
     def turned(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
         """Return positions of the rig in the rotated layout."""
@@ -213,19 +212,12 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
         if value == parameter.neutral:
             return model
         model = model.with_effect(effect)
-    changed = replace(
-        model.parameters[full_name],
-        value=value,
-        lower=min(parameter.lower, low),
-        upper=max(parameter.upper, high),
-    )
+    lower, upper = min(parameter.lower, low), max(parameter.upper, high)
+    changed = replace(model.parameters[full_name], value=value, lower=lower, upper=upper)
     return model.with_values(model.parameters.with_replaced(full_name, changed))
 
 
 def _acts_by_default(effect: Effect) -> bool:
     if effect.distance_law is not None or effect.rig_values is not None:  # defined by model or rig
         return False
-    return any(
-        parameter.neutral is not None and not parameter.is_neutral
-        for parameter in effect.parameters
-    )
+    return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)

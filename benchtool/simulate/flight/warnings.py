@@ -31,9 +31,9 @@ def check_duration(case: FlightCase) -> str:
     if travel_s <= MAX_TRAVEL_SHARE * case.duration_s or max(lengths_m) <= ARRIVAL_RADIUS_M:
         return ""
     return (
-        f"a way of {sum(lengths_m):.3g} m at {case.goals[-1].speed_m_s:.3g} m/s takes "
-        f"{travel_s:.0f} s of a flight of {case.duration_s:g} s, so that hardly any could arrive; "
-        f"give --duration-s {ceil(1.5 * travel_s / 10.0) * 10} or a higher speed"
+        f"{sum(lengths_m):.3g} m at {case.goals[-1].speed_m_s:.3g} m/s take {travel_s:.0f} s, too "
+        f"long for a flight of {case.duration_s:g} s; use a higher speed or --duration-s "
+        f"{ceil(1.5 * travel_s / 10.0) * 10}"
     )
 
 

@@ -11,7 +11,7 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.physics.model import Model
 
-GRAVITY_M_S2 = 9.81  # standard gravity, rounded as in the data of the pitch bench
+GRAVITY_M_S2 = 9.81  # standard gravity, rounded as by the owner of the pitch bench
 STEPS_PER_LAG = 2.0  # minimum number of plant steps per motor lag
 
 

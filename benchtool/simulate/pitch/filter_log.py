@@ -74,9 +74,7 @@ class LoggedPitch:
     def between(self, first: int, last: int) -> LoggedPitch:
         """Return the rows from `first` up to `last`."""
         columns = {item.name: getattr(self, item.name) for item in fields(self)}
-        rows = {
-            name: values[..., first:last] for name, values in columns.items() if np.ndim(values)
-        }
+        rows = {name: array[..., first:last] for name, array in columns.items() if np.ndim(array)}
         return replace(self, **rows)
 
     def schedule(self) -> SampledSchedule:
@@ -137,9 +135,8 @@ def filter_log(
     if states is None:
         mode[0] = RESTART
     whole, before = [(0, 0, len(logged))], round(start_s * logged.rate_Hz)
-    return _filter_windows(
-        benches, replace(logged, mode=mode), gains, whole, [states], None, before
-    )[0]
+    logged = replace(logged, mode=mode)
+    return _filter_windows(benches, logged, gains, whole, [states], None, before)[0]
 
 
 def predict_windows(
@@ -188,9 +185,8 @@ def _filter_windows(
         for (first, start, stop), initial_states in zip(windows, states, strict=True):
             if initial_states is not None:
                 lane_states = initial_states[:, k : k + LANES[-1]]
-                lane_states = np.pad(
-                    lane_states, ((0, 0), (0, loop.lanes - lane_states.shape[1])), mode="edge"
-                )
+                n_missing = loop.lanes - lane_states.shape[1]
+                lane_states = np.pad(lane_states, ((0, 0), (0, n_missing)), mode="edge")
                 loop.view("hinge")[:4] = lane_states[:4]
                 loop.set_speeds(lane_states[4:])
             log = loop.filter(table, gains, before, (first, start, stop))[:, :, : len(group)]
@@ -225,7 +221,7 @@ def _build_loop(benches: Sequence[PitchBench], logged: LoggedPitch, seed: int | 
     )
     loop.drive(np.ascontiguousarray(logged.pwm_us, float))
     if seed is None:
-        loop.view("motion.wake_kick_Nm")[:] = 0.0
+        loop.view("motion.wake_innovation_Nm")[:] = 0.0
     steady_rad_s = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
     loop.set_speeds(steady_rad_s[:, None])
     return loop

@@ -155,7 +155,7 @@ def step_lane(w: Any, lane: Any, lanes: Any, states: Any, now: Any, slots: Any, 
     first = next_state(states[lane])
     second = next_state(first)
     states[lane] = second
-    wake = motion.wake_remains * hinge.wake_Nm + motion.wake_kick_Nm * normal(first, second)
+    wake = motion.wake_decay * hinge.wake_Nm + motion.wake_innovation_Nm * normal(first, second)
     next_hinge = Hinge(
         clipped_theta, (1.0 - is_stopped) * rate, wake,
         friction / np.maximum(friction_limit, MIN_DIVISOR), hinge.clamped_steps + is_clamped,

@@ -222,9 +222,9 @@ def pitch_loops(
             arrays.past[0, position, lane] = hinge.theta_rad
             arrays.past[1, position, lane] = hinge.rate_rad_s
             arrays.past[2, position, lane] = plate.plate_z_m
-        theta_index = (now.tick - plan.late_theta) & PAST_MASK
-        rate_index = (now.tick - plan.late_rate) & PAST_MASK
-        plate_index = (now.tick - plan.late_plate) & PAST_MASK
+        theta_index = (now.tick - plan.theta_delay) & PAST_MASK
+        rate_index = (now.tick - plan.rate_delay) & PAST_MASK
+        plate_index = (now.tick - plan.plate_delay) & PAST_MASK
         for lane in range(lanes):
             delayed = Delayed(
                 arrays.past[0, theta_index, lane],

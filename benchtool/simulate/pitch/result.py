@@ -80,17 +80,11 @@ class PitchRun:
         ]
         discs = rig.disc_of_rotor
         pwm, rpm = self.pwm_us, self.speed_rad_s * 30.0 / np.pi
+        columns += [(Channel(f"pwm{i}_us", "pwm_us"), pwm[k]) for i, k in enumerate(discs, 1)]
+        columns += [(Channel(f"rpm{i}", "rpm"), rpm[k]) for i, k in enumerate(discs, 1)]
+        z_m = np.where(self.column("plate_share") > 0.0, self.column("plate_read_m"), PARKED_M)
         columns += [
-            (Channel(f"pwm{rotor + 1}_us", "pwm_us"), pwm[disc]) for rotor, disc in enumerate(discs)
-        ]
-        columns += [
-            (Channel(f"rpm{rotor + 1}", "rpm"), rpm[disc]) for rotor, disc in enumerate(discs)
-        ]
-        plate_z_m = np.where(
-            self.column("plate_share") > 0.0, self.column("plate_read_m"), PARKED_M
-        )
-        columns += [
-            (Channel("plate_z_m", "m"), plate_z_m),
+            (Channel("plate_z_m", "m"), z_m),
             (Channel("coverage1", "1"), self.column("plate_share")),
             (Channel("torque_Nm", "N m"), self.column("torque_Nm")),
             (Channel("disturbance_Nm", "N m"), self.column("estimate_Nm")),

@@ -19,7 +19,7 @@ from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
-from benchtool.simulate.layout import Layout, allocate, lend_rows, rows_in
+from benchtool.simulate.layout import Layout, lend_rows, rows_in, zero_record
 from benchtool.simulate.motors import build_motion
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
@@ -41,22 +41,17 @@ def build_image_rules(model: Model) -> ImageRules:
 def build_geometry(model: Model, dt_s: float) -> Array:
     """Return a `Geometry` as a flat array."""
     rig = model.rig
-    positions_m = rig.disc_positions_m
+    x_m, y_m = rig.disc_positions_m[:, 0], rig.disc_positions_m[:, 1]
     counts = np.bincount(rig.disc_of_rotor, minlength=rig.n_discs)
     if rig.n_discs > MAX_DISCS:
         raise InputError(f"rig {rig.name!r} has {rig.n_discs} discs; maximum: {MAX_DISCS}")
-    if not np.any(positions_m[:, 0]):
+    if not np.any(x_m):
         raise InputError(
             f"rig {rig.name!r} has no rotor before or behind the hinge; use another rig"
         )
     roots = np.sqrt(counts)
-    span_m2 = sum(
-        root * root * x_m * x_m for root, x_m in zip(roots, positions_m[:, 0], strict=True)
-    )
-    parts = [
-        *(dt_s, span_m2, positions_m[:, 0], positions_m[:, 1], roots, rig.disc_distances_m),
-        *model.body_images,
-    ]
+    span_m2 = sum(root * root * x * x for root, x in zip(roots, x_m, strict=True))
+    parts = [*(dt_s, span_m2, x_m, y_m, roots, rig.disc_distances_m), *model.body_images]
     return np.concatenate([np.ravel(part) for part in parts])
 
 
@@ -179,9 +174,8 @@ class PitchLoop:
         bench, control = first.bench, first.control
         self.lanes, self.schedule = len(jobs), schedule
         self.n_discs = bench.model.rig.n_discs
-        self.layout, self.loops, self.geometry, columns_by_job = prepare_loop(
-            distinct_jobs, self.lanes, neutral_too
-        )
+        prepared = prepare_loop(distinct_jobs, self.lanes, neutral_too)
+        self.layout, self.loops, self.geometry, columns_by_job = prepared
         columns = [columns_by_job[job] for job in jobs]
         self.substeps = count_substeps(bench, schedule.rate_Hz)
         ticks = len(schedule)
@@ -268,8 +262,9 @@ class PitchLoop:
         filtered = np.empty((len(self.schedule), len(rows), self.lanes))
         arrays = self.arrays()._replace(log=filtered, logged=rows, schedule=log, gains=gains)
         run = self.loops.filter
-        for held, first, last in ((1, *span[:2]), (0, *span[1:])):
-            plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN, before=before, held=held)
+        for is_at_rest, first, last in ((1, *span[:2]), (0, *span[1:])):
+            plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN)
+            plan = plan._replace(ticks_before=before, is_at_rest=is_at_rest)
             run(lend_rows(run, arrays), np.array(plan, np.int64), first, last)
         part = filtered[slice(*span[1:])]
         return part if len(part) == len(filtered) else part.copy()
@@ -299,7 +294,7 @@ def prepare_loop(
     models = [item for job in jobs for item in (job.bench.model, job.nominal_model)]
     effects = loop_effects(*models, neutral_too=neutral_too)
     n_discs, n_numbers = model.rig.n_discs, sum(len(effect.parameters) for effect in effects)
-    law_example = allocate(law.numbers(first.control, PitchPlant(1.0, 1.0)))
+    law_example = zero_record(law.numbers(first.control, PitchPlant(1.0, 1.0)))
     layout = r.build_layout(n_discs, n_numbers, law_example, law.state)
     loops = pitch_loops(effects, layout, n_discs, lanes, build_image_rules(model), law)
     columns = {

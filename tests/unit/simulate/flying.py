@@ -45,7 +45,7 @@ def look_below(
     geometry = read_record(
         loop.arrays.geometry, geometry_slot(model.rig.n_discs, len(model.body_images.arm_m)), 0, 1
     )
-    found: Below = loop.loops.look(
+    found: Below = loop.loops.look_below(
         time_s, attitude[1], body, read_record(w, places.craft, 0, 1), geometry,
         (550.0,) * model.rig.n_discs, read_record(w, places.effects, 0, 1), loop.arrays.below, 0.0,
         loop.arrays.scratch,

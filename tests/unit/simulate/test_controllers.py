@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.observer import next_disturbance_estimate, update_observer
+from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
 from benchtool.simulate.gain_file import gain_names, gains_named
 
 
@@ -14,8 +14,8 @@ def estimated(rates_per_s: float | np.ndarray, known: np.ndarray, disturbance: n
     """Return the estimate after some periods of a momentum that starts from zero."""
     momentum, explained, estimate = np.zeros(6), np.zeros(6), np.zeros(6)
     for _ in range(steps + 1):
-        estimate = update_observer(momentum, explained, rates_per_s)
-        explained = next_disturbance_estimate(momentum, explained, known, estimate, 1.0, dt_s)
+        estimate = estimate_disturbance(momentum, explained, rates_per_s)
+        explained = next_explained_momentum(momentum, explained, known, estimate, 1.0, dt_s)
         momentum = momentum + dt_s * (disturbance + known)
     return estimate
 
@@ -31,8 +31,8 @@ def test_it_filters_the_disturbance_with_its_own_rate():
 def test_switched_on_it_starts_from_zero():
     explained = 0.0
     for momentum in (0.1, 0.2, 0.3):
-        explained = next_disturbance_estimate(momentum, explained, 1.0, 0.0, 0.0, 0.004)
-    assert update_observer(0.3, explained, 10.0) == 0.0
+        explained = next_explained_momentum(momentum, explained, 1.0, 0.0, 0.0, 0.004)
+    assert estimate_disturbance(0.3, explained, 10.0) == 0.0
 
 
 def test_the_published_numbers():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.limits import clip, limit_slew_rate, unwrap_integral
+from benchtool.simulate.controllers.limits import anti_windup_rate, clip, limit_slew_rate
 from benchtool.simulate.controllers.pid import (
     AttitudePid,
     PidState,
@@ -63,6 +63,6 @@ def test_limits():
     np.testing.assert_array_equal(clip(np.array([-3.0, 0.5, 3.0]), 1.0), [-1.0, 0.5, 1.0])
     assert limit_slew_rate(1.0, 0.0, 0.65, 0.004) == pytest.approx(0.0026)
     assert limit_slew_rate(1e-4, 0.0, 0.65, 0.004) == 1e-4
-    assert unwrap_integral(2.0, 1.0, 0.5) == 0.0
-    assert unwrap_integral(2.0, 1.0, -0.5) == -0.5
-    assert unwrap_integral(0.7, 0.7, 0.5) == 0.5
+    assert anti_windup_rate(2.0, 1.0, 0.5) == 0.0
+    assert anti_windup_rate(2.0, 1.0, -0.5) == -0.5
+    assert anti_windup_rate(0.7, 0.7, 0.5) == 0.5
