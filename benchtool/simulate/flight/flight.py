@@ -336,10 +336,9 @@ def build_schedule(
         )
         share = np.where(length > 0.0, np.minimum(progress, 1.0), 1.0)
         reference_x, reference_y = x[previous] + share * dx, y[previous] + share * dy
-    ones = np.ones(ticks)
-    reference = FlightReference._make(
-        (reference_x, reference_y, z[current], yaw_rad * ones, speed[current], hover_N * ones)
-    )
+    yaw, hover = np.full(ticks, yaw_rad), np.full(ticks, hover_N)
+    values = (reference_x, reference_y, z[current], yaw, speed[current], hover)
+    reference = FlightReference._make(values)
     tick = r.FlightTick(reference, x[current], y[current], z[current])
     return np.array(flat_values(tick), float)
 
