@@ -1,4 +1,4 @@
-"""Write small files so that a reader sees the old one or the new one, never a half."""
+"""Atomic writes of files and folders, and file hashes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
 
 @contextmanager
 def atomic_writer(path: Path, temporary: Path) -> Iterator[BinaryIO]:
-    """Give a new file `beside`; at the end force it to the disk and put it in place of `path`.
+    """Yield a new file `temporary`; at the end sync it to disk and rename it to `path`.
 
-    After an error it is removed, and `path` stays as it was.
+    On an error the temporary file is removed and `path` is unchanged.
     """
     try:
         temporary.unlink(missing_ok=True)
@@ -38,23 +38,23 @@ def atomic_writer(path: Path, temporary: Path) -> Iterator[BinaryIO]:
 
 
 def replace_bytes(path: Path, data: bytes) -> None:
-    """Write bytes in place of a file in one step, on the disk before it is in place."""
+    """Replace a file's bytes atomically, synced to disk before the rename."""
     with atomic_writer(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
         file.write(data)
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Write text in place of a file in one step, on the disk before it is in place."""
+    """Replace a file's text atomically, synced to disk before the rename."""
     replace_bytes(path, text.encode())
 
 
 def replace_json(path: Path, data: Mapping[str, Any]) -> None:
-    """Write a JSON object in one step; numbers that JSON has not (nan) are refused early."""
+    """Replace a JSON file atomically; nan and infinity raise ValueError before the write."""
     replace_text(path, json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def json_ready(value: Any) -> Any:
-    """Return the value with nan and infinity as None and NumPy numbers as plain ones."""
+    """Return the value with nan and infinity as None and NumPy numbers as Python numbers."""
     import numpy as np
 
     if isinstance(value, Mapping):
@@ -69,7 +69,7 @@ def json_ready(value: Any) -> Any:
 
 
 def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
-    """Return the JSON object in a file, or say where it breaks."""
+    """Return the JSON object in a file; an error has the position of the fault."""
     data = parse_json(read_text(path, MAX_METADATA_BYTES, follow=follow), str(path))
     if not isinstance(data, dict):
         raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
@@ -77,7 +77,7 @@ def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it that are missing; a power cut takes away none of them."""
+    """Create a folder and missing parents, each synced to disk against power cuts."""
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     for created in reversed(missing):
@@ -85,7 +85,7 @@ def make_folder(folder: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Force a folder's entries to the disk where the system can (not on Windows)."""
+    """Sync a folder's entries to disk where the system supports it (not on Windows)."""
     if os.name == "nt":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -96,13 +96,13 @@ def sync_folder(folder: Path) -> None:
 
 
 def partial_folder(out: Path) -> Path:
-    """Return the hidden name under which a folder is written; a list of runs does not show it."""
+    """Return the hidden name of a folder while it is written; lists of runs omit it."""
     return out.with_name(f".{out.name}.part")
 
 
 @contextmanager
 def write_atomically(out: Path) -> Iterator[Path]:
-    """Give the hidden name of a folder, empty; moved to `out` at the end of the block."""
+    """Yield the hidden name of a folder, not yet created; renamed to `out` after the block."""
     part = partial_folder(out)
     shutil.rmtree(part, ignore_errors=True)
     yield part
@@ -110,10 +110,10 @@ def write_atomically(out: Path) -> Iterator[Path]:
 
 
 def complete_folder(started_for: Path, out: Path) -> None:
-    """Move the complete folder from its hidden name to `out`.
+    """Rename the complete folder from its hidden name to `out`.
 
     Raises:
-        WouldOverwrite: something of that name exists.
+        WouldOverwrite: `out` exists.
     """
     if out.exists():
         raise WouldOverwrite(str(out))

@@ -1,4 +1,4 @@
-"""A calibration of a load cell as its file and a run's metadata hold it, and how old it may be."""
+"""Load cell calibration, as in its file and in run metadata, and its age limit."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from benchtool.data.atomic import read_json
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationComponent(FiniteTable):
-    """State one source of the slope's uncertainty.
+    """One source of the slope's uncertainty.
 
     Attributes:
-        kind: how it was evaluated (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
+        kind: type of evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
         sd: standard uncertainty of the source in `unit`.
-        relative_sd: what it makes of the slope, over the slope.
-        dof: degrees of freedom of `sd`; None where it is stated.
+        relative_sd: its contribution to the slope, over the slope.
+        dof: degrees of freedom of `sd`; None if `sd` is a given value.
     """
 
     name: str
@@ -42,22 +42,22 @@ class CalibrationComponent(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration(FiniteTable):
-    """Turn raw counts into newtons: N = slope (counts - zero), zero from the tare.
+    """Linear load cell calibration: N = slope (counts - zero), zero from the tare.
 
     Attributes:
-        date: when the masses hung last, ISO 8601.
+        date: of the last masses, ISO 8601.
         slope_N_per_count, offset_N: of N = slope counts + offset on the last day.
         covariance: of (slope, offset) by the scatter about the line of that day, 2 by 2.
         relative_sd: standard uncertainty of the slope over the slope, by all components; common to
             every thrust.
-        straightness, hysteresis: largest residual, and largest gap between up and down, as shares
-            of full scale; hysteresis is None when the masses went one way only.
+        straightness, hysteresis: largest residual, and largest gap between loading and unloading,
+            as shares of full scale; hysteresis is None for masses in one direction only.
         residual_sd_N: of the readings about the line of their day.
-        masses_kg, counts, days: what hung, what was read, on which day, in order.
-        residuals_N: what the line of the day leaves over.
-        lever_ratio: force on the cell over force at the rotor.
+        masses_kg, counts, days: mass, reading and day of each measurement, in order.
+        residuals_N: about the line of the day.
+        lever_ratio: force on the load cell over force at the rotor.
         components: independent sources of `relative_sd`; none in files of earlier versions.
-        calibrated_by, certificate: who hung the masses, and what they are traceable to.
+        calibrated_by, certificate: operator, and traceability of the masses.
     """
 
     id: str
@@ -81,19 +81,19 @@ class Calibration(FiniteTable):
     certificate: str = ""
 
     def newtons(self, counts: Array, zero_counts: float) -> Array:
-        """Return thrust (n,): N, of raw counts (n,) against those of the unloaded cell."""
+        """Return thrust (n,): N, of raw counts (n,) minus those of the unloaded load cell."""
         return self.slope_N_per_count * (counts - zero_counts)
 
     @property
     def dof(self) -> float:
         """Effective degrees of freedom of `relative_sd` (Welch-Satterthwaite, GUM G.2b).
 
-        Of a file without components those of its line.
+        Without components: those of the fitted line.
         """
         return degrees_of_freedom(asdict(self))
 
     def relative_half_width(self, probability: float) -> float:
-        """Return the half width of the slope's interval of a probability, over the slope."""
+        """Return the relative half width of the slope's interval for a coverage probability."""
         from scipy.special import stdtrit
 
         return float(stdtrit(self.dof, 0.5 + 0.5 * probability)) * self.relative_sd
@@ -112,7 +112,7 @@ def parse_calibration(data: Mapping[str, Any], where: str) -> Calibration:
     """Return the calibration in a JSON object, checked key by key."""
     calibration = build_dataclass(Calibration, data, where)
     if not (isfinite(calibration.slope_N_per_count) and calibration.slope_N_per_count != 0.0):
-        raise CalibrationError(f"{where}: a slope of 0 N per count is none; calibrate again")
+        raise CalibrationError(f"{where}: slope is 0 N per count or not finite; calibrate again")
     return calibration
 
 
@@ -122,18 +122,17 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def traceability(calibration: Mapping[str, Any]) -> str:
-    """Return in a sentence who calibrated when, with which certificate."""
-    by = calibration.get("calibrated_by") or "somebody who is not named"
+    """Return one sentence with operator, date and certificate of the calibration."""
+    by = calibration.get("calibrated_by") or "an unnamed operator"
     certificate = calibration.get("certificate")
     with_ = f"certificate {certificate}" if certificate else "no certificate stated"
     return f"calibration {calibration['id']}: by {by} on {calibration['date']}, {with_}"
 
 
 def age_text(metadata: Mapping[str, Any]) -> str:
-    """Return that the calibration of a run was too old when the run began; "" where it was not.
+    """Return a warning if the calibration was too old when the run began, else "".
 
-    Args:
-        metadata: of the run; without a calibration or without readable dates nothing is said.
+    Without a calibration or without readable dates in the run's metadata the result is "".
     """
     calibration = metadata.get("calibration") or {}
     sensor = ((metadata.get("rig") or {}).get("sensors") or {}).get("thrust_N") or {}

@@ -1,7 +1,7 @@
-"""Column maps: which column of somebody's table is which of our channels, in which unit.
+"""Column maps: column of a foreign table, unit and sign for each channel.
 
 A map is written by hand, by the page, or by `benchtool fit` from the names of columns; every reader
-of foreign tables takes it.
+of foreign tables accepts it.
 """
 
 from __future__ import annotations
@@ -33,15 +33,14 @@ IDENTITY = Conversion(1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappedColumn:
-    """Say where one channel comes from: a column of the table, or a constant.
+    """Source of one channel: a column of the table, or a constant.
 
     Attributes:
-        name: our channel.
         position: of the column; None for a constant.
-        conversion: from the file's unit to that of our channel, sign and factor included.
-        constant: in our unit.
-        source: the column and unit in the file's own words.
-        reference: cell of the rows that are references; empty where the cells are numbers.
+        conversion: from the file's unit to that of the channel, sign and factor included.
+        constant: in the channel's unit.
+        source: column and unit as in the file.
+        reference: cell value of reference rows; empty if the cells are numbers.
     """
 
     name: str
@@ -55,13 +54,13 @@ class MappedColumn:
 def map_column(
     header: Sequence[str], where: str, name: str, source: ColumnSource | Mapping[str, Any] | str
 ) -> MappedColumn:
-    """Return where a channel stands in a table with this header.
+    """Return the source of a channel in a table with this header.
 
-    A map without a unit takes the one that the column's own name carries in brackets, else ours.
+    The default unit is the one in brackets in the column's name, else the channel's.
 
     Raises:
-        MissingColumn: a column that the table has not, with those that it has.
-        InputError: a unit that is unknown, or measures something else.
+        MissingColumn: the table has no such column; the error lists its columns.
+        InputError: the unit is unknown or of another dimension.
     """
     if isinstance(source, str):
         source = ColumnSource(column=source)
@@ -98,11 +97,11 @@ def map_column(
 
 
 def column_index(header: Sequence[str], column: str, where: str) -> int:
-    """Return where a column stands; one that stands twice, or not at all, is refused."""
+    """Return the position of a column; raise if it is missing or not unique."""
     column = column.strip()
     if (count := header.count(column)) > 1:
         raise FileFormatError(
-            where, f"column {column!r} stands {count} times in the header; rename all but one"
+            where, f"column {column!r} occurs {count} times in the header; rename all but one"
         )
     if not count:
         raise UnknownChoice(f"column of {where}", column, filter(None, header))
@@ -115,10 +114,10 @@ class _ColumnsFile(FileTable):
 
 
 def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
-    """Return the `[columns]` of a mapping file of its own.
+    """Return the `[columns]` of a column map file.
 
     Raises:
-        FileFormatError: no such file, or an entry of another shape; nothing mapped.
+        FileFormatError: no such file, an entry of another form, or an empty map.
         UnknownChoice: a channel or key that does not exist.
     """
     text, where = read_named("columns file", "models", path)
@@ -127,7 +126,7 @@ def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
     mapping = entries["columns"]
     if not isinstance(mapping, dict) or not mapping:
         raise FileFormatError(
-            where, "it maps nothing; write lines as thrust_N = { column = 'F', unit = 'gf' }"
+            where, "the map is empty; example of a line: thrust_N = { column = 'F', unit = 'gf' }"
         )
     entries_by_name = {}
     for name, entry in mapping.items():
@@ -142,7 +141,7 @@ def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
 
 
 def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
-    """Return a mapping file's text, which `read_column_map` reads back."""
+    """Return the text of a column map file, readable by `read_column_map`."""
     import tomli_w
 
     def non_defaults(source: ColumnSource) -> dict[str, Any]:
@@ -154,7 +153,7 @@ def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     )
 
 
-NAMES: dict[str, str] = {  # names that people give to columns, in small letters, and their channel
+NAMES: dict[str, str] = {  # channel by usual column name in lower case
     **dict.fromkeys(("t", "time", "zeit"), "time_s"),
     **dict.fromkeys(("thrust", "schub", "force", "kraft", "f", "fz", "lift"), "thrust_N"),
     **dict.fromkeys(("torque", "moment", "drehmoment"), "torque_Nm"),
@@ -192,7 +191,7 @@ NAMES: dict[str, str] = {  # names that people give to columns, in small letters
     "vibration": "vibration_m_s2",
 }
 
-IN_RADII: dict[str, float] = {  # names of distances in rotor radii, in small letters; their unit
+IN_RADII: dict[str, float] = {  # rotor radii per unit, by column name in lower case
     **dict.fromkeys(("z_over_r", "z/r", "z_r", "h/r", "h_r", "h_over_r"), 1.0),
     **dict.fromkeys(("z_over_d", "z/d", "z_d", "h/d", "h_d", "h_over_d"), 2.0),
 }
@@ -201,7 +200,7 @@ _ENDING = re.compile(r"(?P<name>.+?)[_ ](?P<unit>[A-Za-z]+)")
 
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:
-    """Return what a column's name says: `Gap (mm)`, `gap_mm` and `gap [mm]` are alike."""
+    """Return name and unit of a column header: `Gap (mm)`, `gap_mm` and `gap [mm]` are alike."""
     head = parse_header_cell(cell)
     if head.unit is None and (match := _ENDING.fullmatch(head.name)) and match["unit"] in UNITS:
         return match["name"], match["unit"]
@@ -209,7 +208,7 @@ def name_and_unit(cell: str) -> tuple[str, str | None]:
 
 
 def match_channel(name: str) -> str | None:
-    """Return the channel that a column's name means; None where nobody can know."""
+    """Return the channel for a column name, or None if it is ambiguous."""
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
     try:
@@ -222,12 +221,11 @@ def match_channel(name: str) -> str | None:
 def guess_columns(
     header: Sequence[str], channels: Collection[str] = (), radius_m: float | None = None
 ) -> dict[str, ColumnSource]:
-    """Return the channels that column names suggest, with the units that they carry.
+    """Return the channels suggested by column names, with the units in the names.
 
     Args:
-        header: names of columns.
         channels: that may be suggested; any when empty.
-        radius_m: of the rotor, for columns that count radii; they are left out without.
+        radius_m: of the rotor, for columns in rotor radii; None omits these columns.
     """
     sources: dict[str, ColumnSource] = {}
     in_radii: dict[str, ColumnSource] = {}

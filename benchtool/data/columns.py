@@ -1,4 +1,4 @@
-"""Columns of our own files: names, the unit that a name carries, and the words in them."""
+"""Columns of benchtool's files: names, units and enumerated labels."""
 
 from __future__ import annotations
 
@@ -21,53 +21,50 @@ VALID_KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")  # of 
 KINDS: tuple[str, ...] = (*VALID_KINDS, "failed")
 """Kinds of points; in a `Recording` the channel `kind` holds the position in this tuple.
 
-measure: a setting of the plan; reference: the same throttle with the plate parked, which counts as
-out of ground effect; anchor: one setting repeated to see drift; tare: what was left after a tare;
-failed: a visit of which too few samples came, which no reader uses and a resumed run repeats.
+measure: a setting of the plan; reference: the same throttle with the plate parked, taken as out of
+ground effect; anchor: one setting repeated to detect drift; tare: the residual after a tare;
+failed: a point with too few samples, ignored by readers and repeated by a resumed run.
 """
 
 PHASES: tuple[str, ...] = ("tare", "move", "rest", "ramp", "settle", "sample", "end", "interrupted")
 """Phases of samples; in a `Recording` the channel `phase` holds the position in this tuple.
 
-Only `sample` rows make points. Rows of a visit that was cut short are `interrupted` after the run
-was resumed.
+Only `sample` rows make points. Rows of an incomplete point are `interrupted` in a resumed run.
 """
 
 WORDS: dict[str, tuple[str, ...]] = {"kind": KINDS, "phase": PHASES}  # columns of words
 
 SAMPLE_START: tuple[str, ...] = ("time_s", "device_time_us", "point", "phase")
-"""First columns of samples.csv; the device's channels follow in its own order."""
+"""First columns of samples.csv; the device's channels follow in device order."""
 
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 
 
 def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
-    """Return the columns of rotor speeds and pulses, or only those that begin with `family`."""
+    """Return the columns of rotor speeds and pulse widths, or those that begin with `family`."""
     return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
 
 
-REJECTED = "_rejected"  # ending of the columns that count the samples a mean leaves out
+REJECTED = "_rejected"  # suffix of columns with the number of samples excluded from a mean
 
 _WHOLE = {"point", "setting", "repeat", "n_samples", "n_repeats", "settled", "suspect", "part"}
 
 
 def is_whole(name: str) -> bool:
-    """Return whether a column of our own files holds whole numbers from 0."""
+    """Return whether a column of benchtool's files contains whole numbers from 0."""
     return name in _WHOLE or name.endswith(REJECTED)
 
 
-LONGEST_S = 1e8  # Three years: no run is longer. A choice
-LONGEST_US = 1e15  # Thirty years of a device that was never switched off. A choice
+LONGEST_S = 1e8  # duration of a run: 3 years; assumed
+LONGEST_US = 1e15  # uptime of a device: 30 years; assumed
 
 _PIECE = 1 << 16
 
 
 def check_numbers(recording: Recording, where: str) -> None:
-    """Refuse numbers that none of our own files holds.
+    """Raise FileFormatError for numbers that are impossible in benchtool's files.
 
-    Raises:
-        FileFormatError: a number beyond `MAX_NUMBER`, a time that is none, a number of a
-            visit that is not whole.
+    These are numbers beyond `MAX_NUMBER`, times out of range, and counts that are not whole.
     """
     for name in recording.names:
         column = recording.column(name)
@@ -84,12 +81,12 @@ def check_numbers(recording: Recording, where: str) -> None:
                 row = int(np.argmax(wrong))
                 raise FileFormatError(
                     f"{where}, row {start + row + 1}",
-                    f"{name} is {values[row]:g}, which no run holds; restore the file from a copy",
+                    f"{name} is {values[row]:g}, out of range; restore the file from a copy",
                 )
 
 
 def find_channel(name: str) -> Channel:
-    """Return the channel of a column of our own files."""
+    """Return the channel of a column of benchtool's files."""
     if name in WORDS:
         codes = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
         return Channel(name, "1", codes)
@@ -97,7 +94,7 @@ def find_channel(name: str) -> Channel:
 
 
 def word_to_code(column: str, word: str) -> float:
-    """Return the number that stands for a word in a `Recording`."""
+    """Return the code of a label in a `Recording`."""
     try:
         return float(WORDS[column].index(word))
     except ValueError:
@@ -105,12 +102,12 @@ def word_to_code(column: str, word: str) -> float:
 
 
 def code_to_word(column: str, code: float) -> str:
-    """Return the word that a number of a `Recording` stands for."""
+    """Return the label of a code in a `Recording`."""
     return WORDS[column][int(code)]
 
 
 def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
-    """Return rows, a value of each column in each, as a data frame, units in `attrs`."""
+    """Return rows (value by column name) as a data frame, units in `attrs`."""
     import pandas as pd
 
     table = pd.DataFrame.from_records(list(rows))
@@ -120,7 +117,7 @@ def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
 
 
 def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
-    """Return recordings one below the other as a data frame, with a column of their names."""
+    """Return the concatenated recordings as a data frame, with their names in column `run`."""
     import pandas as pd
 
     parts = {name: frame(recording) for name, recording in recordings.items()}
@@ -131,7 +128,7 @@ def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
 
 
 def frame(recording: Recording) -> pd.DataFrame:
-    """Return a recording as a data frame, words in place of their codes, units in `attrs`."""
+    """Return a recording as a data frame, labels instead of codes, units in `attrs`."""
     import pandas as pd
 
     table = pd.DataFrame(recording.values, columns=list(recording.names))

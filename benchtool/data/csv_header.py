@@ -1,4 +1,4 @@
-"""Header of a CSV, below a title and comments, with a line of units; and the cells of its rows."""
+"""CSV header detection (title, comments and unit line) and cell splitting."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from benchtool.data.repairs.foreign_units import is_unit, parse_header_cell
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
-Repairs = list[tuple[str, str]]  # matter, the same for every file, and sentence
-START_BYTES = 1 << 16  # A header stands within so much of a file; a choice
+Repairs = list[tuple[str, str]]  # topic, the same for every file, and message
+START_BYTES = 1 << 16  # the header is within this part of the file; assumed
 
 _END = "end of the table"
 _MARKS = (b"#", b"%", b"//")
@@ -26,12 +26,12 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf
 
 @dataclass(frozen=True, slots=True)
 class HeaderLine:
-    """Hold the line that names the columns.
+    """Header line of a table.
 
     Attributes:
-        text: with the units that stand in the line below it.
+        text: with the units of the line below it.
         line: number of the line before the first row, from 1.
-        end: where the rows begin.
+        end: byte offset of the first row.
     """
 
     text: str
@@ -40,7 +40,7 @@ class HeaderLine:
 
 
 def decode(text: bytes, what: str, repairs: Repairs) -> str:
-    """Return UTF-8 as text, or what spreadsheets write in its place; `what` names it."""
+    """Return decoded UTF-8, or Windows-1252 as a fallback; `what` names the text in the repair."""
     try:
         return text.decode("utf-8")
     except UnicodeDecodeError:
@@ -49,12 +49,12 @@ def decode(text: bytes, what: str, repairs: Repairs) -> str:
 
 
 def most_frequent_delimiter(line: str) -> str:
-    """Return what separates the cells of a line."""
+    """Return the most frequent delimiter of a line."""
     return max(",;\t", key=line.count)
 
 
 def detect_delimiter(first: str, repairs: Repairs) -> str:
-    """Return what separates the cells of a header."""
+    """Return the delimiter of a header, with a repair if it is not a comma."""
     delimiter = most_frequent_delimiter(first)
     if delimiter != ",":
         repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
@@ -62,7 +62,7 @@ def detect_delimiter(first: str, repairs: Repairs) -> str:
 
 
 def normalise_rows(data: bytes, repairs: Repairs) -> bytes:
-    """Return text of which every line is a row: comments blank, columns apart by tabs."""
+    """Return text with comments blanked and columns of blanks separated by tabs."""
     data = _without_comments(data, repairs)
     lines = _first_lines(data)
     cells = [line.split() for line, _ in lines[:2]]
@@ -80,7 +80,7 @@ def normalise_rows(data: bytes, repairs: Repairs) -> bytes:
 
 
 def _without_comments(data: bytes, repairs: Repairs) -> bytes:
-    """Return text with comments blank; one that names the columns of the rows below stays."""
+    """Return text with comments blanked, except one with the column names of the rows below."""
     if not any(b"\n" + mark in data for mark in _MARKS) and not data.removeprefix(
         BYTE_ORDER_MARK
     ).startswith(_MARKS):
@@ -112,7 +112,7 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
 
 
 def _cells(line: bytes) -> list[str]:
-    """Return the cells of a line that hold anything, by its own delimiter or by blanks."""
+    """Return the non-blank cells of a line, split at its delimiter or at blanks."""
     text = line.decode("utf-8", "replace")
     delimiter = most_frequent_delimiter(text)
     parts = text.split(delimiter) if delimiter in text else text.split()
@@ -120,7 +120,7 @@ def _cells(line: bytes) -> list[str]:
 
 
 def _first_lines(data: bytes) -> list[tuple[str, int]]:
-    """Return the first lines that hold anything, each with where it begins."""
+    """Return the first non-blank lines, each with its byte offset."""
     lines, offset = [], len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
     for line in data[offset:START_BYTES].split(b"\n"):
         if line.strip() and not line.lower().startswith(b"sep="):
@@ -130,10 +130,10 @@ def _first_lines(data: bytes) -> list[tuple[str, int]]:
 
 
 def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
-    """Return the line that names the columns: the first, or the one below a title."""
+    """Return the header line: the first, or the one below a title."""
     offset = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
     if data[offset : offset + 4].lower() == b"sep=":
-        repairs.append(("spreadsheet's line", "a first line 'sep=' was left out"))
+        repairs.append(("spreadsheet's line", "a first line 'sep=' was ignored"))
     lines = _first_lines(data)
     position = _below_titles([line for line, _ in lines])
     if position:
@@ -156,7 +156,7 @@ def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
 
 
 def _below_titles(lines: Sequence[str]) -> int:
-    """Return which line names the columns: titles hold less than half as many cells."""
+    """Return the index of the header line; titles have less than half as many cells."""
     counts = [len(_cells(line.encode())) for line in lines[:60]]
     for position in range(len(counts) - 1):
         following = lines[position + 1]
@@ -172,7 +172,7 @@ def _below_titles(lines: Sequence[str]) -> int:
 
 
 def _with_units(header: str, below: str) -> str:
-    """Return a header with the units that a line below it holds; empty where it holds none."""
+    """Return a header with the units of the line below it; empty if that line has no units."""
     delimiter = most_frequent_delimiter(header)
     names, units = (
         header.split(delimiter),
@@ -194,7 +194,7 @@ def split_cells(
     text: str, delimiter: str, where: str, first_line: int, *, whole: bool = True
 ) -> tuple[list[list[str]], list[int]]:
     """Return the cells of each row, and the line of the file in which it ends."""
-    # A quote that is open at the end takes this row into its cell.
+    # An unclosed quote makes the end marker part of its cell.
     reader = csv.reader(chain(io.StringIO(text, newline=""), [_END]), delimiter=delimiter)
     rows: list[list[str]] = []
     lines = [0]
@@ -212,7 +212,8 @@ def split_cells(
     except csv.Error as error:
         line = first_line + reader.line_num - 1
         if reader.line_num == lines[-1] + 1:
-            raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
+            message = f"line {line} cannot be read: {error}; correct it"
+            raise FileFormatError(where, message) from error
         open_line = open_line or lines[-1] + 1  # a cell of many rows is longer than csv allows
     if open_line:
         raise FileFormatError(

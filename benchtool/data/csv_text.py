@@ -1,8 +1,7 @@
-"""Read CSV text as people's programs leave it: BOM, semicolons, CRLF, a cut last line.
+"""Tolerant CSV reader: byte order mark, semicolons, CRLF, incomplete last line.
 
-`read_csv_text` gives the cells of a table that must be right, for a fit; a row with too many cells
-is refused. `parse_rows` gives the rows of a foreign file, which is imported as far as it can be. It
-leaves them bytes, so that a million rows take as long as finding their commas does.
+`read_csv_text` returns cells as text, for a fit; a row with too many cells is an error.
+`parse_rows` returns the rows of a foreign file as bytes, so that a million rows are read quickly.
 """
 
 from __future__ import annotations
@@ -41,12 +40,12 @@ THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")  # 1.234,5
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
 _PIECE_BYTES = 1 << 18
 
-UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # What files of another encoding begin with
+UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # first bytes of files in these encodings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CsvTable:
-    """Hold the cells of a CSV file as text.
+    """Cells of a CSV file as text.
 
     Attributes:
         header: column names without surrounding blanks.
@@ -62,18 +61,18 @@ class CsvTable:
 
 
 def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvTable:
-    """Return the cells of a CSV file, mended or refused.
+    """Return the cells of a CSV file, repaired where possible.
 
     Args:
-        own: the file is one of ours: a last line without its line end was cut by a kill and is
-            left out, even when it looks whole.
-        follow: whether a symbolic link in place of the file is followed.
+        own: written by benchtool: a last line without line end is incomplete and dropped, even if
+            it looks complete.
+        follow: follow a symbolic link.
     """
     return parse_csv(read_file(path, MAX_TABLE_BYTES, follow=follow), str(path), own=own)
 
 
 def read_csv_header(path: Path) -> tuple[str, ...]:
-    """Return the column names of a CSV file; of its rows only the first are read."""
+    """Return the column names of a CSV file; only its first rows are read."""
     data = read_file(path, MAX_TABLE_BYTES)
     if data[:2] not in UTF_16 and data[:4] != PARQUET:
         data = data[: data.rfind(b"\n", 0, START_BYTES) + 1] or data
@@ -81,7 +80,7 @@ def read_csv_header(path: Path) -> tuple[str, ...]:
 
 
 def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
-    """Return the cells of CSV bytes; see `read_csv_text`. Not `whole`, they may end in quotes."""
+    """Return the cells of CSV bytes; see `read_csv_text`. If not `whole`, a quote may be open."""
     repair_messages: Repairs = []
     data = decode_text(data, where, repair_messages)
     text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", repair_messages), 1
@@ -116,7 +115,7 @@ def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True)
         if any(map(str.strip, row[width:])):
             raise FileFormatError(
                 where,
-                f"line {line} has {len(row)} cells, the header names {width} columns; mend the "
+                f"line {line} has {len(row)} cells, the header names {width} columns; correct the "
                 f"line or the header",
             )
     cells = [
@@ -128,10 +127,7 @@ def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True)
 
 
 def _with_points(rows: list[list[str]]) -> list[str]:
-    """Write numbers of a table with decimal commas with points, and return what was done.
-
-    A point in such a table stands between thousands.
-    """
+    """Replace decimal commas by points, remove points between thousands, return the repairs."""
     cells = [(row, index) for row in rows for index in range(len(row))]
     commas = [(row, i) for row, i in cells if _DECIMAL_COMMA.fullmatch(row[i].strip())]
     if not commas:
@@ -146,14 +142,12 @@ def _with_points(rows: list[list[str]]) -> list[str]:
 
 
 def decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
-    """Return the bytes of a text with line ends LF, in the encoding that it has beside UTF-16.
+    """Return the bytes of a text with line ends LF; UTF-16 as UTF-8, Parquet as CSV text.
 
-    A Parquet table becomes the text of a CSV.
-
-    A byte order mark stays where it is: a long file is not copied for three bytes.
+    A byte order mark remains, to avoid a copy of a long file.
 
     Raises:
-        FileFormatError: nothing in it, or no text.
+        FileFormatError: the file is empty or not text.
     """
     if data[:2] in UTF_16:
         data = data.decode("utf-16", "replace").encode()
@@ -188,33 +182,33 @@ def _text_of_parquet(data: bytes, where: str) -> bytes:
     except (pa.ArrowException, OSError) as error:
         problem = " ".join(str(error).split())[:200]
         raise FileFormatError(
-            where, f"it cannot be read as a Parquet table of numbers and words ({problem})"
+            where, f"it cannot be read as a Parquet table of numbers and text ({problem})"
         ) from error
     return text.getvalue()
 
 
 def empty_table_error(where: str, header: Sequence[str]) -> FileFormatError:
-    """Return the refusal of a file without a row below its first line."""
+    """Return the error for a file without a row below its first line."""
     if len(header) > 1:
         return FileFormatError(where, "there is a header but no row below it; add data")
     return FileFormatError(
         where,
-        f"it holds {header[0][:40]!r} and no row below it; a CSV has a line with the names of "
-        f"columns, and rows of numbers below",
+        f"it contains {header[0][:40]!r} and no row below; a CSV needs a line of column names and "
+        f"rows of numbers",
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TextTable:
-    """Hold the rows of a text file, all of one width, as bytes.
+    """Rows of a text file as bytes, all of one width.
 
     Attributes:
         header: (w,) column names without surrounding blanks; "" for a column without a name.
-        body: the rows, each of w cells, ended by a newline; a view of the file where that was even.
+        body: rows of w cells, each ended by a newline; a view of the file if all had w cells.
         lines: (n,) line number of each row in the file, from 1.
         decimal: "." or ",".
-        rows_in_file: lines below the header that hold anything.
-        is_even: every row looks as wide as the header; a reader that finds otherwise evens it.
+        rows_in_file: non-blank lines below the header.
+        is_even: by the count of delimiters, every row is as wide as the header; see `pad_rows`.
     """
 
     where: str
@@ -266,8 +260,7 @@ def parse_rows(data: bytes, where: str) -> TextTable:
         findings=tuple(Finding("repaired", what, message) for what, message in repairs),
         is_even=False,
     )
-    # Whether one row is short by what another has too many, and whether some are empty, shows in
-    # reading the numbers; counting takes no time.
+    # A short row and a long row can cancel in this count; `parse_numbers` detects that.
     if body[-1:] == b"\n" and _count(body, delimiter) == (len(names) - 1) * rows:
         return replace(table, is_even=True)
     return pad_rows(table)
@@ -278,7 +271,7 @@ def _parse_quoted(
 ) -> tuple[str, bytes, Positions]:
     """Return header and rows without quotes, and the line of each row, counted from the header's.
 
-    A delimiter or line end within quotes becomes a blank: no number holds one.
+    A delimiter or line end within quotes becomes a blank, as numbers contain neither.
     """
     clean = str.maketrans({delimiter: " ", "\n": " "})
     text = f"{header.text}\n{body.decode('utf-8', 'replace')}"
@@ -291,7 +284,7 @@ def _parse_quoted(
 
 
 def _count(body: bytes | memoryview, letter: str) -> int:
-    """Return how often a letter stands in the rows, counted in pieces that fit a cache."""
+    """Return how often a character occurs in the rows, counted in blocks that fit a cache."""
     text, code = np.frombuffer(body, np.uint8), ord(letter)
     pieces = range(0, text.size, _PIECE_BYTES)
     return sum(
@@ -300,7 +293,7 @@ def _count(body: bytes | memoryview, letter: str) -> int:
 
 
 def pad_rows(table: TextTable) -> TextTable:
-    """Return the table with rows of one width, and findings that say what was done."""
+    """Return the table with rows of one width, and findings about the repairs."""
     mark, names, findings = table.delimiter.encode(), list(table.header), list(table.findings)
 
     def note(kind: Kind, what: str, message: str, count: int, rows: Sequence[int] = ()) -> None:
@@ -319,7 +312,7 @@ def pad_rows(table: TextTable) -> TextTable:
     separators = int(np.count_nonzero(~keep & (counts > 1)))
     while len(names) > 1 and not names[-1]:
         names.pop()
-    # A reader that evens a table knows its columns already.
+    # The caller of an even table has mapped its columns already.
     width = len(table.header) if table.is_even else _width(used, len(names))
     short, long, blank = [], [], []
     for i in np.flatnonzero(keep & (counts != width)).tolist():
@@ -340,7 +333,7 @@ def pad_rows(table: TextTable) -> TextTable:
         note("repaired", "ragged rows", message, len(short), short)
     if long:
         row_count = pluralize(len(long), "row")
-        message = f"{row_count} with more cells than columns: which cell is which is not known"
+        message = f"{row_count} with more cells than columns: columns are ambiguous"
         note("refused", "ragged rows", message, len(long), long)
     if blank:
         note(
@@ -357,13 +350,13 @@ def pad_rows(table: TextTable) -> TextTable:
         note("repaired", "empty rows", message, separators)
     if width > len(names) + 1:
         message = (
-            f"rows hold up to {width} cells, the header names {len(names)} columns; the cells "
-            f"beyond, as a script adds them, are left out"
+            f"rows have up to {width} cells, the header names {len(names)} columns; the extra "
+            f"cells are left out"
         )
         note("left out", "cells without a name", message, width - len(names))
     elif int(used.max()) < len(names):
         message = (
-            f"the header names {len(names)} columns, no row holds more than {used.max()} cells; "
+            f"the header names {len(names)} columns, no row has more than {used.max()} cells; "
             f"{', '.join(names[width:][:12])} left out"
         )
         note("repaired", "ragged rows", message, len(names) - width)
@@ -380,7 +373,7 @@ def pad_rows(table: TextTable) -> TextTable:
 
 
 def _width(used: Positions, n_names: int) -> int:
-    """Return how many cells a row is brought to: all that have names, or what most rows have."""
+    """Return the row width: the most frequent, at least the widest within the header."""
     within = used[used <= n_names]
     usual = int(np.bincount(used).argmax())
     return max(usual, int(within.max()) if within.size else 1)

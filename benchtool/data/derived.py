@@ -1,8 +1,8 @@
-"""Work out the quantities of a recording's rows, with the errors of everything behind them.
+"""Derived quantities of a recording's rows, with propagated errors.
 
-Every input is moved by its standard uncertainty, alone, to either side, and everything that
-follows from it is worked out anew: half the difference is what that input contributes (JCGM
-100:2008, 5.1.3 note 2). So a figure of merit knows that the density in its C_T is that in its C_P.
+Each input alone is changed by plus and minus its standard uncertainty and all quantities are
+computed again; half the difference is its contribution (JCGM 100:2008, 5.1.3 note 2). So the
+density in C_T and in C_P of a figure of merit is fully correlated.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.zero_noise import zero_noise, zero_variance
 
-DATA_SHEET_SD = 0.05  # Relative standard uncertainty of a number of a motor's data sheet; a guess
+DATA_SHEET_SD = 0.05  # relative standard uncertainty of values of a motor's data sheet; assumed
 
+# Standard uncertainties, relative and in kelvin, of unmeasured air: uniform over 5 to 25 degC, up
+# to 500 m above sea level and any weather; assumed
 UNMEASURED_DENSITY_SD, UNMEASURED_K = 0.03, 6.0
-"""Standard uncertainties, relative and in kelvin, of air that nobody measured: 5 to 25 degC, up to
-500 m above the sea and any weather, taken as uniform; guesses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownValue:
-    """State a number that no channel holds, with its standard uncertainty and who states it."""
+    """Known value that is not a channel, with standard uncertainty and origin."""
 
     value: float
     sd: float = 0.0
@@ -50,12 +50,12 @@ class KnownValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasurementContext:
-    """Hold what is known of a bench beside its channels.
+    """Known values of a bench in addition to its channels.
 
     Attributes:
         stated: diameter, chord, air and motor, by the names of `Quantity.of`.
-        scales: relative standard uncertainty of a channel's scale, and who states it.
-        sensors: of the rig; they say how far off a mean is where a recording does not.
+        scales: relative standard uncertainty of a channel's scale, with origin.
+        sensors: of the rig; the fallback for standard errors missing in a recording.
         rig: of a run; None for a foreign file.
     """
 
@@ -72,13 +72,11 @@ def measurement_context(
     rig: Rig | None = None,
     calibration: Mapping[str, Any] | None = None,
 ) -> MeasurementContext:
-    """Return what a run's or recording's facts say.
+    """Return the context from the metadata of a run or recording.
 
     Args:
-        propeller: diameter and, where it is known, chord.
-        air: as `Air.facts` returns it; None where nobody stated it.
-        motor: numbers of its data sheet.
-        rig: whose sensors measured.
+        air: as `Air.facts` returns it; None means the standard air.
+        motor: with data sheet values.
         calibration: of the load cell.
     """
     values = dict(_air(air or {}))
@@ -109,22 +107,22 @@ def measurement_context(
 
 
 def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, KnownValue]]:
-    """Give density and temperature of the air."""
+    """Yield density and temperature of the air."""
     degC = float(facts.get("temperature_degC", STANDARD_DEGC))
     density = float(facts.get("density_kg_m3", STANDARD_DENSITY_KG_M3))
-    relative, kelvin, origin = UNMEASURED_DENSITY_SD, UNMEASURED_K, "standard air, nobody measured"
+    relative, kelvin, origin = UNMEASURED_DENSITY_SD, UNMEASURED_K, "standard air, unmeasured"
     if facts.get("measured"):
         here = degC, float(facts["pressure_Pa"]), float(facts["humidity"])
         relative, kelvin, origin = relative_density_sd(*here), 1.0 / sqrt(3.0), "measured air"
     elif facts.get("stated"):
-        relative, origin = 0.0, "density as stated"
+        relative, origin = 0.0, "density given by the user"
     sd = density * relative
     yield "density_kg_m3", KnownValue(value=density, sd=sd, unit="kg/m3", origin=origin)
     yield "air_degC", KnownValue(value=degC, sd=kelvin, unit="K", origin=origin)
 
 
 def run_circumstances(folder: Path) -> MeasurementContext:
-    """Return the circumstances of a run folder; those of standard air alone for anything else."""
+    """Return the context of a run folder; only standard air for anything else."""
     if not is_run(folder):
         return measurement_context(None, None)
     facts = read_metadata(folder)
@@ -138,13 +136,13 @@ def run_circumstances(folder: Path) -> MeasurementContext:
 def rig_circumstances(
     rig: Rig, air: Mapping[str, Any] | None = None, calibration: Mapping[str, Any] | None = None
 ) -> MeasurementContext:
-    """Return the circumstances of a rig; see `measurement_context`."""
+    """Return the context of a rig; see `measurement_context`."""
     default_propeller = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
     return measurement_context(rig.propeller or default_propeller, air, rig.motor, rig, calibration)
 
 
 def recording_circumstances(facts: Mapping[str, Any], where: str) -> MeasurementContext:
-    """Return the circumstances of a recording file by the JSON beside it."""
+    """Return the context of a recording file from its JSON metadata."""
     data = facts.get("propeller")
     propeller = build_dataclass(Propeller, data, f"{where}: propeller") if data else None
     return measurement_context(propeller, facts.get("air"))
@@ -152,10 +150,10 @@ def recording_circumstances(facts: Mapping[str, Any], where: str) -> Measurement
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuantityValues(UncertainValues):
-    """Hold a quantity of every row of a recording.
+    """Values (n,) of a quantity in the rows of a recording.
 
     Attributes:
-        origin: whether it is measured, written by the stand, or follows from what, in words.
+        origin: label: measured, from the file, or the inputs that it is derived from.
     """
 
     quantity: Quantity
@@ -163,13 +161,13 @@ class QuantityValues(UncertainValues):
 
     @property
     def name(self) -> str:
-        """The name of its column."""
+        """Column name."""
         return self.quantity.name
 
     def averaged(self, groups: Array) -> QuantityValues:
         """Return means over the rows of each group (m,), in ascending order of the groups (n,).
 
-        The own error of a mean is that of its rows, or their scatter where that is larger.
+        The independent error of a mean is the larger of its rows' errors and their scatter.
         """
         names, group = np.unique(groups, return_inverse=True)
         weights = (group == np.arange(len(names))[:, None]) & np.isfinite(self.value)
@@ -196,9 +194,9 @@ Values = dict[str, Any]
 def derive_quantities(
     recording: Recording, context: MeasurementContext
 ) -> tuple[QuantityValues, ...]:
-    """Return every quantity that a recording's channels and its circumstances allow.
+    """Return every quantity that can be derived from a recording's channels and its context.
 
-    A quantity that the recording holds is taken as it stands there, without an error of its own.
+    A quantity that is a column of the recording is not derived again.
     """
     inputs = _inputs(recording, context)
     values = _evaluate(inputs)
@@ -206,7 +204,7 @@ def derive_quantities(
     errors: dict[str, Array] = {quantity.name: np.zeros(len(recording)) for quantity in quantities}
     leaves = {quantity.name: _find_inputs(quantity, inputs) for quantity in quantities}
     for name, row, error in _independent_errors(recording, context, inputs):
-        if np.isnan(error).all():  # nobody states it: nothing that follows has an error
+        if np.isnan(error).all():  # unknown: dependent quantities have no error
             errors |= {key: error for key in errors if name in leaves[key]}
             continue
         for key, part in _contributions(
@@ -247,7 +245,7 @@ def _has_finite(values: Any) -> bool:
 
 
 def _inputs(recording: Recording, context: MeasurementContext) -> Values:
-    """Return what quantities are worked out from: channels, speeds, stated numbers."""
+    """Return the inputs of quantities: channels, speeds, known values."""
     inputs: Values = {name: known_value.value for name, known_value in context.stated.items()}
     candidates = dict.fromkeys((*MEASURED, *(quantity.name for quantity in QUANTITIES)))
     for name in candidates:
@@ -279,10 +277,10 @@ def _evaluate(inputs: Values) -> Values:
 def _contributions(
     inputs: Values, name: str, error: Any, names: Sequence[str], row: int | None = None
 ) -> dict[str, Array]:
-    """Return the change of each wanted quantity (n,) by one standard uncertainty of an input.
+    """Return the change of each quantity (n,) of `names` by one standard uncertainty of an input.
 
     Args:
-        row: rotor whose speed errs alone; None for all.
+        row: of the only rotor whose speed is changed; None for all.
     """
     step = error
     if row is not None:
@@ -299,7 +297,7 @@ def _contributions(
 
 
 def _replace_input(inputs: Values, name: str, value: Any) -> Values:
-    """Return inputs with another value of one; the shaft's speed follows that of its rotor."""
+    """Return inputs with one value replaced; the shaft speed follows the rotor speed."""
     changed = {**inputs, name: value}
     if name == "speed_rad_s" and "shaft_rad_s" in inputs:
         changed["shaft_rad_s"] = max(value, key=lambda row: float(np.nansum(row)))
@@ -309,7 +307,7 @@ def _replace_input(inputs: Values, name: str, value: Any) -> Values:
 def _independent_errors(
     recording: Recording, context: MeasurementContext, inputs: Values
 ) -> Iterator[tuple[str, int | None, Array]]:
-    """Give each input that errs row by row, the rotor it is of, and its standard error (n,)."""
+    """Yield each input with independent errors, its rotor's row, and its standard error (n,)."""
     for name in inputs.keys() & {*MEASURED, *(quantity.name for quantity in QUANTITIES)}:
         error = standard_error(recording, name, context.sensors)
         if name == "thrust_N" and context.rig is not None and "elapsed_s" in recording:
@@ -325,7 +323,7 @@ def _independent_errors(
 def _shared_errors(
     context: MeasurementContext, inputs: Values
 ) -> Iterator[tuple[str, str, KnownValue, Any]]:
-    """Give name, input, statement and change of the input of every error that rows share."""
+    """Yield label, input, known value and change of the input of each error shared by rows."""
     for name, known_value in context.stated.items():
         if known_value.sd:
             yield LABELS.get(name, name), name, known_value, known_value.sd
@@ -335,16 +333,15 @@ def _shared_errors(
             yield f"{channel.split('_')[0]} scale", name, known_value, known_value.sd * inputs[name]
 
 
-LABELS = {
+LABELS = {  # of the errors of known values
     "diameter_m": "diameter", "chord_m": "chord", "density_kg_m3": "air density",
     "air_degC": "air temperature", "Kv_rpm_V": "Kv of the motor",
     "resistance_ohm": "resistance of the motor", "no_load_current_A": "no-load current",
 }  # fmt: skip
-"""What the errors of stated numbers are called."""
 
 
 def _find_inputs(quantity: Quantity, inputs: Values) -> list[str]:
-    """Return the inputs that a quantity is worked out from in the end."""
+    """Return the inputs that a quantity is derived from, directly or indirectly."""
     if quantity.name in inputs:
         return [quantity.name]
     table = {entry.name: entry for entry in QUANTITIES}
@@ -358,7 +355,7 @@ def _origin(
     quantity: Quantity, recording: Recording, inputs: Values, context: MeasurementContext
 ) -> str:
     if quantity.name in inputs:
-        return "measured" if quantity.name in MEASURED else "as the file states it"
+        return "measured" if quantity.name in MEASURED else "as in the file"
     leaves = _find_inputs(quantity, inputs)
     channels = [
         "rpm" if name in ("speed_rad_s", "shaft_rad_s") else name
@@ -371,14 +368,14 @@ def _origin(
 
 
 def add_shared_errors(recording: Recording, context: MeasurementContext) -> Recording:
-    """Return a recording with every quantity that it and its circumstances allow."""
+    """Return a recording with every quantity that can be derived in this context."""
     return with_quantities(recording, derive_quantities(recording, context))
 
 
 def with_quantities(recording: Recording, quantities: Sequence[QuantityValues]) -> Recording:
     """Return a recording with a column for each quantity and one for its standard error.
 
-    Columns that it has are left as they are; an error that nobody knows has none.
+    Existing columns are unchanged; unknown errors get no column.
     """
     for quantity in quantities:
         for name, values in (

@@ -1,4 +1,4 @@
-"""The steady levels of a recorded stand log: means of every channel while the throttle stands."""
+"""Steady levels of a recorded stand log: means of every channel at constant throttle."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
 from benchtool.data.run.run_metadata import read_recording_facts
 
-STEADY = 0.5  # Part of a level, its end, that is averaged: thrust and speed settle before. A choice
+STEADY = 0.5  # last part of a level, after thrust and speed settled, that is averaged; assumed
 BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
 
 AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
-"""Channels whose means have a standard error, beside the speeds."""
+"""Channels whose means have a standard error, in addition to the speeds."""
 
 
 def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
-    """Return the levels of a recording, or of a stand's table as an import reads it.
+    """Return the levels of a recording or of a stand's table, which is imported.
 
     Raises:
-        FileFormatError: neither.
+        FileFormatError: the file is neither.
     """
     if metadata_path(path).is_file():
         facts = read_recording_facts(metadata_path(path), FORMAT)
@@ -40,8 +40,8 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
     if not path.is_file() or not is_stand_table(path):
         raise FileFormatError(
             str(path),
-            "it is no run folder, recording or log of a known stand; make a recording of it with "
-            "benchtool import, which takes a column map (--columns) of any table",
+            "it is not a run folder, recording or log of a known stand; make a recording with "
+            "benchtool import, which accepts a column map (--columns) for any table",
         )
     result = import_file(path)
     facts = {
@@ -54,9 +54,9 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
 def split_levels(recording: Recording) -> Recording:
     """Return a row for each level of throttle in a log, with standard errors of its means.
 
-    A log whose rows are levels already, as a step test writes them, is returned as it is. Channels
-    of different rates are averaged each by itself. The errors take the samples of a level for
-    independent; a level of one sample has none.
+    A log with one row per level, as from a step test, is returned unchanged. Each channel is
+    averaged over its finite samples. Errors assume independent samples; a level of one sample has
+    no error.
     """
     level = _number_levels(recording)
     if level is None:
@@ -98,7 +98,7 @@ def _means(part: Array) -> tuple[Array, Array]:
 
 
 def _number_levels(recording: Recording) -> NDArray[np.intp] | None:
-    """Return the level of each row (n,), -1 for what is left out; None where rows are levels."""
+    """Return the level of each row (n,), -1 for excluded rows; None if rows are levels."""
     n, step_s = len(recording), BIN_S
     if "time_s" in recording and n > 2:
         time_s = recording.to_si("time_s")

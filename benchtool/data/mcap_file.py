@@ -1,8 +1,8 @@
-"""Recordings as MCAP files, which Foxglove and PlotJuggler open, and back without loss.
+"""Lossless reader and writer of recordings as MCAP files, for Foxglove and PlotJuggler.
 
-Each row is one message of Protocol Buffers: every channel a double, a column of words an enum. The
-schema carries units and calibration as comments, so does the channel's metadata; a metadata record
-carries the provenance. All fields are always written, so messages have one length
+Each row is one Protocol Buffers message: every channel a double, a column of labels an enum. The
+schema's comments and the channel's metadata contain units and calibration; a metadata record
+contains the provenance. All fields are always written, so messages have one length
 (https://mcap.dev/spec, https://protobuf.dev/programming-guides).
 """
 
@@ -36,10 +36,10 @@ MAGIC = b"\x89MCAP0\r\n"
 SCHEMA = "benchtool.Recording"
 TOPIC = "/benchtool/recording"
 
-CHUNK_BYTES = 4 << 20  # Of messages, before they are compressed; a choice
+CHUNK_BYTES = 4 << 20  # uncompressed messages of a chunk; assumed
 
 _DEFINITIONS = (b"\x03", b"\x04")  # opcodes of schema and channel, before the first message
-_LENGTH_BYTES = 9  # Opcode and length of a record, which the length leaves out
+_LENGTH_BYTES = 9  # opcode and length of a record, not counted in the length
 
 _HEAD_BYTES = _LENGTH_BYTES + 22  # channel, sequence and two times
 
@@ -51,11 +51,11 @@ def write_mcap(
     start_ns: int = 0,
     calibration: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a recording in one step.
+    """Write a recording atomically.
 
     Args:
         start_ns: Unix time of its `time_s` 0.
-        calibration: of the load cell, as metadata.json has it.
+        calibration: of the load cell, as in metadata.json.
 
     Raises:
         InputError: the package mcap is not installed.
@@ -98,7 +98,7 @@ def _times_ns(values: Array, names: list[str], start_ns: int) -> list[int]:
 
 
 def _messages(values: Array, names: list[str], layout: np.dtype[Any]) -> bytes:
-    """Return messages of rows (m, c), one after another, each behind room for its head."""
+    """Return concatenated messages of rows (m, c), each with space for its header."""
     records = np.zeros(len(values), layout)
     for index, name in enumerate(names):
         records[f"t{index}"] = _tag(index, name in WORDS)
@@ -107,14 +107,14 @@ def _messages(values: Array, names: list[str], layout: np.dtype[Any]) -> bytes:
 
 
 def _tag(index: int, is_word: bool) -> NDArray[np.uint8]:
-    """Return what stands before a field: its number and its form, a varint."""
+    """Return the tag of a field: number and wire type, as a varint."""
     number = (index + 1) << 3 | (0 if is_word else 1)
     coded = [number] if number < 128 else [number & 127 | 128, number >> 7]
     return np.array(coded, np.uint8)
 
 
 def _layout(names: list[str]) -> np.dtype[Any]:
-    """Return how a message record lies in memory; at most 2,047 fields."""
+    """Return the memory layout of a message record; at most 2,047 fields."""
     fields: list[Any] = [("head", "u1", (_HEAD_BYTES,))]
     for index, name in enumerate(names):
         fields.append((f"t{index}", "u1", (len(_tag(index, name in WORDS)),)))
@@ -145,10 +145,10 @@ def _descriptor(recording: Recording, comments: Mapping[str, str]) -> bytes:
 
 
 def read_mcap(path: Path) -> Recording:
-    """Return a recording that `write_mcap` wrote.
+    """Return a recording written by `write_mcap`.
 
     Raises:
-        FileFormatError: it is no such file, or it is damaged.
+        FileFormatError: another kind of file, or damaged.
     """
     load_extra("mcap.records", "mcap", "an MCAP file")
     from mcap.exceptions import McapError
@@ -158,9 +158,9 @@ def read_mcap(path: Path) -> Recording:
     try:
         with open_file(path) as file:
             chunks = _chunks(file, facts, where)
-            next(chunks)  # the facts stand before the first chunk
-            stated = parse_json(facts["channels"], where)
-            channels = tuple(Channel(str(name), str(unit)) for name, unit in stated)
+            next(chunks)  # reads the metadata, which precede the first chunk
+            names_units = parse_json(facts["channels"], where)
+            channels = tuple(Channel(str(name), str(unit)) for name, unit in names_units)
             check_columns(len(channels), where)
             rows = int(facts["rows"])
             check_decoded(rows, len(channels), where)
@@ -173,15 +173,15 @@ def read_mcap(path: Path) -> Recording:
 
 
 def _chunks(file: Any, facts: dict[str, str], where: str) -> Iterator[bytes]:
-    """Fill `facts` and yield nothing once, then each chunk as it stands in the file.
+    """Fill `facts` and yield empty bytes once, then the raw bytes of each chunk.
 
-    The library's reader would turn every entry of the message indexes into an object.
+    The library's reader would create an object for every entry of the message indexes.
     """
     from mcap.data_stream import ReadDataStream
     from mcap.records import Metadata
 
     if file.read(len(MAGIC)) != MAGIC:
-        raise FileFormatError(where, "this is no MCAP file; name one")
+        raise FileFormatError(where, "this is not an MCAP file")
     while len(head := file.read(_LENGTH_BYTES)) == _LENGTH_BYTES:
         opcode, length = head[0], int.from_bytes(head[1:], "little")
         if opcode == 0x0C and length < MAX_METADATA_BYTES:
@@ -198,7 +198,8 @@ def _chunks(file: Any, facts: dict[str, str], where: str) -> Iterator[bytes]:
         else:
             file.seek(length, 1)
     if facts.get("format") != FORMAT:
-        raise FileFormatError(where, "benchtool has not written this MCAP file; name one of its")
+        message = "this MCAP file was not written by benchtool, which reads only its own"
+        raise FileFormatError(where, message)
 
 
 def _values(chunks: Iterator[bytes], channels: tuple[Channel, ...], rows: int, where: str) -> Array:
@@ -234,5 +235,5 @@ def _values(chunks: Iterator[bytes], channels: tuple[Channel, ...], rows: int, w
             values[start:end, index] = messages[f"v{index}"]
         start = end
     if start != rows:
-        raise FileFormatError(where, f"it holds {start} of {rows} rows; restore it from a copy")
+        raise FileFormatError(where, f"it contains {start} of {rows} rows; restore it from a copy")
     return values

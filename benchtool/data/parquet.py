@@ -1,4 +1,4 @@
-"""samples.parquet: the samples of a closed run once more, hashed, quicker to read."""
+"""samples.parquet: hashed copy of a closed run's samples, faster to read than CSV."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _BATCH_ROWS = 1 << 13
 
 
 def load_library() -> None:
-    """Import what closing a run needs, so that it cannot fail once motors turn."""
+    """Import the packages for closing a run, so that an import error occurs before motors turn."""
     # Arrow's own allocator takes 1 GB of addresses at once, which a limit on them may not allow.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     for name in ("pyarrow.compute", "pyarrow.parquet"):
@@ -34,9 +34,9 @@ def load_library() -> None:
 
 
 def write_parquet(path: Path, samples: Recording) -> None:
-    """Write samples in one step; columns of words become dictionary columns.
+    """Write samples atomically; columns of labels become dictionary columns.
 
-    The schema's metadata hold the unit of each column (`unit:NAME`) and the provenance with the
+    The schema's metadata contain the unit of each column (`unit:NAME`) and the provenance with the
     hash of the data (`provenance:sha256`).
     """
     import pyarrow as pa
@@ -54,7 +54,7 @@ def write_parquet(path: Path, samples: Recording) -> None:
 
 
 def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
-    """Write the rows of samples.csv as Parquet in one step, a batch at a time.
+    """Write the rows of samples.csv as Parquet, atomically and in batches.
 
     Args:
         csv_sha256: of samples.csv, for the metadata.
@@ -77,14 +77,14 @@ def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
 
 
 def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
-    """Return the samples of a Parquet file that was written here.
+    """Return the samples of a Parquet file written by benchtool.
 
     Args:
-        names: of the columns to read, those that are not in the file left out; all when left out.
+        names: columns to read, missing ones are ignored; None reads all.
 
     Raises:
-        FileFormatError: it is no Parquet file, is too large when read, or holds a column that is
-            neither of numbers nor of our own words.
+        FileFormatError: not a Parquet file, too large when decoded, or a column of another type
+            than numbers or known labels.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -111,10 +111,10 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
 
 
 def parquet_names(path: Path) -> tuple[str, ...]:
-    """Return the columns of a Parquet file.
+    """Return the column names of a Parquet file.
 
     Raises:
-        FileFormatError: it is no Parquet file.
+        FileFormatError: not a Parquet file.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -137,13 +137,13 @@ def _check_type(field: Any, where: str) -> None:
         good = types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind)
     if not good:
         raise FileFormatError(
-            where, f"column {field.name!r} holds {kind}, not what it must; restore it from a copy"
+            where, f"column {field.name!r} has the wrong type {kind}; restore it from a copy"
         )
 
 
 @contextmanager
 def _writer(path: Path, units: dict[str, str], provenance: Mapping[str, str]) -> Iterator[Any]:
-    """Give a writer of a file that gets its name once it is whole and on the disk."""
+    """Yield a writer of a file that is renamed to `path` when complete and synced to disk."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""Propellers as TOML files, every number with its source, or by the size on their back."""
+"""Propellers from TOML files, every number with its source, or from a size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SIZE = re.compile(r"(\d{1,3}(?:\.\d+)?)x(\d{1,3}(?:\.\d+)?)(?:x(\d{1,2}))?")
 
 
 def propeller_names() -> tuple[str, ...]:
-    """Return the names of the propellers that benchtool ships, and of the user's own."""
+    """Return the names of the propellers in the library and of user-defined ones."""
     return (*list_names(FOLDER), *user_names(FOLDER))
 
 
@@ -34,8 +34,8 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     A size is diameter and pitch in inches, and the number of blades.
 
     Raises:
-        UnknownChoice: none of that name.
-        FileFormatError: a file that describes none.
+        UnknownChoice: no propeller of that name.
+        FileFormatError: an invalid file.
     """
     text = str(name_or_path)
     if (size := _SIZE.fullmatch(text)) and text not in propeller_names():
@@ -43,7 +43,8 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
         blades = int(size[3]) if size[3] else None
         if not diameter_m or not pitch_m or blades not in (None, *range(1, 21)):
             raise InputError(
-                f"there is no propeller of size {text}; write inches and blades, as 10x4.5x3"
+                f"propeller size {text} is out of range; write inches and 1 to 20 blades, as "
+                f"10x4.5x3"
             )
         return Propeller(name=text, diameter_m=diameter_m, pitch_m=pitch_m, blades=blades)
     try:

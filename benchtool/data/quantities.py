@@ -1,7 +1,7 @@
-"""What follows from what a bench measures: powers, efficiencies, coefficients, Mach and Reynolds.
+"""Derived quantities: powers, efficiencies, coefficients, Mach and Reynolds numbers.
 
-`QUANTITIES` is the one table of them. Points, tables, figures, exports and the reference page are
-made from it: a quantity costs one entry. `data.derived` works them out, with their errors.
+`QUANTITIES` defines them for points, tables, figures, exports and the reference page; a new
+quantity is one entry. `data.derived` evaluates them with their errors.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ Of = Callable[..., Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """Register a quantity.
+    """Derived quantity.
 
     Attributes:
-        name: of its column, with the unit; a recording's own column of that name goes before it.
-        symbol, title, formula: for people.
-        source: who defines it so.
-        of: returns it from the arguments that its parameters name: measured channels, other
-            quantities, and what is stated of propeller, air and motor.
+        name: of its column, with the unit; a column of that name in a recording has priority.
+        symbol, title, formula: for display.
+        source: of the definition.
+        of: function of the arguments named by its parameters: measured channels, other
+            quantities, and known values of propeller, air and motor.
     """
 
     name: str
@@ -48,12 +48,12 @@ class Quantity:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """What it is worked out from."""
+        """Names of its arguments."""
         return tuple(signature(self.of).parameters)
 
 
 def _over(numerator: Array, denominator: Array) -> Array:
-    """Return a quotient, nan where nothing is there to divide by."""
+    """Return a quotient, nan where the denominator is not positive."""
     quotient: Array = numerator / np.where(denominator > 0.0, denominator, np.nan)
     return quotient
 
@@ -168,13 +168,13 @@ QUANTITIES: tuple[Quantity, ...] = (
         "Atmosphere 1976, eq. 51)",
     ),
 )  # fmt: skip
-"""Every quantity, each behind those that it is worked out from."""
+"""All quantities, each after its arguments."""
 
 MEASURED = ("thrust_N", "torque_Nm", "voltage_V", "current_A")  # and speeds
 
 
 def dependent_quantities(channel: str) -> tuple[str, ...]:
-    """Return the quantities that a stand works out from a channel that it measures."""
+    """Return the quantities that depend on a measured channel."""
     affected = {"speed_rad_s", "shaft_rad_s"} if channel_family(channel) == "rpm" else {channel}
     for quantity in QUANTITIES:
         if quantity.name not in MEASURED and affected & set(quantity.needs):

@@ -1,4 +1,4 @@
-"""Read any CSV through a map of columns: our name = their column or a constant, unit, sign."""
+"""Tables from CSV files, with an optional column map: source column or constant, unit, sign."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ _ERROR = re.compile(r".+_(se|sd)(_.+)?")
 
 @dataclass(frozen=True, slots=True)
 class RowFilter:
-    """Keep only rows whose cell in `column` is `value` (as a number when both are numbers)."""
+    """Row filter: the cell in `column` equals `value` (as a number if both are numbers)."""
 
     column: str
     value: str
 
     @classmethod
     def parse(cls, text: str) -> RowFilter:
-        """Read `series=Fz0`."""
+        """Parse COLUMN=VALUE, for example `series=Fz0`."""
         column, sign, value = text.partition("=")
         if not sign or not column.strip():
             raise InputError(
-                f"{text!r} filters no rows; write it as COLUMN=VALUE, for example series=Fz0"
+                f"{text!r} is not a row filter; write it as COLUMN=VALUE, for example series=Fz0"
             )
         return cls(column.strip(), value.strip())
 
     def holds(self, cell: str) -> bool:
-        """Return whether a row with this cell, without blanks around it, stays."""
+        """Return whether a stripped cell passes the filter."""
         try:
             return cell == self.value or float(cell) == float(self.value)
         except ValueError:
@@ -56,14 +56,14 @@ def read_table(
     """Return the rows of a CSV file as a recording.
 
     Args:
-        columns: our columns and where each comes from; left out, the file's columns must carry
-            our names, and those that hold no number are left out.
-        where: row filters, all of which must hold.
+        columns: source of each channel; None means that the file's columns have channel names,
+            and columns without numbers are ignored.
+        where: row filters, combined by "and".
 
     Raises:
-        FileFormatError: no such file, a cell that is no number (with its line), no row left.
-        MissingColumn: a mapped column that the file has not, with those that it has.
-        UnknownChoice: the same of a filter's column.
+        FileFormatError: no such file, a cell that is not a number (with its line), no row left.
+        MissingColumn: a mapped column is missing; the error lists the file's columns.
+        UnknownChoice: the column of a filter is missing.
     """
     table = read_csv_text(Path(path))
     filters = [
@@ -76,7 +76,8 @@ def read_table(
         references = {column.position: column.reference for column in chosen if column.reference}
         pairs = [_mapped(table, rows, column, references) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
-            raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
+            message = "the mapped columns contain no numbers; check the map"
+            raise FileFormatError(table.where, message)
     else:
         pairs = _own_names(table, rows)
     for channel, values in pairs:
@@ -94,7 +95,7 @@ def read_table(
 
 
 def parse_column(table: CsvTable, index: int, rows: Sequence[int], blank: str = "") -> Array:
-    """Return one column (n,) of those rows as numbers; a blank cell, or that word, is nan."""
+    """Return one column (n,) of those rows as numbers; a cell that is blank or `blank` is nan."""
     name = table.header[index]
     labels = WORDS.get(name, ())
     values = np.full(len(rows), nan)
@@ -107,8 +108,8 @@ def parse_column(table: CsvTable, index: int, rows: Sequence[int], blank: str = 
         except ValueError:
             raise FileFormatError(
                 f"{table.where}, line {table.lines[row]}",
-                f"column {name!r} holds {cell[:40]!r}, which is no number; mend the cell or leave "
-                f"it empty",
+                f"column {name!r} contains {cell[:40]!r}, which is not a number; correct the cell "
+                f"or leave it empty",
             ) from None
     _check_range(table, rows, name, values, -MAX_NUMBER)
     return values
@@ -128,7 +129,7 @@ def _check_range(
 
 
 def table_columns(table: CsvTable) -> list[tuple[Channel, Array]]:
-    """Return every column of one of our own files with its channel."""
+    """Return every column of a file written by benchtool with its channel."""
     rows = range(len(table.rows))
     return [
         (find_channel(name), parse_column(table, index, rows))
@@ -137,11 +138,11 @@ def table_columns(table: CsvTable) -> list[tuple[Channel, Array]]:
 
 
 def rows_where(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
-    """Return the positions of the rows for which all filters hold.
+    """Return the positions of the rows that pass all filters.
 
     Raises:
-        FileFormatError: no row is left, with what the column holds.
-        UnknownChoice: a column that is not there.
+        FileFormatError: no row is left; the error lists the column's values.
+        UnknownChoice: a column is missing.
     """
     rows = list(range(len(table.rows)))
     if not rows:
@@ -164,7 +165,7 @@ def rows_where(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
 def _mapped(
     table: CsvTable, rows: Sequence[int], column: MappedColumn, references: Mapping[int | None, str]
 ) -> tuple[Channel, Array]:
-    """Return a channel with its numbers; a word that marks reference rows is no number: nan."""
+    """Return a channel with its numbers; a cell that marks reference rows is nan."""
     channel = find_channel(column.name)
     if column.position is None:
         return channel, np.full(len(rows), column.constant)
@@ -183,12 +184,12 @@ def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Arra
         try:
             pairs.append((find_channel(name), parse_column(table, index, rows)))
         except FileFormatError:
-            # A column of words alone is left out; one with a number among them has a slip.
+            # A column of text only is ignored; text in a column with numbers is an error.
             if any(_is_number(table.rows[row][index].strip()) for row in rows):
                 raise
     if not pairs:
         raise FileFormatError(
-            table.where, "no column holds numbers; map the file's columns with --columns MAP.toml"
+            table.where, "no column contains numbers; map the columns with --columns MAP.toml"
         )
     return pairs
 

@@ -1,1 +1,1 @@
-"""One file a foreign format."""
+"""Foreign file formats, one module each."""

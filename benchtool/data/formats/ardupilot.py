@@ -1,4 +1,4 @@
-"""Take from an ArduPilot log what a pitch recording needs."""
+"""Pitch recordings from ArduPilot DataFlash logs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, s
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Scales, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
-WANTED = frozenset(  # messages of a log that are read; the others are counted only
+WANTED = frozenset(  # messages that are read; others are only counted
     {
         *("ATT", "ANG", "RATE", "IMU", "RCOU", "ESC", "RPM", "BAT", "CURR", "RFND", "PARM", "MSG"),
         *(f"ESC{number}" for number in range(1, 9)),
@@ -53,7 +53,7 @@ def _read(log: MessageLog, name: str, where: str, provenance: Mapping[str, str])
 
 
 def _first(messages: Messages) -> Messages:
-    """Return the messages of the first instance; all of them where there are no instances."""
+    """Return the messages of the first instance, or all if there are no instances."""
     for field in ("I", "Instance", "Inst"):
         if messages.has(field):
             return messages.where(messages.numbers(field) == 0.0)
@@ -61,9 +61,9 @@ def _first(messages: Messages) -> Messages:
 
 
 def _attitude(log: MessageLog) -> list[Stream]:
-    """Return the attitude, of ANG where it is denser: 4.6 logs it fast, and ATT at 10 Hz.
+    """Return the attitude, from ANG if it has more messages: 4.6 logs it fast, and ATT at 10 Hz.
 
-    What ATT says before and after the other is left out, and a finding says so.
+    ATT messages before and after ANG are then dropped, with a finding.
     """
     scales: Scales = {
         "theta_rad": ("Pitch", -RAD),
@@ -88,9 +88,9 @@ def _attitude(log: MessageLog) -> list[Stream]:
 
 
 def _rates(log: MessageLog) -> list[Stream]:
-    """Return the gyro, wanted rates and what the rate controller commands (-1 to 1).
+    """Return gyro rates, rate setpoints and outputs of the rate controller (-1 to 1).
 
-    Where no IMU is logged, the gyro is what the rate controller saw.
+    Without IMU messages the gyro rates are the inputs of the rate controller.
     """
     gyro = {
         "gyro_rad_s": ("GyrY", -1.0),
@@ -154,18 +154,17 @@ def _speeds(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
 
 
 def _tachometers(messages: Messages, findings: list[Finding]) -> list[Stream]:
-    """Return the speeds of RPM {I, RPM, Qual, H}: one message for each sensor, with its health."""
+    """Return the speeds of RPM {I, RPM, Qual, H}: one message per sensor, with its health."""
     sensors = messages.numbers("I") if messages.has("I") else np.zeros(len(messages))
     streams = []
     for number in sorted(set(sensors.astype(int).tolist())):
         readings, name = messages.where(sensors == number), f"rpm{number + 1}"
         for stream in readings.stream({name: ("RPM", 1.0)}):
             if readings.has("H"):
-                stream.blank(
-                    name, readings.numbers("H") == 0.0, "the sensor calls unhealthy", findings
-                )
+                is_bad = readings.numbers("H") == 0.0
+                stream.blank(name, is_bad, "the sensor reports as unhealthy", findings)
             streams.append(stream)
-    text = "RPM sensors carry their own numbers, from 1; the log does not say which rotor they see"
+    text = "RPM sensors are numbered from 1; the log does not assign them to rotors"
     findings.append(Finding("read as", "rpm", text))
     return streams
 
@@ -183,6 +182,6 @@ def _distance(log: MessageLog) -> list[Stream]:
     streams = readings.stream({"distance_m": (field, 1.0)})
     if streams and readings.has("Stat"):
         is_bad = readings.numbers("Stat") != GOOD_RANGE
-        reason = "the sensor itself calls out of range"
+        reason = "the sensor reports as out of range"
         streams[0].blank("distance_m", is_bad, reason, log.findings)
     return streams

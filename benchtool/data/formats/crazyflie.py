@@ -1,4 +1,4 @@
-"""Crazyflie system identification: weight of the whole quadrotor, pwm, speeds, voltage, current."""
+"""Crazyflie system identification logs: thrust of all four rotors, pwm, speeds, power."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ CHANNELS: dict[str, str] = {
     "i": "current_A",
     "p": "power_W",
 }
-"""Columns of the Crazyflie's `system_id` scripts. The load cell shows how much lighter the vehicle
-gets: that is its thrust, in gram-force where no unit stands."""
+"""Columns of the Crazyflie's `system_id` scripts. The load cell reads the loss of weight, which is
+the thrust, in gram-force by default."""
 
 
 def read_crazyflie(
@@ -32,7 +32,7 @@ def read_crazyflie(
     channels = {**CHANNELS, "vbat": "battery_V" if loaded else "voltage_V"}
     columns, findings = map_header(table, channels.get, units={"thrust_N": "gf"})
     common = [
-        Finding("lacks", "time", "rows have an order and no time", count=table.rows_in_file),
+        Finding("lacks", "time", "rows are ordered but have no time", count=table.rows_in_file),
         Finding("read as", "pwm", "the raw number 0 to 65535, not a pulse width", "pwm_raw"),
     ]
     facts = {**provenance, "device": "Crazyflie on a load cell"}

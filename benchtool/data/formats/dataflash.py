@@ -1,8 +1,8 @@
-"""Read the self-describing records of an ArduPilot DataFlash log, binary or as text.
+"""Reader of ArduPilot DataFlash logs, binary or text.
 
 Binary format as in ArduPilot's LogStructure.h: each record is 0xA3 0x95, a type, and a body whose
-layout an FMT record (type 128) gives. It is read column by column with NumPy; numbers come out as
-pymavlink's DFReader gives them.
+layout is in an FMT record (type 128). It is read column by column with NumPy; numbers are equal to
+those of pymavlink's DFReader.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ _TYPES: dict[str, tuple[str, float]] = {
     "q": ("<i8", 1.0),
     "Q": ("<u8", 1.0),
 }
-"""Letters of a format, NumPy's type for each, and what its numbers are divided by."""
+"""NumPy type and divisor by format letter."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordLayout:
-    """Hold what an FMT record says about a type: name, length with header, letters, columns."""
+    """Layout from an FMT record: name, length with header, format letters, columns."""
 
     name: str
     length: int
@@ -61,7 +61,7 @@ class RecordLayout:
 
     @property
     def dtype(self) -> np.dtype[np.void] | None:
-        """The body's layout; None where letters, columns and length do not agree."""
+        """Type of the body; None if letters, columns and length are inconsistent."""
         if set(self.letters) - set(_TYPES) or len(self.columns) != len(self.letters):
             return None
         fields = [(f"f{i}", _TYPES[letter][0]) for i, letter in enumerate(self.letters)]
@@ -69,7 +69,7 @@ class RecordLayout:
         return body if body.itemsize == self.length - 3 else None
 
     def messages(self, bodies: NDArray[np.void]) -> Messages:
-        """Return the bodies of such records (m,) as messages; of a name that stands twice one."""
+        """Return the bodies of such records (m,) as messages; the first of duplicate columns."""
         fields, divisors = {}, {}
         for i, (name, letter) in enumerate(zip(self.columns, self.letters, strict=True)):
             if name not in fields:
@@ -78,7 +78,7 @@ class RecordLayout:
 
 
 def _times_us(fields: Mapping[str, NDArray[Any]]) -> NDArray[np.int64] | None:
-    """Return records' times (m,) in microseconds since boot; None where they carry none."""
+    """Return records' times (m,) in microseconds since boot, or None without a time column."""
     for name, scale in (("TimeUS", 1), ("TimeMS", 1000)):
         if name in fields and fields[name].dtype.kind in "iuf":
             times: NDArray[np.int64] = fields[name].astype(np.int64) * scale
@@ -87,14 +87,14 @@ def _times_us(fields: Mapping[str, NDArray[Any]]) -> NDArray[np.int64] | None:
 
 
 def read_dataflash(data: bytes, selected: frozenset[str]) -> MessageLog:
-    """Return the wanted kinds of records of a log, and an account of all its bytes."""
+    """Return the selected kinds of records of a log, with findings for unused bytes."""
     text = np.frombuffer(data, np.uint8)
     heads = np.flatnonzero((text[:-2] == HEAD[0]) & (text[1:-1] == HEAD[1]))
     layouts = _layouts(data, heads[text[heads + 2] == FMT_TYPE])
     starts, ends = _chain(text, heads, layouts)
     confirmed = _layouts(data, starts[text[starts + 2] == FMT_TYPE])
     if confirmed != layouts:
-        # What looked like an FMT record within another record's body was none.
+        # An apparent FMT record was part of another record's body.
         layouts = confirmed
         starts, ends = _chain(text, heads, layouts)
     broken = int(starts.size > 0 and ends[-1] > text.size)
@@ -112,9 +112,7 @@ def read_dataflash(data: bytes, selected: frozenset[str]) -> MessageLog:
         if body is not None:
             kinds[layout.name] = layout.messages(_bodies(text, rows, body))
         elif rows.size:
-            message = (
-                f"{pluralize(rows.size, 'record')} of {layout.name}: its FMT contradicts itself"
-            )
+            message = f"{pluralize(rows.size, 'record')} of {layout.name}: inconsistent FMT record"
             findings.append(Finding("refused", "broken format", message, layout.name, rows.size))
             broken += int(rows.size)
             total -= int(rows.size)
@@ -136,11 +134,10 @@ def _layouts(data: bytes, starts: Positions) -> dict[int, RecordLayout]:
 def _chain(
     text: NDArray[np.uint8], heads: Positions, layouts: dict[int, RecordLayout]
 ) -> tuple[Positions, Positions]:
-    """Return where records begin and end: each begins at or after the end of the one before.
+    """Return the offsets at which records begin and end; records do not overlap.
 
-    Two bytes like a record's head also stand by chance inside bodies (one in 65,000 positions);
-    following the lengths passes them over. Where every record follows the one before, nothing is
-    looped over.
+    The two bytes of a record's head also occur by chance inside bodies (one in 65,000 positions);
+    following the lengths skips them. The loop runs only over gaps between records.
     """
     lengths = np.zeros(256, np.intp)
     for kind, layout in layouts.items():
@@ -161,7 +158,7 @@ def _chain(
 
 
 def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
-    """Report the bytes that belong to no record, and a record that the end cuts."""
+    """Return findings for bytes outside records, and for a truncated last record."""
     begins = np.concatenate([starts, [size]])
     stops = np.minimum(np.concatenate([[0], ends]), size)
     gaps = begins - stops
@@ -171,7 +168,7 @@ def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
         lost, first = int(inside.sum()), int(stops[np.flatnonzero(inside > 0)[0]])
         message = (
             f"{lost:,} bytes in {pluralize(n_gaps, 'place')} belong to no record, first at byte "
-            f"{first:,}; reading went on at the next record"
+            f"{first:,}; skipped to the next record"
         )
         findings.append(Finding("refused", "corrupt bytes", message, count=0))
     if starts.size and ends[-1] > size:
@@ -201,7 +198,7 @@ def _bodies(
 
 
 def read_text_log(data: bytes, selected: frozenset[str]) -> MessageLog:
-    """Return the wanted kinds of records of a log in its text form: the same, a line each."""
+    """Return the selected kinds of records of a log in text form, one record per line."""
     names = {name.encode(): name for name in selected}
     columns: dict[str, tuple[str, ...]] = {}
     rows: dict[str, list[list[bytes]]] = {name: [] for name in selected}
@@ -222,7 +219,7 @@ def read_text_log(data: bytes, selected: frozenset[str]) -> MessageLog:
             if not layout or len(cells) < len(layout) or not _has_time(layout, cells):
                 bad.append(number)
                 continue
-            # The last column of a text may hold commas.
+            # The last column may contain commas.
             cells[len(layout) - 1 :] = [b",".join(cells[len(layout) - 1 :])]
             rows[names[kind]].append([cell.strip() for cell in cells])
         elif kind == b"FMT" or kind not in known_kinds:
@@ -231,7 +228,7 @@ def read_text_log(data: bytes, selected: frozenset[str]) -> MessageLog:
         total += 1
     findings = []
     if bad:
-        message = f"{pluralize(len(bad), 'line')} hold no whole record"
+        message = f"{pluralize(len(bad), 'line')} without a complete record"
         lines = line_ranges(bad)
         findings.append(Finding("refused", "broken lines", message, count=len(bad), lines=lines))
     kinds = {
@@ -241,7 +238,7 @@ def read_text_log(data: bytes, selected: frozenset[str]) -> MessageLog:
 
 
 def _has_time(columns: tuple[str, ...], row: list[bytes]) -> bool:
-    """Return whether a record's time is a whole number that fits."""
+    """Return whether a record's time is a whole number of at most 15 digits."""
     for name in ("TimeUS", "TimeMS"):
         if name in columns:
             cell = row[columns.index(name)].strip()
@@ -250,7 +247,7 @@ def _has_time(columns: tuple[str, ...], row: list[bytes]) -> bool:
 
 
 def _text_messages(name: str, columns: tuple[str, ...], rows: list[list[bytes]]) -> Messages:
-    """Return lines as messages; of a column that stands twice the first."""
+    """Return lines as messages; the first of duplicate columns."""
     fields: dict[str, NDArray[Any]] = {}
     for column, cells in zip(columns, zip(*rows, strict=True), strict=True):
         fields.setdefault(column, np.array(cells))

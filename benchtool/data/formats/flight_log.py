@@ -1,4 +1,4 @@
-"""Make a pitch recording of a flight log's streams, and say what the log lacks for one."""
+"""Pitch recordings from the streams of a flight log, with findings for missing channels."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from benchtool.core.plural import pluralize
 from benchtool.data.formats.messages import MessageLog, Messages, Stream, merge_streams
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportResult
 
-MIN_GAP_S = 1.0  # Attitude comes at 4 Hz and more in every log; a longer silence is a gap
-MAX_LOG_US = 7 * 86400e6  # what is stamped farther off is a broken message
+MIN_GAP_S = 1.0  # dropout of the attitude, which every log has at 4 Hz or more; assumed
+MAX_LOG_US = 7 * 86400e6  # messages farther from the median time are corrupt; assumed
 
 _NEEDS: tuple[tuple[str, str, str], ...] = (
-    ("attitude", r"theta_rad", "no attitude stands in it, so it is no pitch recording"),
-    ("rates", r"gyro_rad_s", "no rates stand in it; differences of the attitude are all there is"),
-    ("reference", r"theta_ref_rad", "no wanted pitch stands in it"),
-    ("outputs", r"pwm\d+_us|motor\d+_share", "no motor outputs stand in it"),
-    ("rpm", r"rpm\d+", "no ESC or tachometer gives speeds; they can only be modelled from outputs"),
-    ("distance", r"distance_m", "no distance sensor stands in it; --over says what it flew over"),
+    ("attitude", r"theta_rad", "no attitude in the log, so it is not a pitch recording"),
+    ("rates", r"gyro_rad_s", "no rates in the log; only differences of the attitude are available"),
+    ("reference", r"theta_ref_rad", "no pitch setpoint in the log"),
+    ("outputs", r"pwm\d+_us|motor\d+_share", "no motor outputs in the log"),
+    ("rpm", r"rpm\d+", "no speeds of ESC or tachometer; they can only be modelled from outputs"),
+    ("distance", r"distance_m", "no distance sensor in the log; --over sets the surface windows"),
 )
-"""What a pitch recording is made of, the channels that hold it, and what its lack means."""
+"""Contents of a pitch recording, pattern of their channels, message if they are missing."""
 
 
 def flight_import(
@@ -37,7 +37,7 @@ def flight_import(
     """Return a flight log as a pitch recording.
 
     Raises:
-        FileFormatError: none of the messages that a recording is made of.
+        FileFormatError: the log has no message of a recording's channels.
     """
     findings = list(log.findings)
     streams, strange = _drop_implausible(streams, findings)
@@ -46,15 +46,15 @@ def flight_import(
         reasons = "; ".join(finding.words for finding in findings if finding.kind == "refused")
         raise FileFormatError(
             where,
-            f"{pluralize(total, 'message')} could be read, and none is attitude, rates, "
-            f"outputs, rpm or distance{': ' + reasons if reasons else ''}; name a log of a flight",
+            f"{pluralize(total, 'message')} could be read, and none is attitude, rates, outputs, "
+            f"rpm or distance{': ' + reasons if reasons else ''}; use a log of a flight",
         )
     recording, disordered = merge_streams(streams)
     if disordered:
         text = f"{pluralize(disordered, 'message')} stamped before an earlier one; sorted by time"
         findings.append(Finding("repaired", "time goes backwards", text, "time_s", disordered))
     if "theta_rad" in recording or "gyro_rad_s" in recording:
-        text = "theta and gyro count nose down as positive, as benchtool does; logs count nose up"
+        text = "theta and gyro are nose down positive, as in benchtool; logs are nose up positive"
         findings.append(Finding("read as", "sign", text, "theta_rad"))
     for what, pattern, text in _NEEDS:
         if not any(re.fullmatch(pattern, name) for name in recording.names):
@@ -84,7 +84,7 @@ def flight_import(
 def _drop_implausible(
     streams: Sequence[Stream], findings: list[Finding]
 ) -> tuple[list[Stream], int]:
-    """Return the streams without messages of impossible times, and without infinite numbers."""
+    """Return the streams without messages of impossible times, infinite numbers blanked."""
     streams = [stream for stream in streams if stream.time_us.size and stream.columns]
     if not streams:
         return [], 0
@@ -107,7 +107,7 @@ def _drop_implausible(
         text = f"{pluralize(n_strange, 'message')} stamped days away from the others"
         findings.append(Finding("refused", "stray time", text, "time_s", n_strange))
     if n_infinite:
-        text = f"{pluralize(n_infinite, 'value')} that read infinity are blank now"
+        text = f"{pluralize(n_infinite, 'infinite value')} blanked"
         findings.append(Finding("repaired", "infinite numbers", text, count=n_infinite))
     return retained, n_strange
 
@@ -116,7 +116,7 @@ def _drop_blank(stream: Stream, findings: list[Finding]) -> Stream:
     blank = [name for name, values in stream.columns.items() if np.isnan(values).all()]
     if not blank:
         return stream
-    text = f"{stream.source} holds no number for it"
+    text = f"{stream.source} has no number for it"
     findings += [Finding("lacks", "blank channel", text, name) for name in blank]
     columns = {name: values for name, values in stream.columns.items() if name not in blank}
     return replace(stream, columns=columns)
@@ -143,7 +143,7 @@ _ARDUPILOT: dict[int, int] = (
 
 
 def ardupilot_motors(parameters: Messages, name: str, value: str) -> dict[int, int]:
-    """Return motor number by output channel (from 1), as messages with parameters say."""
+    """Return motor number by output channel (from 1), from messages with parameters."""
     if not parameters.has(name, value):
         return {}
     pairs = zip(parameters.texts(name), parameters.numbers(value).tolist(), strict=True)
@@ -156,7 +156,7 @@ def parse_motor_map(
     """Return motor number by output channel (from 1), in the order of the motors.
 
     Args:
-        pattern: of the names that give a channel its function; its group is the channel.
+        pattern: of parameters that set a channel's function; its group is the channel.
         functions: motor number by function.
     """
     motor_map: dict[int, int] = {}
@@ -172,25 +172,25 @@ def parse_motor_map(
 def select_motor_channels(
     motors: Mapping[int, int], logged: Collection[int], parameter: str, findings: list[Finding]
 ) -> dict[int, int]:
-    """Return motor number by those channels whose pulses are logged, and say how that is known.
+    """Return motor number by logged output channel, with a finding about the assignment.
 
     Args:
-        motors: motor number by channel, as the parameters say; empty where none does.
-        logged: channels with pulses; each is taken for the motor of its number without parameters.
-        parameter: what would say it, for people.
+        motors: motor number by channel from parameters; if empty, motor n is channel n.
+        logged: channels with pulse widths.
+        parameter: name of the parameter, for the finding.
     """
     if not motors:
         text = (
-            f"no {parameter} says which channel drives which motor; pwm1 is channel 1, and a "
-            f"channel may move a servo"
+            f"no {parameter} assigns channels to motors; pwm1 is channel 1, and a channel may "
+            f"drive a servo"
         )
         findings.append(Finding("doubt", "motor channels", text))
         return {channel: channel for channel in logged}
     pairs = ", ".join(f"motor {motor} on channel {channel}" for channel, motor in motors.items())
-    text = f"{pairs}; rotors carry the autopilot's motor numbers, not a rig's"
+    text = f"{pairs}; rotors have the autopilot's motor numbers, not a rig's"
     findings.append(Finding("read as", "motor channels", text))
     for channel, motor in motors.items():
         if channel not in logged:
-            text = f"motor {motor} is on channel {channel}, of which no pulse stands in the log"
+            text = f"motor {motor} is on channel {channel}, which has no pulse width in the log"
             findings.append(Finding("lacks", "outputs", text, f"pwm{motor}_us"))
     return {channel: motor for channel, motor in motors.items() if channel in logged}

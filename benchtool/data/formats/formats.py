@@ -1,4 +1,4 @@
-"""The formats that can be imported, each recognized by its content, and the import itself.
+"""Import of foreign files, with format detection by content.
 
 A new format is a module with a reader, and a line in `FORMATS`.
 """
@@ -30,8 +30,8 @@ from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.rest_checks import apply_options, inspect_log, inspect_stand
 from benchtool.data.repairs.time_order import remove_spikes, repair_time_order
 
-HEAD_BYTES = 1 << 16  # A file's beginning shows its format: a header and some rows
-MAX_LISTED = 8  # So many files are named; a sentence holds no more. A choice
+HEAD_BYTES = 1 << 16  # read for format detection: a header and some rows; assumed
+MAX_LISTED = 8  # file names in a message; assumed
 
 _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 
@@ -40,12 +40,12 @@ Kind = Literal["log", "table"]
 
 
 class FormatReader(Protocol):
-    """What reads a format."""
+    """Reader of a format."""
 
     def __call__(
         self, data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
     ) -> ImportResult:
-        """Return what a file's bytes hold.
+        """Return a file's bytes as an import.
 
         Args:
             where: its path as given, for people.
@@ -57,15 +57,15 @@ class FormatReader(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """Register a format.
+    """Entry of the format registry.
 
     Attributes:
-        name: for people; imports show it, and docs/reference/import.md has a row for it.
-        kind: "log" of a flight, or "table" of a stand, whose rows are put in order and searched
-            for what stands get wrong.
-        recognizes: returns for a file's first bytes whether it has the format.
-        reader: "module:function", a `FormatReader`; imported only for files that have the format,
-            because pyulog and pymavlink take their time.
+        name: for display, and of the format's row in docs/reference/import.md.
+        kind: "log" of a flight, or "table" of a stand, whose time order and known faults are
+            checked.
+        recognizes: returns whether a file with these first bytes has the format.
+        reader: "module:function" of a `FormatReader`, imported on demand, as pyulog and pymavlink
+            are slow to import.
     """
 
     name: str
@@ -106,15 +106,12 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format("UIUC static", "table", is_uiuc, f"{_HERE}.uiuc:read_uiuc"),
 )  # fmt: skip
-"""Every format with a header of its own. A table that none of them recognizes is read by a column
-map, or by the names of its columns."""
+"""Known formats. Any other table is read by a column map, or by the names of its columns."""
 
 
 def detect_format(head: bytes) -> Format | None:
-    """Return the format of a file that begins like this; None where no format is recognized."""
-    return next(
-        (file_format for file_format in FORMATS if file_format.recognizes(head[:HEAD_BYTES])), None
-    )
+    """Return the format of a file with these first bytes, or None if it is unknown."""
+    return next((entry for entry in FORMATS if entry.recognizes(head[:HEAD_BYTES])), None)
 
 
 def is_stand_table(path: str | Path) -> bool:
@@ -125,10 +122,10 @@ def is_stand_table(path: str | Path) -> bool:
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> ImportResult:
-    """Return what a foreign file holds, with every repair and doubt.
+    """Return the recording of a foreign file, with all findings.
 
     Raises:
-        FileFormatError: no such file, nothing readable in it, or columns that nobody knows.
+        FileFormatError: no such file, not readable, or only unknown columns.
     """
     where, options = Path(path), options or ImportOptions()
     if os.path.isdir(where):
@@ -140,20 +137,18 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
 def import_files(
     paths: Sequence[str | Path], options: ImportOptions | None = None
 ) -> list[ImportResult]:
-    """Return several files, each held against the others for speeds that differ by a ratio."""
+    """Return the imports of several files, with findings for speeds that differ by a ratio."""
     results = [import_file(path, options) for path in paths]
     compared = compare_speeds(
         [(str(path), result.recording) for path, result in zip(paths, results, strict=True)]
     )
-    return [
-        result.with_findings(compared[str(path)])
-        for path, result in zip(paths, results, strict=True)
-    ]
+    pairs = zip(paths, results, strict=True)
+    return [result.with_findings(compared[str(path)]) for path, result in pairs]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a cell may hold 1e308, a log a signalling nan
+@np.errstate(over="ignore", invalid="ignore")  # a cell may be 1e308, a log value a signalling nan
 def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResult:
-    """Return what the bytes of a foreign file hold; see `import_file`."""
+    """Return the import of a foreign file's bytes; see `import_file`."""
     provenance = {
         "file": where,
         "sha256": hashlib.sha256(data).hexdigest(),
@@ -164,7 +159,7 @@ def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResul
     if kind == "log":
         result = inspect_log(apply_options(result, options))
     else:
-        # Doubts come last: what the user repaired is none any more.
+        # Checks are last, so that the user's repairs are included.
         result = inspect_stand(apply_options(remove_spikes(repair_time_order(result)), options))
     if options.propeller is not None:
         result = replace(result, propeller=options.propeller)
@@ -174,26 +169,20 @@ def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResul
 
 
 def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
-    """Return what reads a file that begins like this: a user's map goes before every format."""
+    """Return kind and reader of a file with these first bytes; a user's map has priority."""
     if options.columns is not None:
         return "table", read_by_map
-    file_format = detect_format(head)
-    return (
-        ("table", read_by_names) if file_format is None else (file_format.kind, file_format.load())
-    )
+    entry = detect_format(head)
+    return ("table", read_by_names) if entry is None else (entry.kind, entry.load())
 
 
 def _explain_folder(folder: Path, options: ImportOptions) -> str:
-    """Return what to do with a folder, with the command where files in it can be imported."""
+    """Return the message for a folder, with the command if it has files that can be imported."""
     entries = sorted(folder.iterdir())
     importable = [path for path in entries if path.is_file() and _can_import(path, options)]
     if not importable:
         subfolders = [f"{path}/" for path in entries if path.is_dir()][:MAX_LISTED]
-        remedy = (
-            f"look into {', '.join(subfolders)}"
-            if subfolders
-            else "name the file of a log or a table"
-        )
+        remedy = f"look into {', '.join(subfolders)}" if subfolders else "name a log or a table"
         return f"this is a folder, and none of its files is known; {remedy}"
     names = [shlex.quote(str(path)) for path in importable[:MAX_LISTED]]
     omitted = f" (and {len(importable) - MAX_LISTED} more)" if len(importable) > MAX_LISTED else ""
@@ -201,7 +190,7 @@ def _explain_folder(folder: Path, options: ImportOptions) -> str:
 
 
 def _can_import(path: Path, options: ImportOptions) -> bool:
-    """Return whether a file begins as a log, or as a table with columns that are known."""
+    """Return whether a file begins like a log, or like a table with known columns."""
     try:
         with open_file(path) as file:
             head = file.read(HEAD_BYTES)

@@ -1,4 +1,4 @@
-"""Take from a MAVLink telemetry log (.tlog) what a pitch recording needs."""
+"""Pitch recordings from MAVLink telemetry logs (.tlog)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, T
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")
-WANTED = (  # messages that are read, beside ESC_STATUS; the others are counted only
+WANTED = (  # messages that are read, in addition to ESC_STATUS; others are only counted
     *("ATTITUDE", "ATTITUDE_TARGET", "NAV_CONTROLLER_OUTPUT", "SERVO_OUTPUT_RAW", "RPM"),
     *(f"ESC_TELEMETRY_{group}" for group in _ESC_GROUPS),
     *("DISTANCE_SENSOR", "RANGEFINDER", "SYS_STATUS", "PARAM_VALUE", "HEARTBEAT"),
@@ -28,7 +28,7 @@ WANTED = (  # messages that are read, beside ESC_STATUS; the others are counted 
 
 @dataclass(frozen=True, slots=True)
 class PayloadLayout:
-    """Hold how one kind of message is packed: its number, checksum seed and fields."""
+    """Layout of one kind of message: number, checksum seed and fields."""
 
     number: int
     crc_extra: int
@@ -38,9 +38,9 @@ class PayloadLayout:
     def from_struct(
         cls, number: int, crc_extra: int, form: str, names: Sequence[str]
     ) -> PayloadLayout:
-        """Return the layout of a struct format with a name for each of its parts.
+        """Return the layout of a struct format with the names of its parts.
 
-        The elements of an array of numbers are fields of their own: rpm[0], rpm[1] and so on.
+        The elements of an array of numbers are separate fields: rpm[0], rpm[1] and so on.
         """
         fields: list[tuple[str, str]] = []
         for (count, letter), name in zip(re.findall(r"(\d*)([a-zA-Z])", form), names, strict=True):
@@ -55,7 +55,7 @@ class PayloadLayout:
     def messages(self, name: str, frames: Sequence[Frame]) -> Messages:
         """Return the payloads of frames as messages, on the host's clock."""
         size = self.dtype.itemsize
-        # MAVLink 2 leaves zeros at a payload's end out; newer fields stand behind the known ones.
+        # MAVLink 2 omits zeros at a payload's end; newer fields follow the known ones.
         packed = b"".join(frame.payload[:size].ljust(size, b"\0") for frame in frames)
         rows = np.frombuffer(packed, self.dtype)
         times = np.array([frame.time_us for frame in frames], np.int64)
@@ -79,7 +79,8 @@ def read_mavlink(
     system = _select_sender(walk.frames, layouts, walk.findings)
     if system is None:
         raise FileFormatError(
-            where, f"no vehicle speaks in it ({pluralize(walk.total, 'frame')}); name another log"
+            where,
+            f"no messages of a vehicle ({pluralize(walk.total, 'frame')}); use another log",
         )
     kinds = {
         name: layout.messages(name, [f for f in walk.frames[layout.number] if f.sender == system])
@@ -104,7 +105,7 @@ def read_mavlink(
 
 
 def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
-    """Return the wanted messages as pymavlink knows them, and its checksum."""
+    """Return the layouts of the messages that are read, and the checksum, from pymavlink."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
     by_name = {definition.msgname: definition for definition in dialect.mavlink_map.values()}
@@ -127,7 +128,7 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
 def _select_sender(
     frames: Mapping[int, list[Frame]], layouts: Mapping[str, PayloadLayout], findings: list[Finding]
 ) -> tuple[int, int] | None:
-    """Return the system and component that sends most attitudes, or that sends heartbeats."""
+    """Return the system and component with most attitudes, or else outputs or heartbeats."""
     for name in ("ATTITUDE", "SERVO_OUTPUT_RAW", "HEARTBEAT"):
         senders = Counter(frame.sender for frame in frames[layouts[name].number])
         if senders:
@@ -144,7 +145,7 @@ def _convert_clocks(kinds: dict[str, Messages], findings: list[Finding]) -> dict
     """Return the messages with times on the autopilot's clock."""
     attitude = kinds["ATTITUDE"]
     if not len(attitude) or attitude.time_us is None:
-        text = "no attitude carries the autopilot's clock; times are the host's stamps"
+        text = "no attitude messages with autopilot time; times are the host's stamps"
         findings.append(Finding("doubt", "time", text, "time_s"))
         return kinds
     clock = AutopilotClock.from_attitude(attitude.time_us, attitude.numbers("time_boot_ms"))
@@ -152,11 +153,11 @@ def _convert_clocks(kinds: dict[str, Messages], findings: list[Finding]) -> dict
     low, high = np.percentile(delay_ms, [5.0, 95.0])
     text = (
         f"the autopilot's clock, not the host's stamps, which scatter by {high - low:.3g} ms "
-        f"against it; speeds and battery carry none and are interpolated"
+        f"against it; speeds and battery have no autopilot time and are interpolated"
     )
     findings.append(Finding("read as", "time", text, "time_s"))
     if clock.starts:
-        text = f"the autopilot booted anew {pluralize(len(clock.starts), 'time')}; time goes on"
+        text = f"the autopilot rebooted {pluralize(len(clock.starts), 'time')}; time is continuous"
         findings.append(Finding("repaired", "time starts anew", text, "time_s", len(clock.starts)))
     return {
         name: replace(messages, time_us=_times(clock, messages)) for name, messages in kinds.items()
@@ -188,7 +189,7 @@ def _attitude(messages: Messages) -> list[Stream]:
 
 
 def _setpoints(log: MessageLog) -> list[Stream]:
-    """Return the wanted attitude and rate: the target where it is sent, else navigation's."""
+    """Return attitude and rate setpoints: ATTITUDE_TARGET, else NAV_CONTROLLER_OUTPUT."""
     target = log["ATTITUDE_TARGET"]
     for stream in target.attitude("q", suffix="_ref"):
         stream.columns["gyro_ref_rad_s"] = -target.numbers("body_pitch_rate")
@@ -227,7 +228,7 @@ def _speeds(log: MessageLog) -> list[Stream]:
         group_status = status.where(bases == base)
         live_escs = [i for i in range(4) if np.any(group_status.numbers(f"rpm[{i}]") != 0.0)]
         scales = {f"rpm{base + i + 1}": (f"rpm[{i}]", 1.0) for i in live_escs}
-        # Where groups overlap, the speeds of the first hold.
+        # Where groups overlap, the first has priority.
         streams += group_status.stream(
             {name: scale for name, scale in scales.items() if name not in used}
         )
@@ -239,7 +240,7 @@ UNKNOWN = {"voltage_battery": (65535.0, 0.0), "current_battery": (-1.0,)}  # no 
 
 
 def _battery(messages: Messages) -> list[Stream]:
-    """Return voltage and current, blank where they are unknown."""
+    """Return voltage and current, nan if unknown."""
     scales = {"voltage_V": ("voltage_battery", 1e-3), "current_A": ("current_battery", 1e-2)}
     bad = {name: np.isin(messages.numbers(name), UNKNOWN[name]) for name, _ in scales.values()}
     streams = messages.stream({k: scale for k, scale in scales.items() if not bad[scale[0]].all()})
@@ -257,21 +258,21 @@ def _distance(log: MessageLog) -> list[Stream]:
     return down.stream({"distance_m": ("current_distance", 0.01)})
 
 
-_WRAP_US = 1 << 32  # time_usec of SERVO_OUTPUT_RAW holds 32 bits
+_WRAP_US = 1 << 32  # time_usec of SERVO_OUTPUT_RAW has 32 bits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AutopilotClock:
-    """Give every message of a telemetry log a time on the autopilot's own clock.
+    """Conversion of host time stamps to the autopilot's clock.
 
-    A log's stamps say when the host got a message, and radio links deliver late and in bursts.
-    Attitude carries the autopilot's time since boot; where messages carry it, it is taken, and
-    where they do not, it is interpolated between attitudes by the host's stamps.
+    A log's stamps are times of reception by the host, and radio links deliver late and in bursts.
+    Messages with the autopilot's time since boot keep it; for others it is interpolated between
+    attitude messages by the host's stamps.
 
     Attributes:
-        host_us, boot_us: (m,) of the attitudes; boot_us goes on over a reboot.
-        starts: rows at which the autopilot booted anew.
-        offsets_us: (m,) added to the autopilot's own count.
+        host_us, boot_us: (m,) of the attitudes; boot_us continues over a reboot.
+        starts: rows at which the autopilot rebooted.
+        offsets_us: (m,) added to the autopilot's time since boot.
     """
 
     host_us: Times
@@ -281,7 +282,7 @@ class AutopilotClock:
 
     @classmethod
     def from_attitude(cls, host_us: Times, boot_ms: NDArray[np.float64]) -> AutopilotClock:
-        """Return the clock of attitudes, in the order in which the host got them."""
+        """Return the clock from attitudes, in the order of reception."""
         device_us = (1000.0 * boot_ms).astype(np.int64)
         steps = np.diff(device_us, prepend=device_us[:1])
         # Late messages step back by less than a second; a reboot by all the time since the last.
@@ -293,7 +294,7 @@ class AutopilotClock:
         return cls(host_us, device_us + offsets, tuple(booted.tolist()), offsets)
 
     def time_from_host(self, host_us: Times) -> Times:
-        """Return the time of messages that carry none."""
+        """Return the time of messages without autopilot time."""
         if not self.host_us.size:
             return host_us
         order = np.argsort(self.host_us, kind="stable")
@@ -304,11 +305,11 @@ class AutopilotClock:
         return times
 
     def time_from_boot_ms(self, host_us: Times, boot_ms: NDArray[np.float64]) -> Times:
-        """Return the time of messages that carry milliseconds since boot."""
+        """Return the time of messages with milliseconds since boot."""
         return (1000.0 * boot_ms).astype(np.int64) + self._offset(host_us)
 
     def time_from_wrapped_us(self, host_us: Times, count_us: NDArray[np.float64]) -> Times:
-        """Return the time of messages that carry the lowest 32 bits of microseconds since boot."""
+        """Return the time of messages with the lowest 32 bits of microseconds since boot."""
         near = self.time_from_host(host_us) - self._offset(host_us)
         ahead = (count_us.astype(np.int64) - near + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
         times: Times = near + ahead + self._offset(host_us)

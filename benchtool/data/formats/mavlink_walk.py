@@ -1,4 +1,4 @@
-"""Walk through a MAVLink telemetry log (.tlog): time stamps, frames, and what lies between."""
+"""Parser of MAVLink telemetry logs (.tlog): time stamps, frames and corrupt bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MIN_STAMP_US, MAX_STAMP_US = 946684800_000000, 4102444800_000000  # 2000 to 2100
 
 
 class Frame(NamedTuple):
-    """Hold one frame: when the host got it, the system and component that sent it, its payload."""
+    """Frame: time of reception by the host, system and component of the sender, payload."""
 
     time_us: int
     sender: tuple[int, int]
@@ -24,11 +24,11 @@ class Frame(NamedTuple):
 
 
 class TlogWalk(NamedTuple):
-    """Hold the frames of the wanted kinds by message number, and the account of all.
+    """Frames of the selected kinds by message number, and counts of all frames.
 
     Attributes:
-        total: whole frames of any kind.
-        broken: frames whose checksum is wrong, or that the end cuts.
+        total: complete frames of any kind.
+        broken: frames with a wrong checksum, and a truncated last frame.
     """
 
     frames: dict[int, list[Frame]]
@@ -38,7 +38,7 @@ class TlogWalk(NamedTuple):
 
 
 def is_tlog(data: bytes) -> bool:
-    """Return whether bytes begin as a telemetry log does."""
+    """Return whether bytes begin like a telemetry log."""
     if len(data) < STAMP_BYTES + 8 or data[STAMP_BYTES] not in (V1, V2):
         return False
     return MIN_STAMP_US <= int.from_bytes(data[:STAMP_BYTES], "big") <= MAX_STAMP_US
@@ -48,7 +48,7 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
     """Return the frames of a log.
 
     Args:
-        extras: CRC_EXTRA of each wanted message number; other numbers are counted unchecked.
+        extras: CRC_EXTRA by selected message number; others are counted without a check.
         checksum: of MAVLink, over a frame without its first byte and with CRC_EXTRA at its end.
     """
     frames: dict[int, list[Frame]] = {number: [] for number in extras}
@@ -97,7 +97,7 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
 
 
 def _frame_length(data: bytes, begin: int) -> int:
-    """Return the length of the frame that begins here; 0 where none does."""
+    """Return the length of the frame that begins here, or 0 without a frame."""
     if begin + 2 >= len(data):
         return 0
     if data[begin] == V1:
@@ -113,7 +113,7 @@ def _is_start(data: bytes, offset: int) -> bool:
 
 
 def _next_start(data: bytes, offset: int) -> int:
-    """Return the next place where a plausible stamp stands before a frame's first byte."""
+    """Return the next offset of a plausible time stamp before a frame's first byte."""
     size = len(data)
     while offset + STAMP_BYTES < size:
         v1_start, v2_start = (
@@ -132,10 +132,7 @@ def _next_start(data: bytes, offset: int) -> int:
 def _report_losses(lost: int, first_lost: int, n_wrong: int, cut: str) -> list[Finding]:
     findings = []
     if lost:
-        text = (
-            f"{pluralize(lost, 'byte')} of no frame, first at byte {first_lost:,}; reading went on "
-            f"after"
-        )
+        text = f"{pluralize(lost, 'byte')} outside frames, first at byte {first_lost:,}; skipped"
         findings.append(Finding("refused", "corrupt bytes", text))
     if n_wrong > 0:
         text = f"{pluralize(n_wrong, 'frame')} with a wrong checksum"

@@ -1,4 +1,4 @@
-"""Messages of a flight log, whatever its format, and the recording that they are merged into."""
+"""Messages of a flight log of any format, and their merge into a recording."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from benchtool.data.repairs.import_result import Finding
 Times = NDArray[np.int64]
 
 Scales = Mapping[str, tuple[str, float]]  # by channel: field and factor
-LOOKS_DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270, which the logs of ArduPilot and PX4 count alike
+LOOKS_DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270, in logs of ArduPilot and PX4
 
 RAD = np.pi / 180.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream:
-    """Hold the channels that one kind of message gives.
+    """Channels of one kind of message.
 
     Attributes:
-        source: the message's name in the log, for people.
+        source: the message's name in the log, for display.
         time_us: (m,) on the log's clock.
-        columns: channel name and (m,) values in its unit.
-        fields: channel name and the message's field, for people.
+        columns: (m,) values in the channel's unit, by channel name.
+        fields: the message's field by channel name, for display.
     """
 
     source: str
@@ -40,25 +40,25 @@ class Stream:
     fields: dict[str, str]
 
     def blank(
-        self, channel: str, bad: NDArray[np.bool_], words: str, findings: list[Finding]
+        self, channel: str, is_bad: NDArray[np.bool_], reason: str, findings: list[Finding]
     ) -> None:
-        """Blank readings (m,) that the sensor reports as bad; `words` says what it calls them."""
-        self.columns[channel][bad] = np.nan
-        if many := int(np.count_nonzero(bad)):
+        """Blank readings (m,) that the sensor reports as bad; `reason` completes "that ..."."""
+        self.columns[channel][is_bad] = np.nan
+        if count := int(np.count_nonzero(is_bad)):
             what = "distance" if channel == "distance_m" else "rpm"
-            words = f"{pluralize(many, 'reading')} that {words}, blank now"
-            findings.append(Finding("repaired", what, words, channel, many))
+            text = f"{pluralize(count, 'reading')} that {reason}, blanked"
+            findings.append(Finding("repaired", what, text, channel, count))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
-    """Hold the messages of one kind, field by field.
+    """Messages of one kind, as columns.
 
     Attributes:
-        source: the kind's name in the log, for people.
-        time_us: (m,) on the log's clock; None where the messages carry no time.
+        source: the kind's name in the log, for display.
+        time_us: (m,) on the log's clock; None if the messages have no time.
         fields: (m,) each, by name; the elements of an array are "name[0]" and so on.
-        divisors: what the numbers of a field are divided by, where that is not 1.
+        divisors: divisor of a field's numbers by name; default 1.
     """
 
     source: str
@@ -70,11 +70,11 @@ class Messages:
         return len(next(iter(self.fields.values()), ()))
 
     def has(self, *names: str) -> bool:
-        """Return whether there are messages, and each has these fields."""
+        """Return whether there are messages with these fields."""
         return len(self) > 0 and all(name in self.fields for name in names)
 
     def numbers(self, name: str) -> Array:
-        """Return one field as fresh numbers (m,); nan for a text that is none."""
+        """Return a copy of one field as numbers (m,); nan for text that is not a number."""
         values = self.fields[name]
         if values.dtype.kind in "SV":
             return np.array([_number(cell) for cell in values.tolist()], float)
@@ -94,7 +94,7 @@ class Messages:
         return Messages(self.source, times, chosen, self.divisors)
 
     def stream(self, scales: Scales) -> list[Stream]:
-        """Return the channels whose fields the messages have; none without a field or a time."""
+        """Return a stream of the channels with a field in the messages; empty without any."""
         columns, fields = {}, {}
         for channel, (name, scale) in scales.items():
             if self.has(name):
@@ -106,7 +106,7 @@ class Messages:
         return [Stream(self.source, self.time_us, columns, fields)]
 
     def attitude(self, name: str, *, suffix: str = "") -> list[Stream]:
-        """Return the angles, nose down positive, of a field of quaternions from body to earth."""
+        """Return the angles, nose down positive, from a field of quaternions, body to earth."""
         parts = [f"{name}[{i}]" for i in range(4)]
         if self.time_us is None or not self.has(*parts):
             return []
@@ -116,7 +116,7 @@ class Messages:
         return [Stream(self.source, self.time_us, columns, dict.fromkeys(columns, name))]
 
     def select_downward(self, name: str, findings: list[Finding]) -> Messages:
-        """Return readings of sensors that look down; of none, with a finding, where none does."""
+        """Return readings of sensors that look down; if there are none, with a finding."""
         down = self.numbers(name) == LOOKS_DOWN
         if not down.any():
             text = f"{pluralize(down.size, 'reading')} of sensors that do not look down"
@@ -126,13 +126,13 @@ class Messages:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MessageLog:
-    """Hold what is read of a log.
+    """Messages of a log by kind, with counts.
 
     Attributes:
         kinds: messages by the name of their kind.
-        total: whole messages in the log, of any kind.
-        broken: messages that could not be read whole.
-        findings: what was met on the way; the reader of the messages adds its own.
+        total: complete messages in the log, of any kind.
+        broken: corrupt or incomplete messages.
+        findings: of the parser; the reader of the messages appends to it.
     """
 
     kinds: Mapping[str, Messages]
@@ -154,7 +154,7 @@ def _number(cell: Any) -> float:
 def euler_angles(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
     """Return roll, pitch (nose up) and yaw of quaternions (n,) from body to earth, z down: rad.
 
-    A quaternion of zeros, which some logs hold before the first estimate, gives nan.
+    A quaternion of zeros, as in some logs before the first estimate, results in nan.
     """
     size = np.sqrt(w * w + x * x + y * y + z * z)
     is_zero = ~(size > 0.5)
@@ -167,9 +167,9 @@ def euler_angles(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, 
 
 
 def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
-    """Return the streams as one recording, by time, and how many messages stood out of order.
+    """Return the streams as one recording, sorted by time, and the number of messages not in order.
 
-    time_s counts from the first message; device_time_us is the log's own clock. A channel is nan
+    time_s begins at the first message; device_time_us is the log's clock. A channel is nan
     in the rows of other messages. Messages of one kind with the same time get a row each.
     """
     times = np.concatenate([stream.time_us for stream in streams])
@@ -199,7 +199,7 @@ def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
 
 
 def _rank_equal_times(time_us: Times) -> NDArray[np.intp]:
-    """Return how many earlier messages of the same time there are, for each message (m,)."""
+    """Return the number of earlier messages of the same time, for each message (m,)."""
     order = np.argsort(time_us, kind="stable")
     ordered = time_us[order]
     starts = np.concatenate([[True], np.diff(ordered) != 0])[: ordered.size]

@@ -1,4 +1,4 @@
-"""Take from a PX4 log (.ulg) what a pitch recording needs; pyulog reads it."""
+"""Pitch recordings from PX4 logs (.ulg), by pyulog."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from benchtool.data.formats.flight_log import flight_import, parse_motor_map, se
 from benchtool.data.formats.messages import LOOKS_DOWN, MessageLog, Messages, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
-WANTED = (  # topics that are read; the others are counted only
+WANTED = (  # topics that are read; others are only counted
     "vehicle_attitude",
     "vehicle_attitude_setpoint",
     "vehicle_angular_velocity",
@@ -32,9 +32,9 @@ WANTED = (  # topics that are read; the others are counted only
 )
 
 MIN_PULSE_US, MAX_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
-MOTORS = {101 + i: 1 + i for i in range(12)}  # Motor number by output function
+MOTORS = {101 + i: 1 + i for i in range(12)}  # motor number by output function
 
-_FAULTS = (  # what pyulog lets through on broken files, beside its own exceptions
+_FAULTS = (  # exceptions of pyulog on corrupt files, in addition to ULogException
     *(struct.error, IndexError, KeyError, ValueError, TypeError, AttributeError, OverflowError),
     *(RecursionError, MemoryError, EOFError),
 )
@@ -50,7 +50,7 @@ def read_px4(
     walk = walk_ulog(data)
     findings = walk.findings
     if not walk.has_definitions:
-        reason = "; ".join(topic.words for topic in findings) or "it ends before its first message"
+        reason = "; ".join(item.words for item in findings) or "it ends before its first message"
         raise FileFormatError(where, f"nothing in it can be read: {reason}")
     try:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -60,13 +60,11 @@ def read_px4(
             where, f"its definitions are broken ({error}), so nothing in it can be read"
         ) from error
     if ulog.file_corruption:
-        text = "pyulog met messages that their definitions do not fit, and passed them over"
+        text = "pyulog skipped messages that contradict their definitions"
         findings.append(Finding("refused", "corrupt messages", text))
     if ulog.dropouts:
-        lost_s = 1e-3 * sum(topic.duration for topic in ulog.dropouts)
-        text = (
-            f"{pluralize(len(ulog.dropouts), 'time')} the logger fell behind, {lost_s:.3g} s in all"
-        )
+        lost_s = 1e-3 * sum(dropout.duration for dropout in ulog.dropouts)
+        text = f"{pluralize(len(ulog.dropouts), 'dropout')} of the logger, {lost_s:.3g} s in total"
         findings.append(Finding("doubt", "dropouts", text, count=len(ulog.dropouts)))
     kinds = {
         f"{topic.name}/{topic.multi_id}" if topic.multi_id else topic.name: _messages(topic)
@@ -84,7 +82,7 @@ def read_px4(
         *_distance(log),
     ]
     n_used = sum(stream.time_us.size for stream in streams)
-    # A log with data appended has its messages in two parts, of which pyulog may read one twice.
+    # pyulog may read one part of a log with appended data twice.
     log = replace(log, total=max(walk.total, n_used))
     return flight_import(log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)})
 
@@ -96,7 +94,7 @@ def _messages(topic: Any) -> Messages:
 
 
 def _motors(parameters: Mapping[str, Any]) -> dict[int, int]:
-    """Return motor number by output channel (from 1), of the first outputs that have motors."""
+    """Return motor number by output channel (from 1), of the first group with motors."""
     numbers = {str(name): float(x) for name, x in parameters.items() if isinstance(x, int | float)}
     for outputs in ("PWM_MAIN", "PWM_AUX", "HIL_ACT"):
         if motor_map := parse_motor_map(numbers, rf"{outputs}_FUNC(\d+)", MOTORS):
@@ -114,7 +112,7 @@ def _device(log: Any) -> str:
 
 
 def _attitude_setpoint(messages: Messages) -> list[Stream]:
-    """Return the wanted attitude: the quaternion, or the angles where older logs hold those."""
+    """Return the attitude setpoint: the quaternion, or the angles of older logs."""
     streams = messages.attitude("q_d", suffix="_ref")
     if streams and np.isfinite(streams[0].columns["theta_ref_rad"]).any():
         return streams
@@ -140,7 +138,7 @@ def _rates(log: MessageLog) -> list[Stream]:
 
 
 def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
-    """Return pulses where outputs are pulses."""
+    """Return pulse widths of outputs that are pulse widths."""
     used = _max_value(messages, "noutputs")
     channels = [
         n
@@ -154,7 +152,7 @@ def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]
             {f"pwm{motor}_us": (f"output[{n - 1}]", 1.0) for n, motor in chosen.items()}
         )
     if channels:
-        text = "outputs are no pulse widths (DShot, or a simulator's), so they give no pwm"
+        text = "outputs are not pulse widths (DShot or a simulator), so there is no pwm"
         findings.append(Finding("left out", "outputs", text, count=len(channels)))
     return []
 
@@ -165,7 +163,7 @@ def _has_pulses(values: Array) -> bool:
 
 
 def _shares(messages: Messages) -> list[Stream]:
-    """Return shares of full thrust where they are logged."""
+    """Return shares of full thrust, if logged."""
     logged = [n for n in range(12) if messages.has(f"control[{n}]")]
     finite = [n for n in logged if np.isfinite(messages.numbers(f"control[{n}]")).any()]
     return messages.stream({f"motor{n + 1}_share": (f"control[{n}]", 1.0) for n in finite})
@@ -182,7 +180,7 @@ def _speeds(messages: Messages) -> list[Stream]:
 
 
 def _max_value(messages: Messages, field: str) -> int:
-    """Return the largest number of a field; 0 without one."""
+    """Return the largest number of a field, or 0 without the field."""
     return int(np.max(messages.fields.get(field, np.zeros(1)), initial=0))
 
 
@@ -203,7 +201,8 @@ def _distance(log: MessageLog) -> list[Stream]:
         streams = sensor.stream({"distance_m": ("current_distance", 1.0)})
         if streams and sensor.has("signal_quality"):
             is_bad = sensor.numbers("signal_quality") == 0
-            streams[0].blank("distance_m", is_bad, "the sensor itself calls invalid", log.findings)
+            reason = "the sensor reports as invalid"
+            streams[0].blank("distance_m", is_bad, reason, log.findings)
         return streams
     if sensors:
         text = "no distance sensor that looks down"
@@ -212,21 +211,21 @@ def _distance(log: MessageLog) -> list[Stream]:
 
 
 HEADER_BYTES = 16
-_KINDS = frozenset(b"FDIMPQARSOLCB")  # Types of messages in PX4's ULog format, version 1
+_KINDS = frozenset(b"FDIMPQARSOLCB")  # message types of PX4's ULog format, version 1
 
 _DATA = ord("D")
-_BODY = frozenset(b"ALCD")  # Types that stand only after all definitions
-MAX_MESSAGE_BYTES = 10_000  # No message is longer in practice; pyulog takes the same bound
-WHOLE_RUN = 8  # So many messages in a row that hang together are no chance: reading goes on there
+_BODY = frozenset(b"ALCD")  # types that occur only after all definitions
+MAX_MESSAGE_BYTES = 10_000  # as in pyulog
+WHOLE_RUN = 8  # consecutive valid messages required to resume reading; assumed
 
 
 class UlogWalk(NamedTuple):
-    """Hold what was met on the way through a log.
+    """Result of the parse of a log.
 
     Attributes:
-        readable: the log's bytes without those that are no message.
-        broken: 1 for a data message that the end cuts.
-        has_definitions: every definition is whole.
+        readable: the log's bytes without corrupt ones.
+        broken: 1 for a truncated data message at the end.
+        has_definitions: all definitions are complete.
     """
 
     readable: bytes
@@ -237,10 +236,10 @@ class UlogWalk(NamedTuple):
 
 
 def walk_ulog(data: bytes) -> UlogWalk:
-    """Follow the lengths of a log's messages to its end, over stretches that make no sense.
+    """Return a log's complete messages, skipping corrupt bytes.
 
-    pyulog is given whole messages only. On broken ones it reads on in silence, and where its
-    definitions are broken it may never come back.
+    pyulog gets complete messages only: it ignores corrupt ones silently and may not return if
+    definitions are corrupt.
     """
     offset, size, messages, broken = HEADER_BYTES, len(data), 0, 0
     begin, pieces, gaps = 0, [], []
@@ -253,7 +252,7 @@ def walk_ulog(data: bytes) -> UlogWalk:
         if kind not in kinds or not 0 < length < max_bytes:
             pieces.append(data[begin:offset])
             if not has_body:
-                text = f"the definitions break at byte {offset:,} of {size:,}"
+                text = f"the definitions are corrupt at byte {offset:,} of {size:,}"
                 findings.append(Finding("refused", "corrupt bytes", text))
                 begin = offset = size
                 break
@@ -270,8 +269,8 @@ def walk_ulog(data: bytes) -> UlogWalk:
     if gaps:
         lost = sum(length for _, length in gaps)
         text = (
-            f"{lost:,} bytes in {pluralize(len(gaps), 'place')} are no message, first at byte "
-            f"{gaps[0][0]:,}; reading went on at the next run of messages"
+            f"{lost:,} bytes in {pluralize(len(gaps), 'place')} are not messages, first at byte "
+            f"{gaps[0][0]:,}; skipped to the next {WHOLE_RUN} valid messages"
         )
         findings.append(Finding("refused", "corrupt bytes", text))
     if offset < size:
@@ -282,7 +281,7 @@ def walk_ulog(data: bytes) -> UlogWalk:
 
 
 def _next_run(data: bytes, offset: int) -> int:
-    """Return where the next messages begin that hang together; the end where none do."""
+    """Return the offset of the next consecutive valid messages, or the end."""
     size = len(data)
     while offset + 3 <= size:
         if data[offset + 2] in _KINDS and _is_run(data, offset):

@@ -1,7 +1,7 @@
-"""Logs of RCbenchmark and Tyto stands, series 1520, 1580/1585 and 1780, as their program saves.
+"""Logs of RCbenchmark and Tyto stands, series 1520, 1580/1585 and 1780.
 
-The columns are known by name, so logs with a script's own columns, older wording or a spreadsheet's
-`;` read alike. Thrust stands in whatever unit the user chose to see.
+Columns are found by name, so extra columns, older names and other delimiters are accepted. The unit
+of thrust is the one selected by the user.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _find_channel(name: str) -> str | None:
 def _select_speed(
     columns: Sequence[MappedColumn], values_by_name: Mapping[str, Array], findings: list[Finding]
 ) -> list[MappedColumn]:
-    """Take the optical probe for the speed where only that one lives; report dead ones."""
+    """Drop speed columns without a reading; the optical speed replaces a missing electrical one."""
     is_live = {
         name: bool(np.any(values_by_name[name] > 0.0))
         for name in ("rpm1", "rpm1_optical")
@@ -80,10 +80,10 @@ def _select_speed(
             optical_only = column.name == "rpm1_optical" and not is_live.get("rpm1")
             selected.append(replace(column, name="rpm1") if optical_only else column)
             continue
-        text = f"{column.source} is 0 or blank in every row and left out"
+        text = f"{column.source} is 0 or blank in every row"
         count = len(values_by_name[column.name])
         findings.append(Finding("left out", "dead channel", text, column.name, count))
     if not any(is_live.values()):
-        text = "no speed was measured; thrust can only be held against the ESC signal"
+        text = "no speed was measured; thrust can only be compared with the ESC signal"
         findings.append(Finding("lacks", "rpm", text))
     return selected

@@ -1,4 +1,4 @@
-"""Mark when a rotor is over a surface: by the user's windows, by a distance sensor."""
+"""Time windows with a rotor over a surface, from the user or a distance sensor."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from benchtool.data.repairs.import_result import Finding, ImportResult, Window
 
 _ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")
 
-MAX_GAP_S = 1.0  # longer silence of a sensor ends a window (10 Hz is usual); assumed
+MAX_GAP_S = 1.0  # a longer dropout of the sensor ends a window (10 Hz is usual); assumed
 
 
 def parse_window(text: str) -> Window:
-    """Read `12.5:18:1`, a window that the user gives; rotor `all` or 0 means each."""
+    """Parse a window START:END:ROTOR, for example `12.5:18:1`; rotor `all` or 0 means all."""
     parts = text.split(":")
     wrong = ""
     try:
@@ -32,9 +32,9 @@ def parse_window(text: str) -> Window:
     if len(parts) != 3 or rotor < 0 or not (isfinite(start_s) and isfinite(end_s)):
         wrong = "write it as START:END:ROTOR in seconds"
     elif start_s < 0.0:
-        wrong = f"START is {start_s:g} s, but a recording begins at 0 s; write START:END:ROTOR"
+        wrong = f"START is {start_s:g} s; allowed: from 0 s; write START:END:ROTOR"
     elif end_s <= start_s:
-        wrong = f"END ({end_s:g} s) is not after START ({start_s:g} s); write START:END:ROTOR"
+        wrong = f"END {end_s:g} s is not after START {start_s:g} s; write START:END:ROTOR"
     if wrong:
         raise InputError(f"--over {text!r}: {wrong}, for example 12.5:18:1")
     return Window(start_s=start_s, end_s=end_s, rotor=rotor, source="user")
@@ -43,23 +43,23 @@ def parse_window(text: str) -> Window:
 def mark_windows(
     result: ImportResult, user_windows: Sequence[Window], near_m: float | None
 ) -> ImportResult:
-    """Return the import with its windows, and with channels coverage1, ... that hold them.
+    """Return the import with its windows, and with them as channels coverage1, ...
 
-    coverage is 1 where the rotor is over the surface and 0 elsewhere; how much of its disc is over
-    it, neither the user's window nor a sensor says.
+    coverage is 1 where the rotor is over the surface, else 0; the share of the disc over it is
+    unknown.
     """
     recording = result.recording
     if not user_windows and near_m is None:
         return result
     if "time_s" not in recording:
         raise InputError(
-            f"{recording.provenance.get('file', 'the file')} has no time, so --over and --near-m "
-            f"mark nothing in it; leave them out"
+            f"{recording.provenance.get('file', 'the file')} has no time, needed for --over and "
+            f"--near-m; remove these options"
         )
     windows, findings = list(user_windows), []
     if near_m is not None:
         if "distance_m" not in recording:
-            text = "--near-m was given, but no distance sensor stands in the file"
+            text = "--near-m needs a distance sensor, missing in the file"
             findings.append(Finding("lacks", "distance sensor", text))
         else:
             sensed = _find_near_windows(
@@ -67,24 +67,25 @@ def mark_windows(
             )
             windows += sensed
             text = (
-                f"{pluralize(len(sensed), 'window')} where it reads below {near_m:g} m; it looks "
-                f"down from the body, which stands for all rotors"
+                f"{pluralize(len(sensed), 'window')} with a distance below {near_m:g} m from the "
+                f"body, applied to all rotors"
             )
             findings.append(Finding("read as", "over a surface", text, "distance_m", len(sensed)))
     rotors = sorted(
-        {int(found[1]) for name in recording.names if (found := _ROTOR.fullmatch(name))}
+        {int(match[1]) for name in recording.names if (match := _ROTOR.fullmatch(name))}
     )
     time_s = recording.column("time_s")
     end_s = float(np.nanmax(time_s))
     for window in windows:
         if window.rotor and rotors and window.rotor not in rotors:
             raise InputError(
-                f"--over names rotor {window.rotor}, but the file has rotors "
+                f"--over rotor {window.rotor} is unknown; the file has rotors "
                 f"{', '.join(map(str, rotors))}"
             )
         if window.start_s > end_s:
             raise InputError(
-                f"--over begins at {window.start_s:g} s, but the recording ends at {end_s:.6g} s"
+                f"--over start {window.start_s:g} s is out of range; allowed: up to {end_s:.6g} s, "
+                f"the end of the recording"
             )
     for rotor in rotors or [1]:
         covered = np.zeros(len(recording))

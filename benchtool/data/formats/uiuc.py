@@ -1,4 +1,4 @@
-"""Static runs of the UIUC Propeller Database: RPM, CT, CP in a file named after the propeller."""
+"""Static runs of the UIUC Propeller Database: RPM, CT, CP in files named by propeller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SIZE = re.compile(r"_(?P<size>\d+(?:\.\d+)?x\d+(?:\.\d+)?)")
 
 
 def is_uiuc(head: bytes) -> bool:
-    """Return whether a header is that of a static run of the database."""
+    """Return whether a file begins like a static run of the database."""
     return head.split(maxsplit=3)[:3] == [b"RPM", b"CT", b"CP"]
 
 
@@ -32,25 +32,25 @@ def read_uiuc(
 ) -> ImportResult:
     """Return a static run: T = CT rho n^2 D^4, Q = CP rho n^2 D^5 / (2 pi), n in turns a second.
 
-    The diameter stands in the file's name, in inches. Coefficients as in Brandt and Selig,
+    The file's name contains the diameter in inches. Coefficients as in Brandt and Selig,
     AIAA 2011-1255.
     """
     size = _SIZE.search(Path(where).name)
     if size is None and options.propeller is None:
         raise FileFormatError(
             where,
-            "the diameter stands in the name of such files (apcsf_10x7_static_...); rename it, or "
-            "state it with --propeller 10x7",
+            "the file name contains no diameter (as in apcsf_10x7_static_...); rename the file or "
+            "use --propeller 10x7",
         )
     propeller = options.propeller or load_propeller(size["size"] if size else "")
     diameter_m = propeller.diameter_m
     table = parse_rows(data, where)
     columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
-    density = STANDARD_DENSITY_KG_M3  # the database does not state the day's air; assumed
+    density = STANDARD_DENSITY_KG_M3  # the database has no air data; assumed
     if options.air_density_kg_m3 is not None:
         density = options.air_density_kg_m3
     findings = [
-        Finding("lacks", "time", "a table of steady speeds: rows have an order and no time"),
+        Finding("lacks", "time", "a table of steady speeds: rows are ordered but have no time"),
         Finding(
             "read as", "diameter",
             f"{from_si(diameter_m, 'in'):.4g} in, "
@@ -64,7 +64,7 @@ def read_uiuc(
     recording = result.recording
     for need in ("rpm1", "ct"):
         if need not in recording:
-            raise FileFormatError(where, f"there is no {need} in it; mend the table")
+            raise FileFormatError(where, f"column {need} is missing; correct the table")
     turns_per_s = recording.column("rpm1") / 60.0
     thrust = recording.column("ct") * density * turns_per_s**2 * diameter_m**4
     recording = recording.with_column(Channel("thrust_N", "N"), thrust)

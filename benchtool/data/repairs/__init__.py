@@ -1,1 +1,1 @@
-"""What imported columns need before they can be trusted."""
+"""Checks and repairs of imported columns."""

@@ -1,4 +1,4 @@
-"""Turn a laid-out table into a recording: which columns are which channels, and their numbers."""
+"""Conversion of a text table to a recording: channel and unit of each column."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from benchtool.data.repairs.numbers import parse_numbers
 
 
 def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
-    """Return what recognizes a file by the columns of its first line, units in brackets aside.
+    """Return a format test by the columns of a file's header, without units in brackets.
 
     Args:
-        names: columns that must all be there.
-        any_of: columns of which one must be there; empty where none must.
+        names: columns that are all required.
+        any_of: columns of which one is required, if not empty.
     """
 
     def recognizes(head: bytes) -> bool:
@@ -51,13 +51,13 @@ def map_header(
     refuse: bool = True,
     hint: str = "",
 ) -> tuple[list[MappedColumn], list[Finding]]:
-    """Return the columns of a table that are known, and findings about units and the others.
+    """Return the known columns of a table, and findings about units and unknown columns.
 
     Args:
-        channel_of: our channel by the column's name without its unit; None where it is unknown.
-        units: the unit by channel that a column without one has; our own where it is not here.
-        refuse: a unit that measures something else is an error; otherwise it is doubted.
-        hint: what to do about unknown columns, for people.
+        channel_of: returns the channel for a column name without unit, or None if unknown.
+        units: unit of columns without one, by channel; the channel's unit by default.
+        refuse: a unit of another dimension is an error, else a doubt.
+        hint: remedy for unknown columns.
     """
     columns: list[MappedColumn] = []
     findings: list[Finding] = []
@@ -107,11 +107,11 @@ def read_columns(
 ) -> ImportResult:
     """Return the mapped columns of a table as an import.
 
-    Columns whose cells are all blank are reported and left out.
+    Blank columns are dropped, with a finding.
 
     Args:
-        findings: what the reader of the header found.
-        choose: looks at the numbers that were read and returns which columns stay.
+        findings: of the header.
+        choose: returns the columns to use, from their numbers.
     """
     positions = [column.position for column in columns if column.position is not None]
     numbers = parse_numbers(table, positions)
@@ -134,8 +134,8 @@ def read_columns(
             continue
         if blank:
             text = (
-                f"{blank:,} of {pluralize(rows, 'row')} are blank, as a slower channel leaves "
-                f"them: no new value, nothing is filled in"
+                f"{blank:,} of {pluralize(rows, 'row')} are blank, as in a channel with a lower "
+                f"rate; not filled"
             )
             all_findings.append(Finding("read as", "blank cells", text, column.name, blank))
         mapped.append((column, values))
@@ -145,10 +145,10 @@ def read_columns(
     if not rows or not mapped:
         names = ", ".join(name for name in table.header if name)
         raise FileFormatError(
-            table.where, f"no row holds numbers in the columns that are read ({names})"
+            table.where, f"no row has numbers in the columns that are read ({names})"
         )
-    # Memory for a second table of a million rows takes as long as reading: where every channel has
-    # a column of its own, rows move up in the memory that they were read into.
+    # Allocating a second table of a million rows takes as long as reading: without constants and
+    # shared columns, rows move up within the memory that they were read into.
     in_place = len(set(positions)) == len(positions) and all(
         c.position is not None for c, _ in mapped
     )
@@ -178,7 +178,7 @@ def read_columns(
 def read_by_map(
     data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
 ) -> ImportResult:
-    """Return the columns of a CSV file that the user's map names."""
+    """Return the columns of a CSV file in the user's map."""
     map_path = options.columns
     assert map_path is not None
     table = parse_rows(data, where)
@@ -192,12 +192,12 @@ def read_by_map(
             raise
         raise FileFormatError(str(map_path), str(error)) from error
     if any(column.reference for column in columns):
-        raise InputError(f"kind of {map_path} names reference rows, which benchtool fit reads")
+        raise InputError(f"reference rows in {map_path} are not supported; use benchtool fit")
     used = {column.position for column in columns}
     unmapped = [head for index, head in enumerate(table.header) if head and index not in used]
     findings = []
     if unmapped:
-        text = f"the map does not name {', '.join(unmapped)}"
+        text = f"not in the map: {', '.join(unmapped)}"
         findings.append(Finding("left out", "columns", text, count=len(unmapped)))
     return read_columns(
         table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
@@ -207,17 +207,17 @@ def read_by_map(
 def read_by_names(
     data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
 ) -> ImportResult:
-    """Return the columns of a CSV whose names and units are understood.
+    """Return the columns of a CSV with known names and units.
 
-    A column that names no unit is taken in ours, and a doubt says so.
+    The default unit is the channel's, with a doubt.
     """
     table = parse_rows(data, where)
-    hint = "; --columns MAP.toml says what they are"
+    hint = "; map them with --columns MAP.toml"
     columns, findings = map_header(table, match_channel, hint=hint)
     if not columns:
         unknown = ", ".join(list(filter(None, table.header))[:12])
         raise FileFormatError(
             where,
-            f"none of its columns is known ({unknown}); say which is which with --columns MAP.toml",
+            f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
         )
     return read_columns(table, columns, "named columns", provenance, findings)

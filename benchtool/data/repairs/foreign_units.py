@@ -1,4 +1,4 @@
-"""Units as other people's files write them, converted to ours; pint where our own list ends."""
+"""Conversion of units in foreign files; pint for units that benchtool does not define."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, 
 }
 
 _FORCE_OF_MASS: dict[str, str] = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
-"""A thrust given in a unit of mass is that mass's weight."""
+"""Unit of weight by unit of mass, for a thrust in a unit of mass."""
 
 _TURNS: frozenset[str] = frozenset({"Hz", "rps", "rev/s", "1/s"})  # pint takes Hz for rad/s
 
@@ -45,23 +45,23 @@ _FOR_PINT: dict[str, str] = {
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit as headers write it, of our list or of weights."""
+    """Return whether a text is a unit: of benchtool, a known spelling or a unit of mass."""
     return text not in ("", "1") and (text in UNITS or text in _SPELLINGS or text in _FORCE_OF_MASS)
 
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """Turn a file's numbers into ours: ours = factor * theirs + offset."""
+    """Linear unit conversion: channel value = factor * file value + offset."""
 
     factor: float
     offset: float = 0.0
 
 
 def conversion(text: str, target: str) -> Conversion:
-    """Return how numbers in the unit `text` become numbers in our unit `target`.
+    """Return the conversion from the unit `text` to the unit `target`.
 
     Raises:
-        InputError: a unit that pint does not know, or one that measures something else.
+        InputError: the unit is unknown to pint or of another dimension.
     """
     unit = " ".join(text.split())
     unit = _SPELLINGS.get(unit, unit)
@@ -82,10 +82,10 @@ def conversion(text: str, target: str) -> Conversion:
 
 
 def unit_in_header(text: str, target: str) -> Conversion | None:
-    """Return how numbers under a header with this text in brackets become ours; None for no unit.
+    """Return the conversion from a header's text in brackets, or None if it is not a unit.
 
     Raises:
-        InputError: a unit that measures something else.
+        InputError: a unit of another dimension.
     """
     if not text:
         return None
@@ -109,13 +109,13 @@ def _through_pint(unit: str, target: str, text: str) -> Conversion:
         )
     except pint.DimensionalityError as error:
         raise InputError(
-            f"unit {text!r} does not measure {find_unit(target).dimension} ({target}); give the "
-            f"column's own unit"
+            f"unit {text!r} is not a unit of {find_unit(target).dimension} ({target}); correct the "
+            f"column's unit"
         ) from error
     except _PINT_FAULTS as error:
         raise InputError(
-            f"unit {text!r} is unknown; write it as N, gf, lbf, ozf, rpm, Hz, us, degF, ..., or "
-            f"any unit that pint knows"
+            f"unit {text!r} is unknown; use N, gf, lbf, ozf, rpm, Hz, us, degF, ..., or another "
+            f"unit of pint"
         ) from error
     return Conversion(at_one - at_zero, at_zero)
 
@@ -124,13 +124,12 @@ _PINT_FAULTS = (
     *(AttributeError, ValueError, TypeError, KeyError, SyntaxError, AssertionError),
     *(ArithmeticError, RecursionError, NotImplementedError, tokenize.TokenError),
 )
-"""What pint raises on text that is no unit: its own errors are of several trees (UndefinedUnitError
-is an AttributeError)."""
+"""Exceptions of pint for text that is not a unit (UndefinedUnitError is an AttributeError)."""
 
 
 @cache
 def _registry() -> Any:
-    """Make pint's registry, which takes a tenth of a second, only when a file needs it."""
+    """Return pint's registry, created on demand, as that takes 0.1 s."""
     import pint
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -141,19 +140,19 @@ _WITH_UNIT = re.compile(r"(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]")
 
 @dataclass(frozen=True, slots=True)
 class HeaderCell:
-    """Hold a column's name and unit as the header writes them; the unit may be missing."""
+    """Name and unit of a column as in the header; the unit may be missing."""
 
     name: str
     unit: str | None
 
     @property
     def text(self) -> str:
-        """Both together."""
+        """Name and unit as one text."""
         return self.name if self.unit is None else f"{self.name} [{self.unit}]"
 
 
 def parse_header_cell(cell: str) -> HeaderCell:
-    """Return what a header cell says."""
+    """Return name and unit of a header cell."""
     cell = cell.strip()
     match = _WITH_UNIT.fullmatch(cell)
     if match is None or not match["name"]:

@@ -1,4 +1,4 @@
-"""Points of a hover flight: what the rotors lift is the vehicle's own weight."""
+"""Points from hover flights, where thrust is the vehicle's weight."""
 
 from __future__ import annotations
 
@@ -14,26 +14,25 @@ from benchtool.core.plural import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.repairs.import_result import Finding, ImportResult
 
-MIN_HOVER_S = 1.0  # of a point: tens of samples, heights hardly change; assumed
-STEADY_M_S = 0.05  # faster climbs make no point: the wake has no time to settle; assumed
-MIN_SAMPLES = 10  # Samples that a stay needs for its acceleration. A choice
+MIN_HOVER_S = 1.0  # duration of a point: tens of samples at nearly constant height; assumed
+STEADY_M_S = 0.05  # fastest climb of a point, slow enough for the wake to settle; assumed
+MIN_SAMPLES = 10  # of a point, to estimate the acceleration; assumed
 
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 
 
 def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
-    """Return steady stays of a flight as points with thrust_N = m (g + a).
+    """Return steady hover segments of a flight as points with thrust_N = m (g + a).
 
-    The vertical acceleration a is that of a parabola through the heights of a stay. Speeds of
-    rotors are root mean squares, as thrust goes with their square; pulses and all else are means.
-    Height is plate_z_m: that of whatever was tracked above the floor.
+    The vertical acceleration a is from a parabola through the heights of a segment. Rotor speeds
+    are root mean squares, as thrust is proportional to their square; other channels are means.
+    plate_z_m is the height of the tracked point above the floor.
 
     Args:
-        read: a table with time_s, plate_z_m and rotor speeds or pulses.
-        mass_kg: of the vehicle in flight.
+        result: a table with time_s, plate_z_m and rotor speeds or pulse widths.
 
     Raises:
-        InputError: a channel is missing, or no stay is steady.
+        InputError: a channel is missing, or no segment is steady.
     """
     recording = result.recording
     speeds = [name for name in recording.names if _SPEED.fullmatch(name)]
@@ -53,7 +52,7 @@ def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     ]
     for stay in stays:
         since_s = time_s[stay] - time_s[stay].mean()
-        if np.ptp(since_s) < 0.8 * MIN_HOVER_S:  # the parabola of a piece says little
+        if np.ptp(since_s) < 0.8 * MIN_HOVER_S:  # too short to estimate the acceleration
             continue
         half_a, climb, _ = np.polyfit(since_s, height_m[stay], 2)
         if abs(climb) > STEADY_M_S:
@@ -65,15 +64,15 @@ def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
         thrust_N.append(mass_kg * (STANDARD_GRAVITY_M_S2 + 2.0 * half_a))
     if not rows:
         raise InputError(
-            f"no {MIN_HOVER_S:g} s of the flight climb slower than {STEADY_M_S:g} m/s with every "
-            f"rotor turning; check the units of time_s and plate_z_m"
+            f"no {MIN_HOVER_S:g} s of the flight with all rotors turning and a climb below "
+            f"{STEADY_M_S:g} m/s; check the units of time_s and plate_z_m"
         )
     points = replace(recording, values=np.array(rows))
     if "thrust_N" in points:
-        raise InputError("--hover makes thrust_N, which the table has already; leave one out")
+        raise InputError("--hover computes thrust_N, but the table has it; remove one of them")
     text = (
         f"thrust is {mass_kg:g} kg times gravity and vertical acceleration; "
-        f"{pluralize(len(rows), 'steady stay')} of {MIN_HOVER_S:g} s are points"
+        f"{pluralize(len(rows), 'steady segment')} of {MIN_HOVER_S:g} s are points"
     )
     return replace(
         result,

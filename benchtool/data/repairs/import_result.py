@@ -1,4 +1,4 @@
-"""What an import gives: a recording, where it comes from, and all that was found on the way."""
+"""Result of an import: recording, sources, counts and findings."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ Count = Annotated[int, Ge(0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportCount:
-    """Account for what a file holds: every row or message is in one of these numbers.
+    """Counts of a file's rows or messages; each one is in one of them.
 
     Attributes:
         unit: "row" or "message".
-        refused: counted, not in the recording, each with its line or byte in a finding.
-        not_needed: whole and readable, of a kind that no recording holds.
+        refused: not in the recording, each with its line or byte in a finding.
+        not_needed: readable, but of a kind that recordings do not contain.
     """
 
     unit: str
@@ -35,18 +35,18 @@ class ImportCount:
 
     @property
     def balanced(self) -> bool:
-        """Whether nothing was lost without a finding."""
+        """True if the counts add up to the total."""
         return self.total == self.kept + self.refused + self.not_needed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Mark a stretch of time in which a rotor is over a surface.
+    """Time window in which a rotor is over a surface.
 
     Attributes:
-        start_s, end_s: in the recording's own time.
+        start_s, end_s: in the recording's time.
         rotor: its number; 0 for all.
-        source: "user", or the sensor that says so.
+        source: "user" or name of the sensor.
     """
 
     start_s: float
@@ -57,16 +57,16 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ImportResult:
-    """Hold one imported file.
+    """Imported file.
 
     Attributes:
-        recording: the values, in benchtool's channels and units.
-        findings: repairs, doubts, refusals and lacks, in the order of the reading.
-        tally: the account of rows or messages.
-        sources: for each channel, the file's own column or message.
-        windows: when a rotor is over a surface.
-        propeller: that stood on the bench, as the user or the file says; None where neither does.
-        lines: (n,) line of the file that each row of the recording stands in; None for logs.
+        recording: values in benchtool's channels and units.
+        findings: in the order of their detection.
+        tally: counts of rows or messages.
+        sources: the file's column or message by channel.
+        windows: with a rotor over a surface.
+        propeller: of the bench, from the user or the file; None if unknown.
+        lines: (n,) line of the file of each row of the recording; None for logs.
     """
 
     recording: Recording
@@ -79,11 +79,11 @@ class ImportResult:
     propeller: Propeller | None = None
 
     def with_findings(self, findings: Sequence[Finding]) -> ImportResult:
-        """Return the import with more findings."""
+        """Return the import with additional findings."""
         return replace(self, findings=(*self.findings, *findings))
 
     def with_values(self, name: str, values: NDArray[np.float64]) -> ImportResult:
-        """Return the import with other numbers (n,) in one channel."""
+        """Return the import with the numbers (n,) of one channel replaced."""
         table = self.recording.values.copy(order="K")
         table[:, self.recording.index(name)] = values
         return replace(self, recording=replace(self.recording, values=table))
@@ -98,18 +98,17 @@ Kind = Literal["repaired", "refused", "doubt", "left out", "lacks", "read as"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Report one thing about a file that its reader must know.
+    """Entry of the import report.
 
     Attributes:
-        kind: "repaired" (mended as the words say), "refused" (rows or bytes that are not in the
-            recording), "doubt" (left as it is; look at it), "left out" (columns or messages that
-            a recording does not need), "lacks" (what the file does not hold), "read as" (a choice
-            of reading that the file does not settle, or settles only by a convention).
-        what: the matter in two or three words, the same for the same matter in every file.
-        words: a sentence with the numbers.
-        channel: the channel or column it is about; empty for the whole file.
-        count: rows, cells, messages or bytes it is about.
-        lines: which lines of the file, as ranges ("3, 7-12"); empty where lines say nothing.
+        kind: "repaired", "refused" (rows or bytes not in the recording), "doubt" (unchanged, to be
+            checked by the user), "left out" (columns or messages that a recording does not need),
+            "lacks" (missing in the file), "read as" (an assumption or convention).
+        what: topic in two or three words, the same in every file.
+        words: message with the numbers.
+        channel: the channel or column; empty for the whole file.
+        count: rows, cells, messages or bytes concerned.
+        lines: of the file, as ranges ("3, 7-12"); empty if not applicable.
     """
 
     kind: Kind
@@ -121,7 +120,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """The finding in one line of text."""
+        """The finding as one line of text."""
         about = f" ({self.channel})" if self.channel else ""
         return f"{self.kind}: {self.what}{about}: {self.words}"
 
@@ -138,19 +137,18 @@ def line_ranges(lines: Sequence[int] | NDArray[np.intp]) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """Hold the options of an import.
+    """Options of an import.
 
     Attributes:
-        columns: column map for a CSV; None lets the header speak.
+        columns: column map for a CSV; None uses the header.
         flip: channels whose sign is reversed.
-        tare: channels whose reading at rest is taken off.
+        tare: channels whose reading at rest is subtracted.
         scale: factors as CHANNEL=FACTOR.
-        air_density_kg_m3: for files that hold coefficients.
-        propeller: that stood on the bench, for coefficients and tip speeds.
-        hover_kg: mass of the vehicle whose weight is the thrust of a hover flight.
+        air_density_kg_m3: for files with coefficients.
+        propeller: of the bench, for coefficients and tip speeds.
+        hover_kg: mass of the vehicle of a hover flight, to compute the thrust.
         over: windows in which a rotor is over a surface.
-        near_m: a distance sensor that reads less says that the vehicle is over a surface; None
-            lets it say nothing.
+        near_m: distance sensor readings below this mean over a surface; None ignores the sensor.
     """
 
     columns: Path | None = None
@@ -165,7 +163,7 @@ class ImportOptions:
 
 
 def import_metadata(result: ImportResult, options: ImportOptions) -> dict[str, Any]:
-    """Return what the JSON beside an imported recording says of the import."""
+    """Return the import's entries for the JSON metadata of the recording."""
     from benchtool import __version__
 
     metadata: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Turn cells of a laid-out table into numbers; text among them is blanked or refused in words."""
+"""Parser of table cells as numbers; text cells are blanked or their rows refused."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from benchtool.data.csv_text import THOUSANDS, TextTable, pad_rows
 from benchtool.data.repairs.import_result import Finding, line_ranges
 from benchtool.data.run.sample_stream import plain_values
 
-_BLOCK_BYTES = 1 << 20  # fits a processor's cache: four times as much takes twice as long
+_BLOCK_BYTES = 1 << 20  # fits a processor's cache; four times as much takes twice as long
 
 _NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
 _NUMBER = re.compile(
@@ -28,13 +28,13 @@ _NUMBER = re.compile(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NumericTable:
-    """Hold the numbers of some columns.
+    """Numbers of selected columns.
 
     Attributes:
-        table: as it was read: evened, where it was not even.
-        columns: (c, n) a row for each column that is read; nan where a cell is blank.
-        lines: (n,) line of each stored row.
-        findings: what was blanked or refused.
+        table: with rows of one width.
+        columns: (c, n) one row per selected column; nan for a blank cell.
+        lines: (n,) line of each row.
+        findings: about blanked cells and refused rows.
     """
 
     table: TextTable
@@ -50,7 +50,7 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     lines, findings = table.lines, list[Finding]()
     try:
         columns = _floats(table, positions)
-        # A row of blanks makes every column's sum nan, which is quicker to see.
+        # With a row of blanks, all sums are nan, which is a faster test.
         no_sums = bool(np.isnan(columns.sum(axis=1)).all())
         if table.is_even and no_sums and np.isnan(columns).all(axis=0).any():
             return parse_numbers(pad_rows(table), positions)
@@ -61,17 +61,17 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     is_infinite = np.abs(columns) > MAX_NUMBER
     if count := int(np.count_nonzero(is_infinite)):
         columns[is_infinite] = nan
-        text = f"{pluralize(count, 'cell')} beyond {MAX_NUMBER:g} or infinite are blank now"
+        text = f"{pluralize(count, 'cell')} beyond {MAX_NUMBER:g} or infinite, blanked"
         ranges = line_ranges(lines[is_infinite.any(axis=0)])
         findings.append(Finding("repaired", "infinite numbers", text, count=count, lines=ranges))
     return NumericTable(table, columns, lines, tuple(findings))
 
 
 def _floats(table: TextTable, positions: Sequence[int]) -> Array:
-    """Return columns in which no cell is text.
+    """Return columns without text cells; pyarrow raises if there are any.
 
-    Looking out for one word of blankness is quickest, and writing each batch where it belongs
-    spares memory, which takes longer to come by than the numbers.
+    The first attempt has one null value, which is faster. Batches are written directly into the
+    result, as allocating more memory takes longer than parsing.
     """
     import pyarrow as pa
 
@@ -101,7 +101,7 @@ def _fill(values: Array, reader: Any, positions: Sequence[int]) -> None:
 def _reader(
     table: TextTable, positions: Sequence[int], cell_type: Any, blank: Sequence[str]
 ) -> Any:
-    """Return pyarrow's reader of these columns, which rounds decimals correctly."""
+    """Return a pyarrow reader of these columns; it rounds decimals correctly."""
     import pyarrow as pa
     from pyarrow import csv
 
@@ -127,7 +127,7 @@ def _reader(
 
 
 def _block_bytes(body: bytes | memoryview) -> int:
-    """Return a block size that holds the longest row, which pyarrow needs: usually the usual."""
+    """Return a block size for pyarrow, at least the longest row; usually `_BLOCK_BYTES`."""
     offset = 0
     while len(body) - offset > _BLOCK_BYTES:
         end = bytes(body[offset : offset + _BLOCK_BYTES]).rfind(b"\n")
@@ -138,7 +138,7 @@ def _block_bytes(body: bytes | memoryview) -> int:
 
 
 def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, list[Finding]]:
-    """Read cell by cell a table in which some cell is no number."""
+    """Return numbers, lines and findings of a table with text cells, read cell by cell."""
     import pyarrow as pa
 
     arrow_table = _reader(table, positions, pa.binary(), _NULLS).read_all()
@@ -151,8 +151,7 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     findings = []
     if count := int(refused.sum()):
         text = (
-            f"{pluralize(count, 'row')} with text where numbers belong, as another script or a "
-            f"second header writes them"
+            f"{pluralize(count, 'row')} with text instead of numbers, for example a second header"
         )
         ranges = line_ranges(table.lines[refused])
         findings.append(Finding("refused", "text rows", text, count=count, lines=ranges))
@@ -160,14 +159,14 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
         blanked = np.flatnonzero(bad & ~refused)
         if blanked.size:
             example = cells[blanked[0]].decode("utf-8", "replace").strip()[:30]
-            text = f"{pluralize(blanked.size, 'cell')} of text, as {example!r}, are blank now"
+            text = f"{pluralize(blanked.size, 'cell')} of text, as {example!r}, blanked"
             ranges, name = line_ranges(table.lines[blanked]), table.header[position]
             findings.append(Finding("repaired", "text cells", text, name, blanked.size, ranges))
     return np.ascontiguousarray(columns[:, ~refused]), table.lines[~refused], findings
 
 
 def _is_text(cell: bytes | None) -> bool:
-    """Return whether a cell that is no number is text, and not a word for nothing."""
+    """Return whether a cell that is not a number is text and not a null value."""
     return cell is not None and cell.strip().decode("latin-1") not in _NULLS
 
 

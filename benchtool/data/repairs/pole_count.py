@@ -1,4 +1,4 @@
-"""Doubt speeds that are off by a ratio of small whole numbers, as a wrong pole count makes them."""
+"""Check for wrong pole counts: speeds wrong by a ratio of small whole numbers."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.import_result import Finding
 
-MAX_POLE_PAIRS = 14  # Motors with more than 28 magnets are rare
-LIKELY_EFFICIENCY = 0.9  # small brushless motors reach about 85 %
+MAX_POLE_PAIRS = 14  # motors with more than 28 magnets are rare
+LIKELY_EFFICIENCY = 0.9  # upper limit; small brushless motors reach about 85 %
 
 
 def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
-    """Return the ratio of small whole numbers nearest to `ratio`, if it is near and not 1."""
+    """Return the nearest ratio of small whole numbers, None if it is 1 or not within `within`."""
     if not np.isfinite(ratio) or not 1.0 / MAX_POLE_PAIRS <= ratio <= MAX_POLE_PAIRS:
         return None
     best = min(
@@ -57,14 +57,14 @@ def _report_ratio(ratio: float, against: str, name: str) -> list[Finding]:
     if nearest is None:
         return []
     text = (
-        f"{ratio:.3g} times {against}, near {nearest}: a wrong pole count? --scale "
-        f"{name}={1 / nearest} mends it"
+        f"{ratio:.3g} times {against}, near {nearest}: possibly a wrong pole count; correct with "
+        f"--scale {name}={1 / nearest}"
     )
     return [Finding("doubt", "rpm ratio", text, name)]
 
 
 def _check_efficiency(recording: Recording) -> list[Finding]:
-    """Doubt speeds at which the shaft would give more than the motor gets."""
+    """Return a doubt if shaft power is implausibly high for the electrical power."""
     needed = ("rpm1", "torque_Nm", "voltage_V", "current_A")
     if any(name not in recording for name in needed):
         return []
@@ -80,14 +80,14 @@ def _check_efficiency(recording: Recording) -> list[Finding]:
     if efficiency < LIKELY_EFFICIENCY:
         return []
     text = (
-        f"the shaft would give {efficiency:.0%} of the electrical power: rpm too high (wrong pole "
-        f"count), or torque or current without its zero"
+        f"shaft power is {efficiency:.0%} of the electrical power: rpm too high (wrong pole "
+        f"count), or zero offset of torque or current"
     )
     return [Finding("doubt", "impossible efficiency", text, "rpm1", int(np.count_nonzero(rows)))]
 
 
 def compare_speeds(recordings: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
-    """Return doubts about files that hold another speed at the same pulse and thrust."""
+    """Return doubts about files with different speeds at the same pulse width and thrust."""
     findings: dict[str, list[Finding]] = {name: [] for name, _ in recordings}
     curves = [
         (name, curve) for name, recording in recordings if (curve := _curve(recording)) is not None
@@ -105,7 +105,7 @@ def compare_speeds(recordings: Sequence[tuple[str, Recording]]) -> dict[str, lis
         if is_alike and nearest is not None and abs(ratio - 1.0) > 0.2:
             for path, against, factor in ((name, other_name, ratio), (other_name, name, 1 / ratio)):
                 text = (
-                    f"{factor:.3g} times the speed of {against} at the same pulse and thrust, near "
+                    f"{factor:.3g} times the speed of {against} at equal pulse and thrust, near "
                     f"{small_ratio(factor) or nearest}: one of the two has a wrong pole count"
                 )
                 findings[path].append(Finding("doubt", "rpm ratio", text, "rpm1"))
@@ -113,7 +113,7 @@ def compare_speeds(recordings: Sequence[tuple[str, Recording]]) -> dict[str, lis
 
 
 def _curve(recording: Recording) -> tuple[Array, Array, Array] | None:
-    """Return pulse, thrust and speed in rows that have all three, by pulse; None without them."""
+    """Return pulse width, thrust and speed of complete rows, sorted by pulse width, or None."""
     if any(name not in recording for name in ("pwm1_us", "thrust_N", "rpm1")):
         return None
     pulse, thrust, rpm = (recording.column(name) for name in ("pwm1_us", "thrust_N", "rpm1"))

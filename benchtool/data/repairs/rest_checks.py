@@ -1,4 +1,4 @@
-"""Doubt a thrust that is not zero at rest, that points the wrong way, or that never moves."""
+"""Checks of zero offset, sign and constant channels, and the user's repairs of channels."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from benchtool.data.quantities import dependent_quantities
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 from benchtool.data.repairs.pole_count import check_speed_scale
 
-UNTARED_SHARE = 0.015  # of the range; tared cells stay within 1 %, untared read 2 %; assumed
-UNTARED_EXTRAPOLATED = 0.1  # propellers leave the law of rpm^2 by some per cent; assumed
+UNTARED_SHARE = 0.015  # of the range; tared load cells are within 1 %, untared at 2 %; assumed
+UNTARED_EXTRAPOLATED = 0.1  # propellers deviate from rpm^2 by some per cent; assumed
 
 _VARYING = re.compile(
     r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m"
@@ -48,7 +48,7 @@ def check_readings_at_rest(recording: Recording) -> list[Finding]:
     if loaded.size and np.count_nonzero(loaded < 0.0) > 0.9 * loaded.size:
         text = (
             f"{np.count_nonzero(loaded < 0.0)} of {loaded.size} loaded rows are negative: a pusher "
-            f"mount or a cell the other way round; --flip thrust_N turns it"
+            f"mount or a reversed load cell; --flip thrust_N reverses the sign"
         )
         findings.append(Finding("doubt", "wrong sign", text, "thrust_N", int(loaded.size)))
     return findings
@@ -56,7 +56,7 @@ def check_readings_at_rest(recording: Recording) -> list[Finding]:
 
 @dataclass(frozen=True, slots=True)
 class ZeroOffset:
-    """What a channel reads without load, how that is known, and from what share it is doubted."""
+    """Reading of a channel without load, description of its origin, and limit as a share."""
 
     value: float
     where: str
@@ -64,10 +64,10 @@ class ZeroOffset:
 
 
 def estimate_zero(recording: Recording, name: str) -> ZeroOffset | None:
-    """Return what a channel reads at rest, or where no row is at rest, extrapolated to it.
+    """Return the zero offset of a channel from rows at rest, or else extrapolated along rpm^2.
 
-    Without speeds rest is the lowest throttle. Extrapolated along rpm^2, which thrust and torque
-    follow closely enough to show an untared cell.
+    Without speeds, rest is the lowest throttle. Thrust and torque follow rpm^2 closely enough to
+    detect an untared load cell.
     """
     values = recording.column(name)
     finite = np.isfinite(values)
@@ -83,7 +83,7 @@ def estimate_zero(recording: Recording, name: str) -> ZeroOffset | None:
         return ZeroOffset(float(np.median(values[rows])), "at the lowest throttle")
     at_rest = finite & np.all(np.nan_to_num(np.array(speeds), nan=np.inf) == 0.0, axis=0)
     if throttle is not None and at_rest.any():
-        # A tachometer that has not caught on yet reads 0 under load.
+        # A tachometer that does not detect the rotor yet reads 0 under load.
         at_rest &= recording.column(throttle) == _min_finite(recording.column(throttle)[at_rest])
     if at_rest.any():
         return ZeroOffset(float(np.median(values[at_rest])), "with rotors standing still")
@@ -96,13 +96,13 @@ def estimate_zero(recording: Recording, name: str) -> ZeroOffset | None:
 
 
 def _min_finite(values: Array) -> float:
-    """Return the least number; nan, which equals nothing, where all are blank."""
+    """Return the smallest finite number, or nan, which is not equal to anything."""
     finite = values[np.isfinite(values)]
     return float(finite.min()) if finite.size else float("nan")
 
 
 def constant_channels(recording: Recording) -> list[Finding]:
-    """Return the doubts about channels that never change."""
+    """Return the doubts about constant channels."""
     if len(recording) < 10:
         return []
     findings = []
@@ -114,7 +114,7 @@ def constant_channels(recording: Recording) -> list[Finding]:
             continue
         values = values[np.isfinite(values)]
         if values.size >= 10:
-            text = f"it reads {values[0]:g} in every row: a dead channel"
+            text = f"it reads {values[0]:g} in every row"
             findings.append(Finding("doubt", "dead channel", text, name, int(values.size)))
     return findings
 
@@ -134,10 +134,10 @@ def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
         zero = estimate_zero(result.recording, name)
         if zero is None:
             raise InputError(
-                f"--tare {name}: no row is at rest and too few speeds to extrapolate; map the "
-                f"channel with a column map"
+                f"--tare {name}: no row at rest and too few speeds to extrapolate; map the channel "
+                f"with a column map"
             )
-        message = f"{zero.value:.6g} taken off, what it reads {zero.where} by --tare"
+        message = f"{zero.value:.6g} subtracted by --tare, its reading {zero.where}"
         result = repaired(name, result.recording.column(name) - zero.value, "untared", message)
     for text in options.scale:
         name, sign, ratio = (part.strip() for part in text.partition("="))
@@ -154,38 +154,38 @@ def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
 
 
 def _drop_stale(result: ImportResult, changed: Iterable[str]) -> ImportResult:
-    """Return the import without what the stand worked out from channels as they were before."""
+    """Return the import without quantities that the stand derived from unrepaired channels."""
     dependent = [other for name in changed for other in dependent_quantities(name)]
     stale = [name for name in dict.fromkeys(dependent) if name in result.recording]
     if not stale:
         return result
-    text = f"worked out by the stand before the repair of {', '.join(changed)}: {', '.join(stale)}"
+    text = f"derived by the stand before the repair of {', '.join(changed)}: {', '.join(stale)}"
     finding = Finding("left out", "stale columns", text, count=len(stale))
     remaining = replace(result, recording=result.recording.drop(stale))
     return remaining.with_findings([finding])
 
 
 def inspect_stand(result: ImportResult) -> ImportResult:
-    """Return the import of a stand's log with what could not be mended doubted."""
+    """Return the import of a stand's log with the doubts about its channels."""
     recording = result.recording
     constant = {name for name, source in result.sources.items() if source.startswith("constant ")}
     dead = [finding for finding in constant_channels(recording) if finding.channel not in constant]
     findings = [*check_readings_at_rest(recording), *dead, *check_speed_scale(recording)]
     if len(recording) == 1:
-        text = "one row is no measurement series; nothing can be held against it"
+        text = "one row is not a measurement series; no comparison is possible"
         findings.append(Finding("doubt", "single row", text, count=1))
     if "rpm1" not in recording and not any(finding.what == "rpm" for finding in result.findings):
-        findings.append(Finding("lacks", "rpm", "no speed stands in the file"))
+        findings.append(Finding("lacks", "rpm", "no speed in the file"))
     return result.with_findings(findings)
 
 
 def inspect_log(result: ImportResult) -> ImportResult:
-    """Return the import of a flight log with its channels doubted."""
+    """Return the import of a flight log with the doubts about its channels."""
     recording = result.recording
     speeds = speed_columns(recording.names, "rpm")
     negative = [name for name in speeds if np.any(recording.column(name) < 0.0)]
     findings = constant_channels(recording)
     if negative:
-        text = "negative speeds, as ESCs report the sense of rotation, are left as they are"
+        text = "negative speeds, as ESCs report the sense of rotation, are unchanged"
         findings.insert(0, Finding("doubt", "sign", text, ", ".join(negative)))
     return result.with_findings(findings)

@@ -1,4 +1,4 @@
-"""Put the rows of a stand's log in the order of time, and blank samples that leave it alone."""
+"""Time order and spike repair of stand logs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from benchtool.data.repairs.import_result import Finding, ImportResult, Kind
 
 Positions = NDArray[np.intp]
 
-MAX_STEP_RATIO = 10.0  # steps back beyond are a new start; in the reference logs hundreds; assumed
+MAX_STEP_RATIO = 10.0  # larger steps back are a clock restart; hundreds in reference logs; assumed
 
 
 def repair_time_order(result: ImportResult) -> ImportResult:
-    """Return the import with times that never go backwards."""
+    """Return the import with times that never decrease."""
     if "time_s" not in result.recording or len(result.recording) < 2:
         return result
     findings: list[Finding] = []
@@ -37,7 +37,7 @@ def repair_time_order(result: ImportResult) -> ImportResult:
     finite = np.isfinite(time_s)
     if not finite.all():
         blank = np.flatnonzero(~finite)
-        text = f"{pluralize(blank.size, 'row')} without a time stay where they stand"
+        text = f"{pluralize(blank.size, 'row')} without a time keep their position"
         note("doubt", "blank time", text, blank)
     rows = np.flatnonzero(finite)
     ordered = time_s[rows]
@@ -54,7 +54,7 @@ def repair_time_order(result: ImportResult) -> ImportResult:
     if moved.size:
         text = (
             f"{pluralize(moved.size, 'row')} stamped up to {(latest - ordered).max():.3g} s before "
-            f"an earlier row; all rows sorted by time"
+            f"an earlier row; sorted by time"
         )
         note("repaired", "time goes backwards", text, rows[moved])
         order = np.arange(len(time_s))
@@ -65,14 +65,14 @@ def repair_time_order(result: ImportResult) -> ImportResult:
 
 
 def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[..., None]) -> None:
-    """Mend single rows that are later than the row after them, with all else in order.
+    """Correct single rows whose time is far from that of both neighbours.
 
     The first row of a stand's log is often stamped with the time at which the log was started.
     """
     if time_s[0] > time_s[1] and time_s[0] - time_s[1] < MAX_STEP_RATIO * max(usual_s, 1e-9):
         text = (
             f"the first row is stamped {time_s[0]:.6g} s, the second {time_s[1]:.6g} s; the first "
-            f"now carries the time of the second"
+            f"now has the time of the second"
         )
         time_s[0] = time_s[1]
         note("repaired", "time goes backwards", text, rows[:1])
@@ -85,33 +85,33 @@ def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[
     )
     if strays.size:
         time_s[strays] = 0.5 * (time_s[strays - 1] + time_s[strays + 1])
-        text = f"{pluralize(strays.size, 'row')} far off its neighbours; set between them"
+        text = f"{pluralize(strays.size, 'row')} far from its neighbours; set to their mean"
         note("repaired", "stray time", text, rows[strays])
 
 
 def _join_restarts(
     time_s: Array, rows: Positions, usual_s: float, note: Callable[..., None]
 ) -> None:
-    """Shift what comes after a new start of the clock to the end of what was before it."""
+    """Shift the times after a clock restart to continue those before it."""
     starts = 1 + np.flatnonzero(np.diff(time_s) < -MAX_STEP_RATIO * usual_s)
     original = time_s.copy()
     for start in starts.tolist():
         shift_s = float(time_s[start - 1] - time_s[start] + usual_s)
         time_s[start:] += shift_s
         text = (
-            f"time starts anew ({original[start - 1]:.6g} s, then {original[start]:.6g} s): "
-            f"another recording in the same file; from there {shift_s:.6g} s are added"
+            f"time restarts ({original[start - 1]:.6g} s, then {original[start]:.6g} s): another "
+            f"recording in the same file; {shift_s:.6g} s added from there on"
         )
         note("repaired", "time starts anew", text, rows[start : start + 1], len(time_s) - start)
 
 
 _CHECKED = re.compile(r"rpm\d*(_optical)?|thrust_N|torque_Nm|current_A|voltage_V|theta_rad")
 
-SPIKE_SHARE = 0.5  # of the range (1st to 99th percentile) there and back; assumed
+SPIKE_SHARE = 0.5  # smallest jump over the range (1st to 99th percentile); assumed
 
 
 def remove_spikes(result: ImportResult) -> ImportResult:
-    """Blank spikes of speeds, which no rotor can follow; doubt those of other channels."""
+    """Blank spikes of speeds, which no rotor can follow; report those of other channels."""
     for name in result.recording.names:
         if not _CHECKED.fullmatch(name):
             continue
@@ -139,7 +139,7 @@ def remove_spikes(result: ImportResult) -> ImportResult:
 
 
 def _follows_throttle(recording: Recording, rows: Positions) -> NDArray[np.bool_]:
-    """Return in which of these rows the throttle jumps too, so that a rotor has reason to."""
+    """Return for each of these rows whether the throttle changes too, which explains a spike."""
     moved = np.zeros(rows.size, bool)
     for name in recording.names:
         if name.startswith("pwm"):
@@ -151,7 +151,7 @@ def _follows_throttle(recording: Recording, rows: Positions) -> NDArray[np.bool_
 
 
 def find_spikes(values: Array) -> Positions:
-    """Return the rows (k,) that hold a spike; blank rows are passed over."""
+    """Return the rows (k,) with a spike; blank rows are ignored."""
     rows = np.flatnonzero(np.isfinite(values))
     if rows.size < 7:
         return rows[:0]

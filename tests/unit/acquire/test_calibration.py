@@ -68,7 +68,7 @@ def test_a_calibration_survives_json_and_refuses_strange_keys():
     assert parse_calibration(data, "c.json") == found
     with pytest.raises(UnknownChoice, match="slop"):
         parse_calibration({**data, "slop": 1.0}, "c.json")
-    with pytest.raises(CalibrationError, match="slope of 0"):
+    with pytest.raises(CalibrationError, match="slope is 0"):
         parse_calibration({**data, "slope_N_per_count": 0.0}, "c.json")
 
 

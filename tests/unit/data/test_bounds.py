@@ -60,10 +60,10 @@ def test_a_small_parquet_file_of_much_data_is_refused(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("column", "says"),
     [
-        (["a"], "holds string, not what it must"),
-        ([b"a"], "holds binary, not what it must"),
-        ([[1.0]], "holds list<.*double>, not what it must"),
-        ([{"a": 1}], "holds struct<a: int64>, not what it must"),
+        (["a"], "has the wrong type string"),
+        ([b"a"], "has the wrong type binary"),
+        ([[1.0]], "has the wrong type list<.*double>"),
+        ([{"a": 1}], "has the wrong type struct<a: int64>"),
     ],
     ids=["text", "bytes", "list", "struct"],
 )

@@ -57,7 +57,7 @@ def test_only_steady_stays_with_turning_rotors_are_points(tmp_path, climb_m_s, s
     if steady:
         assert len(import_file(path, options).recording) == steady
     else:
-        with pytest.raises(InputError, match="no 1 s of the flight climb slower"):
+        with pytest.raises(InputError, match="no 1 s of the flight with all rotors"):
             import_file(path, options)
 
 

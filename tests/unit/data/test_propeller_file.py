@@ -63,7 +63,7 @@ def test_a_number_without_a_source_is_refused(library):
 
 @pytest.mark.parametrize("text", ["0x4", "5x4x0", "5x4x21"])
 def test_a_size_that_no_propeller_has_is_refused(text):
-    with pytest.raises(InputError, match=f"no propeller of size {text}"):
+    with pytest.raises(InputError, match=f"propeller size {text}"):
         load_propeller(text)
 
 

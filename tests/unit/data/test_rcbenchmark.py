@@ -132,5 +132,5 @@ def test_what_is_known_must_make_sense():
         imported(log_text(steps_1580()), flip=("lift_N",))
     constant = {"Motor Electrical Speed (RPM)": np.full(20, 5000.0)}
     constant["ESC signal (µs)"] = np.full(20, 1500.0)
-    with pytest.raises(InputError, match="no row is at rest"):
+    with pytest.raises(InputError, match="no row at rest"):
         logged(constant, tare=("thrust_N",))

@@ -69,7 +69,7 @@ def test_what_is_broken_is_listed_with_its_reason(folder):
     said = {
         "json": "json/metadata.json: this is not valid JSON",
         "format": "its format is 'benchtool-run-9', this version reads 'benchtool-run-1'",
-        "points": "line 2: column 'kind' holds 'bogus'",
+        "points": "line 2: column 'kind' contains 'bogus'",
         "none": "there is no metadata.json in it",
         "rig": "rig is 3: input should be a table",
         "empty": "it holds: nothing",

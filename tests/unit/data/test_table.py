@@ -50,11 +50,11 @@ def test_columns_are_mapped_converted_and_filtered(path):
     ("columns", "where", "kind", "words"),
     [
         ({"thrust_N": "Thrust"}, [], MissingColumn, r"\[columns\] names 'Thrust', which .* lacks"),
-        ({"thrust_N": "note"}, [], FileFormatError, r"line 2: column 'note' holds 'first'"),
+        ({"thrust_N": "note"}, [], FileFormatError, r"line 2: column 'note' contains 'first'"),
         ({"thrust_N": "Fz"}, ["series=x"], FileFormatError, "the column contains: Fz0, Fz30"),
         ({"thrust_N": "Fz"}, ["sweep=x"], UnknownChoice, "unknown column of .* 'sweep'"),
         ({"thrust_N": "Fz"}, ["series"], InputError, "COLUMN=VALUE"),
-        ({"thrust_N": {"column": "Fz", "unit": "V"}}, [], InputError, "does not measure force"),
+        ({"thrust_N": {"column": "Fz", "unit": "V"}}, [], InputError, "not a unit of force"),
         ({"thrust_N": {"column": "Fz", "unit": "foo"}}, [], InputError, "unit 'foo' is unknown"),
         ({"thrust_N": {"column": "Fz", "unti": "N"}}, [], UnknownChoice, "did you mean 'unit'"),
         ({"thrust_N": {"unit": "N"}}, [], BenchtoolError, "exactly one of them"),

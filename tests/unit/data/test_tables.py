@@ -31,7 +31,7 @@ def test_a_column_map_with_units_that_only_pint_knows(tmp_path):
     )
     np.testing.assert_allclose(recording.column("rpm1"), [1500.0, 1800.0])
     np.testing.assert_allclose(recording.column("temperature_degC"), 20.0)
-    assert found(read, "columns")[0].words == "the map does not name Note"
+    assert found(read, "columns")[0].words == "not in the map: Note"
     assert read.sources["rpm1"] == "Speed [Hz] times 0.5"
 
 
@@ -53,7 +53,7 @@ def test_units(text, target, factor):
 
 
 def test_a_header_whose_unit_measures_something_else_is_refused():
-    with pytest.raises(FileFormatError, match="does not measure force"):
+    with pytest.raises(FileFormatError, match="not a unit of force"):
         imported("t,Thrust (V)\n0,1\n")
     with pytest.raises(UnknownChoice, match="known: "):
         imported("t,Thrust (N)\n0,1\n", tare=("lift",))
@@ -78,7 +78,7 @@ def test_a_propellers_coefficients_become_thrust_and_torque():
     np.testing.assert_allclose(read.recording.column("torque_Nm"), power / (2 * np.pi * turns))
     assert found(read, "air density") == []
     assert found(imported(text, "x_10x7_static.txt"), "air density")[0].kind == "doubt"
-    with pytest.raises(FileFormatError, match="diameter stands in the name"):
+    with pytest.raises(FileFormatError, match="file name contains no diameter"):
         imported(text, "static.txt")
 
 
@@ -92,13 +92,13 @@ def test_windows_are_marked_by_the_user():
     for wrong in ("1:2", "a:b:c", "5:4:1", "-1:2:1", "1:inf:1", "1:2:-3"):
         with pytest.raises(InputError, match="START:END:ROTOR"):
             parse_window(wrong)
-    with pytest.raises(InputError, match=r"END \(2 s\) is not after START \(4 s\)"):
+    with pytest.raises(InputError, match=r"END 2 s is not after START 4 s"):
         parse_window("4:2:1")
-    with pytest.raises(InputError, match="START is -1 s, but a recording begins at 0 s"):
+    with pytest.raises(InputError, match="START is -1 s; allowed: from 0 s"):
         parse_window("-1:2:1")
     with pytest.raises(InputError, match="has rotors 1, 2"):
         imported(text, over=(parse_window("1:2:3"),))
-    with pytest.raises(InputError, match="recording ends at 9 s"):
+    with pytest.raises(InputError, match="allowed: up to 9 s"):
         imported(text, over=(parse_window("20:30:1"),))
 
 
@@ -107,11 +107,11 @@ def test_windows_are_marked_by_the_user():
     [
         ('thrust_N = { column = "Load", unit = "N" }', "lacks"),
         ('lift_N = "Load [ozf]"', "unknown channel"),
-        ('thrust_N = { column = "Load [ozf]", unit = "furlong" }', "does not measure force"),
+        ('thrust_N = { column = "Load [ozf]", unit = "furlong" }', "not a unit of force"),
         ('thrust_N = { column = "Load [ozf]", unit = "wibble" }', "is unknown"),
         ('thrust_N = { column = "Load [ozf]", colour = "red" }', "colour"),
         ("thrust_N = 5", "write it as"),
-        ("[columns]", "maps nothing"),
+        ("[columns]", "the map is empty"),
         ("thrust_N = ", "not valid TOML"),
     ],
 )

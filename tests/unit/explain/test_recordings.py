@@ -109,7 +109,7 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path):
         ("nowhere.csv", "a.csv", "no such run or file"),
         (".", "a.csv", "this folder is no run; .*: a.csv, copy.csv"),
         ("m.toml", "a.csv", "m.toml: this is a TOML file"),
-        ("word.csv", "a.csv", "it holds 'hello' and no row below it"),
+        ("word.csv", "a.csv", "it contains 'hello' and no row below"),
         ("bare.parquet", "a.csv", "no bare.parquet.json beside it"),
         ("other.csv", "a.csv", r"\[columns\] names 't', which other.csv lacks; .* a, b, c$"),
         ("notime.csv", "a.csv", "neither theta_rad .* nor thrust_N"),
