@@ -81,7 +81,7 @@ def test_a_user_effect_is_a_candidate(capsys, tmp_path):
         (("--check", "b.csv", "a.csv"), "(every word behind --check is to check on)"),
         ((LEARN, "no.csv", "--model", "bad.csv"), "3 things to mend: (1) no.csv: "),
         ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
-        ((LEARN, "--model", "pitch_beam", "--check", CHECK), "name it with --rig, a shipped one"),
+        ((LEARN, "--model", "pitch_beam", "--check", CHECK), "name it with --rig"),
         (
             (LEARN, "--model", "pitch_pquad", "--rig", "pquad", "--check", CHECK),
             "2 rotors, and the model 4 (rig 'pquad')",

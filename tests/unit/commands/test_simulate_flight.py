@@ -39,7 +39,7 @@ def test_a_map_from_a_file(tmp_path, capsys):
     assert run("--map", shelf, "--controllers", "pid") == 0
     assert "SIMULATED flight over: Flying over shelf" in capsys.readouterr().out
     assert run("--map", shelf, "--goal-m", "20,0") == 2
-    assert "the map does not cover the path: x = 20 m" in capsys.readouterr().err
+    assert "the map does not cover the path: x is 20 m" in capsys.readouterr().err
     (tmp_path / "wrong.toml").write_text("[[blocks]]\nx_m = [3.0, 5.0]\nheight = 1.0\n")
     assert run("--map", str(tmp_path / "wrong.toml")) == 2
     assert "height" in capsys.readouterr().err

@@ -111,9 +111,9 @@ def test_a_bench_is_connected_told_of_and_let_go(bench):
 @pytest.mark.parametrize(
     ("address", "why"),
     [
-        ("nonsense", "names no scheme"),
+        ("nonsense", "has no address scheme"),
         ("sim:none", "unknown rig"),
-        ("serial:/dev/none", "which rig stands on"),
+        ("serial:/dev/none", "no rig for"),
     ],
 )
 def test_what_cannot_be_opened_is_told_in_one_sentence(bench, address, why):
@@ -158,7 +158,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
     )
     bench.connect("sim:pquad_single")
     bench.send(command)
-    assert "so it is no pitch bench" in bench.wait_for(messages.Notice).text
+    assert "is not a pitch bench" in bench.wait_for(messages.Notice).text
     bench.send(messages.Disconnect())
     bench.wait_for(messages.ConnectionStatus, lambda event: event.status == "off")
     bench.connect("sim:beam?mode=pitch&schedule=steps")
