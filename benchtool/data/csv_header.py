@@ -91,10 +91,8 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     first = next((line for line in uncommented.split(b"\n") if line.strip()), b"")
     cells = _cells(first)
     if cells and all(map(_NUMBER.fullmatch, cells)):
-        header_start = data.find(first)
-        above = [
-            comment for comment in _COMMENT.finditer(data[:header_start]) if comment[2].strip()
-        ]
+        start = data.find(first)
+        above = [line for line in _COMMENT.finditer(data[:start]) if line[2].strip()]
         header = above[-1] if above and len(_cells(above[-1][2])) == len(cells) else None
 
     def blank(match: re.Match[bytes]) -> bytes:
@@ -212,8 +210,7 @@ def split_cells(
     except csv.Error as error:
         line = first_line + reader.line_num - 1
         if reader.line_num == lines[-1] + 1:
-            message = f"line {line} cannot be read: {error}; correct it"
-            raise FileFormatError(where, message) from error
+            raise FileFormatError(where, f"line {line} cannot be read: {error}") from error
         open_line = open_line or lines[-1] + 1  # a cell of many rows is longer than csv allows
     if open_line:
         raise FileFormatError(

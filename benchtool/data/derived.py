@@ -85,9 +85,8 @@ def measurement_context(
         d = propeller.diameter_m
         values["diameter_m"] = KnownValue(value=d, sd=d * relative, unit="m", origin=label)
         if (c := propeller.chord_m) is not None:
-            values["chord_m"] = KnownValue(
-                value=c, sd=c * propeller.chord_sd, unit="m", origin=label
-            )
+            sd = c * propeller.chord_sd
+            values["chord_m"] = KnownValue(value=c, sd=sd, unit="m", origin=label)
     if motor is not None and motor.has_curve:
         for name, unit in zip(DATA_SHEET, ("1", "1", "A"), strict=True):
             value = float(getattr(motor, name))
@@ -183,9 +182,8 @@ class QuantityValues(UncertainValues):
             replace(source, columns=share @ np.nan_to_num(source.columns))
             for source in self.error_sources
         )
-        return replace(
-            self, value=mean, standard_error=np.fmax(propagated, scatter_se), error_sources=sources
-        )
+        error = np.fmax(propagated, scatter_se)
+        return replace(self, value=mean, standard_error=error, error_sources=sources)
 
 
 Values = dict[str, Any]
@@ -202,14 +200,13 @@ def derive_quantities(
     values = _evaluate(inputs)
     quantities = [quantity for quantity in QUANTITIES if _has_finite(values.get(quantity.name))]
     errors: dict[str, Array] = {quantity.name: np.zeros(len(recording)) for quantity in quantities}
+    names = list(errors)
     leaves = {quantity.name: _find_inputs(quantity, inputs) for quantity in quantities}
     for name, row, error in _independent_errors(recording, context, inputs):
         if np.isnan(error).all():  # unknown: dependent quantities have no error
             errors |= {key: error for key in errors if name in leaves[key]}
             continue
-        for key, part in _contributions(
-            inputs, name, error, [q.name for q in quantities], row
-        ).items():
+        for key, part in _contributions(inputs, name, error, names, row).items():
             errors[key] = np.hypot(errors[key], part)
     shared: dict[str, list[ErrorSource]] = {quantity.name: [] for quantity in quantities}
     for label, name, known_value, error in _shared_errors(context, inputs):
@@ -234,9 +231,7 @@ def quantities_of(recording: Recording, context: MeasurementContext) -> dict[str
     """Return every quantity (n,) of a recording's rows by name, without errors."""
     values = _evaluate(_inputs(recording, context))
     return {
-        quantity.name: values[quantity.name]
-        for quantity in QUANTITIES
-        if _has_finite(values.get(quantity.name))
+        item.name: values[item.name] for item in QUANTITIES if _has_finite(values.get(item.name))
     }
 
 
@@ -286,9 +281,8 @@ def _contributions(
     if row is not None:
         step = np.zeros_like(inputs[name])
         step[row] = error
-    moved = [
-        _evaluate(_replace_input(inputs, name, inputs[name] + sign * step)) for sign in (1.0, -1.0)
-    ]
+    changed = [_replace_input(inputs, name, inputs[name] + sign * step) for sign in (1.0, -1.0)]
+    moved = [_evaluate(values) for values in changed]
     return {
         key: np.asarray(0.5 * (moved[0][key] - moved[1][key]), float)
         for key in names

@@ -71,15 +71,13 @@ def split_levels(recording: Recording) -> Recording:
     for number in np.unique(level[level >= 0]):
         part = recording.values[level == number]
         means, scatter = _means(part)
-        rows.append(
-            [*means, *(scatter[names.index(_find_measured(name, names))] for name in errors)]
-        )
+        rows.append([*means, *(scatter[names.index(_measured(name, names))] for name in errors)])
     channels = (*recording.channels, *(Channel(name, unit_from_name(name)) for name in errors))
     values = np.array(rows, float).reshape(len(rows), len(channels))
     return Recording(channels, values, recording.provenance, recording.simulated)
 
 
-def _find_measured(error: str, names: list[str]) -> str:
+def _measured(error: str, names: list[str]) -> str:
     return next(name for name in names if error_channel_name(name) == error)
 
 

@@ -46,7 +46,7 @@ def write_parquet(path: Path, samples: Recording) -> None:
     for name in samples.names:
         values = samples.column(name)
         if name in WORDS:
-            columns.append(_encode_words(name, pa.array(values.astype(np.int32))))
+            columns.append(_encode(name, pa.array(values.astype(np.int32))))
         else:
             columns.append(pa.array(values, from_pandas=True))
     with _writer(path, units, samples.provenance) as writer:
@@ -68,9 +68,7 @@ def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
         with _writer(path, units, {"sha256": csv_sha256, "file": csv.name}) as writer:
             for batch in sample_batches(lines, csv, names):
                 columns = [
-                    _encode_words(name, pa.array(codes_of(name, cells, csv)))
-                    if name in WORDS
-                    else cells
+                    _encode(name, pa.array(codes_of(name, cells, csv))) if name in WORDS else cells
                     for name, cells in zip(names, batch.columns, strict=True)
                 ]
                 writer.write_batch(pa.record_batch(columns, schema=writer.schema))
@@ -111,11 +109,7 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
 
 
 def parquet_names(path: Path) -> tuple[str, ...]:
-    """Return the column names of a Parquet file.
-
-    Raises:
-        FileFormatError: not a Parquet file.
-    """
+    """Return the column names of a Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -161,7 +155,7 @@ def _writer(path: Path, units: dict[str, str], provenance: Mapping[str, str]) ->
         yield writer
 
 
-def _encode_words(name: str, codes: Any) -> Any:
+def _encode(name: str, codes: Any) -> Any:
     import pyarrow as pa
 
     return pa.DictionaryArray.from_arrays(codes, pa.array(WORDS[name]))

@@ -66,18 +66,14 @@ def read_table(
         UnknownChoice: the column of a filter is missing.
     """
     table = read_csv_text(Path(path))
-    filters = [
-        row_filter if isinstance(row_filter, RowFilter) else RowFilter.parse(row_filter)
-        for row_filter in where
-    ]
+    filters = [item if isinstance(item, RowFilter) else RowFilter.parse(item) for item in where]
     rows = rows_where(table, filters)
     if columns:
         chosen = [map_column(table.header, table.where, *entry) for entry in columns.items()]
         references = {column.position: column.reference for column in chosen if column.reference}
         pairs = [_mapped(table, rows, column, references) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
-            message = "the mapped columns contain no numbers; check the map"
-            raise FileFormatError(table.where, message)
+            raise FileFormatError(table.where, "no numbers in the mapped columns; check the map")
     else:
         pairs = _own_names(table, rows)
     for channel, values in pairs:
@@ -87,7 +83,7 @@ def read_table(
         "file": table.where,
         "sha256": file_hash(Path(path)),
         "rows": str(len(rows)),
-        "where": "; ".join(f"{row_filter.column}={row_filter.value}" for row_filter in filters),
+        "where": "; ".join(f"{item.column}={item.value}" for item in filters),
         "repairs": "; ".join(table.repairs),
         "simulated": "not stated",
     }

@@ -78,11 +78,9 @@ def _attitude(log: MessageLog) -> list[Stream]:
         return slow
     text = f"ANG, {pluralize(fast[0].time_us.size, 'message')}"
     if slow:
-        slow_times, fast_times = slow[0].time_us, fast[0].time_us
-        n_outside = int(
-            np.count_nonzero((slow_times < fast_times.min()) | (slow_times > fast_times.max()))
-        )
-        text += f", in place of ATT, {slow_times.size}, {n_outside} of them before or after it"
+        slow_us, fast_us = slow[0].time_us, fast[0].time_us
+        n_outside = int(np.count_nonzero((slow_us < fast_us.min()) | (slow_us > fast_us.max())))
+        text += f", in place of ATT, {slow_us.size}, {n_outside} of them before or after it"
     log.findings.append(Finding("read as", "attitude", text, "theta_rad", fast[0].time_us.size))
     return fast
 
@@ -97,11 +95,7 @@ def _rates(log: MessageLog) -> list[Stream]:
         "roll_rate_rad_s": ("GyrX", 1.0),
         "yaw_rate_rad_s": ("GyrZ", 1.0),
     }
-    gyro_terms = {
-        "gyro_rad_s": ("P", -RAD),
-        "roll_rate_rad_s": ("R", RAD),
-        "yaw_rate_rad_s": ("Y", RAD),
-    }
+    rate = {"gyro_rad_s": ("P", -RAD), "roll_rate_rad_s": ("R", RAD), "yaw_rate_rad_s": ("Y", RAD)}
     setpoints: Scales = {
         "gyro_ref_rad_s": ("PDes", -RAD),
         "roll_rate_ref_rad_s": ("RDes", RAD),
@@ -112,7 +106,7 @@ def _rates(log: MessageLog) -> list[Stream]:
         "throttle_command_share": ("AOut", 1.0),
     }
     imu = _first(log["IMU"]).stream(gyro)
-    return [*imu, *log["RATE"].stream(setpoints if imu else {**setpoints, **gyro_terms})]
+    return [*imu, *log["RATE"].stream(setpoints if imu else {**setpoints, **rate})]
 
 
 def _outputs(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
@@ -171,17 +165,15 @@ def _tachometers(messages: Messages, findings: list[Finding]) -> list[Stream]:
 
 def _distance(log: MessageLog) -> list[Stream]:
     field, orient = ("Dist", "Orient") if log["RFND"].has("Dist") else ("Dist1", "Orient1")
-    readings = log["RFND"]
-    if readings.has(field, orient):
-        readings = readings.select_downward(orient, log.findings)
+    rfnd = log["RFND"]
+    if rfnd.has(field, orient):
+        rfnd = rfnd.select_downward(orient, log.findings)
     for instance in ("Instance", "I"):
-        if readings.has(field, instance):
-            readings = readings.where(
-                readings.numbers(instance) == np.min(readings.numbers(instance))
-            )
-    streams = readings.stream({"distance_m": (field, 1.0)})
-    if streams and readings.has("Stat"):
-        is_bad = readings.numbers("Stat") != GOOD_RANGE
+        if rfnd.has(field, instance):
+            rfnd = rfnd.where(rfnd.numbers(instance) == np.min(rfnd.numbers(instance)))
+    streams = rfnd.stream({"distance_m": (field, 1.0)})
+    if streams and rfnd.has("Stat"):
+        is_bad = rfnd.numbers("Stat") != GOOD_RANGE
         reason = "the sensor reports as out of range"
         streams[0].blank("distance_m", is_bad, reason, log.findings)
     return streams

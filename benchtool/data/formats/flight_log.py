@@ -40,7 +40,7 @@ def flight_import(
         FileFormatError: the log has no message of a recording's channels.
     """
     findings = list(log.findings)
-    streams, strange = _drop_implausible(streams, findings)
+    streams, strange = _clean(streams, findings)
     total, broken = log.total - strange, log.broken + strange
     if not streams:
         reasons = "; ".join(finding.words for finding in findings if finding.kind == "refused")
@@ -81,9 +81,7 @@ def flight_import(
     )
 
 
-def _drop_implausible(
-    streams: Sequence[Stream], findings: list[Finding]
-) -> tuple[list[Stream], int]:
+def _clean(streams: Sequence[Stream], findings: list[Finding]) -> tuple[list[Stream], int]:
     """Return the streams without messages of impossible times, infinite numbers blanked."""
     streams = [stream for stream in streams if stream.time_us.size and stream.columns]
     if not streams:

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,7 @@ class PayloadLayout:
     dtype: np.dtype[np.void]
 
     @classmethod
-    def from_struct(
-        cls, number: int, crc_extra: int, form: str, names: Sequence[str]
-    ) -> PayloadLayout:
+    def from_struct(cls, number: int, crc_extra: int, form: str, names: Sequence[str]) -> Self:
         """Return the layout of a struct format with the names of its parts.
 
         The elements of an array of numbers are separate fields: rpm[0], rpm[1] and so on.
@@ -73,15 +71,11 @@ def read_mavlink(
 ) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
-    walk = walk_tlog(
-        data, {layout.number: layout.crc_extra for layout in layouts.values()}, checksum
-    )
+    walk = walk_tlog(data, {item.number: item.crc_extra for item in layouts.values()}, checksum)
     system = _select_sender(walk.frames, layouts, walk.findings)
     if system is None:
-        raise FileFormatError(
-            where,
-            f"no messages of a vehicle ({pluralize(walk.total, 'frame')}); use another log",
-        )
+        message = f"no messages of a vehicle ({pluralize(walk.total, 'frame')}); use another log"
+        raise FileFormatError(where, message)
     kinds = {
         name: layout.messages(name, [f for f in walk.frames[layout.number] if f.sender == system])
         for name, layout in layouts.items()
@@ -111,12 +105,9 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
     by_name = {definition.msgname: definition for definition in dialect.mavlink_map.values()}
     layouts = {"ESC_STATUS": _ESC_STATUS}
     for name in WANTED:
-        message_type = by_name[name]
+        kind = by_name[name]
         layouts[name] = PayloadLayout.from_struct(
-            message_type.id,
-            message_type.crc_extra,
-            message_type.unpacker.format,
-            message_type.ordered_fieldnames,
+            kind.id, kind.crc_extra, kind.unpacker.format, kind.ordered_fieldnames
         )
 
     def checksum(text: bytes) -> int:
@@ -159,9 +150,7 @@ def _convert_clocks(kinds: dict[str, Messages], findings: list[Finding]) -> dict
     if clock.starts:
         text = f"the autopilot rebooted {pluralize(len(clock.starts), 'time')}; time is continuous"
         findings.append(Finding("repaired", "time starts anew", text, "time_s", len(clock.starts)))
-    return {
-        name: replace(messages, time_us=_times(clock, messages)) for name, messages in kinds.items()
-    }
+    return {name: replace(kind, time_us=_times(clock, kind)) for name, kind in kinds.items()}
 
 
 def _times(clock: AutopilotClock, messages: Messages) -> Times | None:
@@ -201,37 +190,31 @@ def _setpoints(log: MessageLog) -> list[Stream]:
 
 def _outputs(log: MessageLog) -> list[Stream]:
     messages = log["SERVO_OUTPUT_RAW"]
-    main_port = messages.where(messages.numbers("port") == 0.0)
-    if not len(main_port):
+    main = messages.where(messages.numbers("port") == 0.0)
+    if not len(main):
         return []
-    channels = [n for n in range(1, 17) if np.any(main_port.numbers(f"servo{n}_raw") > 0.0)]
+    channels = [n for n in range(1, 17) if np.any(main.numbers(f"servo{n}_raw") > 0.0)]
     motors = ardupilot_motors(log["PARAM_VALUE"], "param_id", "param_value")
     chosen = select_motor_channels(motors, channels, "SERVOn_FUNCTION", log.findings)
-    return main_port.stream(
-        {f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()}
-    )
+    return main.stream({f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()})
 
 
 def _speeds(log: MessageLog) -> list[Stream]:
     streams: list[Stream] = []
     for group, name in enumerate(_ESC_GROUPS):
         messages = log[f"ESC_TELEMETRY_{name}"]
-        live_escs = [i for i in range(4) if np.any(messages.numbers(f"rpm[{i}]") > 0.0)]
-        streams += messages.stream(
-            {f"rpm{4 * group + i + 1}": (f"rpm[{i}]", 1.0) for i in live_escs}
-        )
+        live = [i for i in range(4) if np.any(messages.numbers(f"rpm[{i}]") > 0.0)]
+        streams += messages.stream({f"rpm{4 * group + i + 1}": (f"rpm[{i}]", 1.0) for i in live})
     if streams:
         return streams
     status, used = log["ESC_STATUS"], set[str]()
     bases = status.numbers("index").astype(int)
     for base in sorted({base for base in bases.tolist() if 0 <= base < 32}):
-        group_status = status.where(bases == base)
-        live_escs = [i for i in range(4) if np.any(group_status.numbers(f"rpm[{i}]") != 0.0)]
-        scales = {f"rpm{base + i + 1}": (f"rpm[{i}]", 1.0) for i in live_escs}
+        escs = status.where(bases == base)
+        live = [i for i in range(4) if np.any(escs.numbers(f"rpm[{i}]") != 0.0)]
+        scales = {f"rpm{base + i + 1}": (f"rpm[{i}]", 1.0) for i in live}
         # Where groups overlap, the first has priority.
-        streams += group_status.stream(
-            {name: scale for name, scale in scales.items() if name not in used}
-        )
+        streams += escs.stream({name: scale for name, scale in scales.items() if name not in used})
         used |= set(scales)
     return streams or log["RPM"].stream({"rpm1": ("rpm1", 1.0), "rpm2": ("rpm2", 1.0)})
 

@@ -66,13 +66,13 @@ def _find_channel(name: str) -> str | None:
 
 
 def _select_speed(
-    columns: Sequence[MappedColumn], values_by_name: Mapping[str, Array], findings: list[Finding]
+    columns: Sequence[MappedColumn], values: Mapping[str, Array], findings: list[Finding]
 ) -> list[MappedColumn]:
     """Drop speed columns without a reading; the optical speed replaces a missing electrical one."""
     is_live = {
-        name: bool(np.any(values_by_name[name] > 0.0))
+        name: bool(np.any(values[name] > 0.0))
         for name in ("rpm1", "rpm1_optical")
-        if name in values_by_name
+        if name in values
     }
     selected: list[MappedColumn] = []
     for column in columns:
@@ -81,7 +81,7 @@ def _select_speed(
             selected.append(replace(column, name="rpm1") if optical_only else column)
             continue
         text = f"{column.source} is 0 or blank in every row"
-        count = len(values_by_name[column.name])
+        count = len(values[column.name])
         findings.append(Finding("left out", "dead channel", text, column.name, count))
     if not any(is_live.values()):
         text = "no speed was measured; thrust can only be compared with the ESC signal"

@@ -62,10 +62,8 @@ def mark_windows(
             text = "--near-m needs a distance sensor, missing in the file"
             findings.append(Finding("lacks", "distance sensor", text))
         else:
-            sensed = _find_near_windows(
-                recording.column("time_s"), recording.column("distance_m"), near_m
-            )
-            windows += sensed
+            time_s, distance_m = recording.column("time_s"), recording.column("distance_m")
+            windows += (sensed := _find_near_windows(time_s, distance_m, near_m))
             text = (
                 f"{pluralize(len(sensed), 'window')} with a distance below {near_m:g} m from the "
                 f"body, applied to all rotors"
@@ -108,12 +106,12 @@ def _find_near_windows(time_s: Array, distance_m: Array, near_m: float) -> list[
     rows = np.flatnonzero(np.isfinite(distance_m) & np.isfinite(time_s))
     if not rows.size:
         return []
-    sample_s, is_near = time_s[rows], distance_m[rows] < near_m
-    breaks = np.flatnonzero(np.diff(is_near) | (np.diff(sample_s) > MAX_GAP_S)) + 1
+    t_s, is_near = time_s[rows], distance_m[rows] < near_m
+    breaks = np.flatnonzero(np.diff(is_near) | (np.diff(t_s) > MAX_GAP_S)) + 1
     return [
         Window(
-            start_s=float(sample_s[part[0]]),
-            end_s=float(sample_s[part[-1]]),
+            start_s=float(t_s[part[0]]),
+            end_s=float(t_s[part[-1]]),
             rotor=0,
             source="distance sensor",
         )

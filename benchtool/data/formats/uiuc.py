@@ -72,10 +72,6 @@ def read_uiuc(
         torque = recording.column("cp") * density * turns_per_s**2 * diameter_m**5 / (2.0 * pi)
         recording = recording.with_column(Channel("torque_Nm", "N m"), np.asarray(torque))
     facts = {**recording.provenance, "diameter_m": f"{diameter_m:.6g}", "air_kg_m3": f"{density:g}"}
-    sources = {
-        **result.sources,
-        "thrust_N": "CT rho n^2 D^4",
-        "torque_Nm": "CP rho n^2 D^5 / (2 pi)",
-    }
-    recording = replace(recording, provenance=facts)
+    formulas = {"thrust_N": "CT rho n^2 D^4", "torque_Nm": "CP rho n^2 D^5 / (2 pi)"}
+    sources, recording = {**result.sources, **formulas}, replace(recording, provenance=facts)
     return replace(result, recording=recording, sources=sources, propeller=propeller)

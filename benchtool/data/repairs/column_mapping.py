@@ -119,11 +119,9 @@ def read_columns(
     all_findings = [*table.findings, *findings, *numbers.findings]
     by_position = dict(zip(positions, numbers.columns, strict=True))
     if choose is not None:
-        values_by_name = {
-            c.name: by_position[c.position] for c in columns if c.position is not None
-        }
-        columns = choose(columns, values_by_name, all_findings)
-    mapped: list[tuple[MappedColumn, Array]] = []
+        by_name = {c.name: by_position[c.position] for c in columns if c.position is not None}
+        columns = choose(columns, by_name, all_findings)
+    pairs: list[tuple[MappedColumn, Array]] = []
     empty: list[str] = []
     for column in columns:
         constant = np.broadcast_to(column.constant, rows)
@@ -138,28 +136,26 @@ def read_columns(
                 f"rate; not filled"
             )
             all_findings.append(Finding("read as", "blank cells", text, column.name, blank))
-        mapped.append((column, values))
+        pairs.append((column, values))
     if empty:
         text = f"{', '.join(empty)}: blank in every row"
         all_findings.append(Finding("lacks", "blank columns", text, count=len(empty)))
-    if not rows or not mapped:
+    if not rows or not pairs:
         names = ", ".join(name for name in table.header if name)
         raise FileFormatError(
             table.where, f"no row has numbers in the columns that are read ({names})"
         )
     # Allocating a second table of a million rows takes as long as reading: without constants and
     # shared columns, rows move up within the memory that they were read into.
-    in_place = len(set(positions)) == len(positions) and all(
-        c.position is not None for c, _ in mapped
-    )
-    matrix = numbers.columns[: len(mapped)] if in_place else np.empty((len(mapped), rows))
-    for row, (column, values) in zip(matrix, mapped, strict=True):
+    unique = len(set(positions)) == len(positions) and all(c.position is not None for c, _ in pairs)
+    matrix = numbers.columns[: len(pairs)] if unique else np.empty((len(pairs), rows))
+    for row, (column, values) in zip(matrix, pairs, strict=True):
         scale = column.conversion
         if scale.factor != 1.0 or not np.shares_memory(values, row):
             np.multiply(values, scale.factor, out=row)
         if scale.offset:  # added to -0.0, a zero would change it
             row += scale.offset
-    channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in mapped)
+    channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in pairs)
     return ImportResult(
         recording=Recording(channels, matrix.T, {**provenance, "rows": str(rows)}),
         format=format_name,
@@ -170,7 +166,7 @@ def read_columns(
             kept=rows,
             refused=sum(finding.count for finding in all_findings if finding.kind == "refused"),
         ),
-        sources={column.name: column.source for column, _ in mapped},
+        sources={column.name: column.source for column, _ in pairs},
         lines=numbers.lines,
     )
 

@@ -89,9 +89,7 @@ def _check_efficiency(recording: Recording) -> list[Finding]:
 def compare_speeds(recordings: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
     """Return doubts about files with different speeds at the same pulse width and thrust."""
     findings: dict[str, list[Finding]] = {name: [] for name, _ in recordings}
-    curves = [
-        (name, curve) for name, recording in recordings if (curve := _curve(recording)) is not None
-    ]
+    curves = [(name, curve) for name, data in recordings if (curve := _curve(data)) is not None]
     for (name, first), (other_name, second) in combinations(curves, 2):
         low, high = max(first[0][0], second[0][0]), min(first[0][-1], second[0][-1])
         pulses = first[0][(first[0] >= low) & (first[0] <= high)]

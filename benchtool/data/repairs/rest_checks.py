@@ -21,9 +21,7 @@ from benchtool.data.repairs.pole_count import check_speed_scale
 UNTARED_SHARE = 0.015  # of the range; tared load cells are within 1 %, untared at 2 %; assumed
 UNTARED_EXTRAPOLATED = 0.1  # propellers deviate from rpm^2 by some per cent; assumed
 
-_VARYING = re.compile(
-    r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m"
-)
+_VARIES = re.compile(r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m")
 
 
 def check_readings_at_rest(recording: Recording) -> list[Finding]:
@@ -107,7 +105,7 @@ def constant_channels(recording: Recording) -> list[Finding]:
         return []
     findings = []
     for name in recording.names:
-        if not _VARYING.fullmatch(name):
+        if not _VARIES.fullmatch(name):
             continue
         values = recording.column(name)
         if _min_finite(values) != -_min_finite(-values):
@@ -127,9 +125,8 @@ def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
         return result.with_values(name, values).with_findings([finding])
 
     for name in options.flip:
-        result = repaired(
-            name, -result.recording.column(name), "wrong sign", "sign reversed by --flip"
-        )
+        values = -result.recording.column(name)
+        result = repaired(name, values, "wrong sign", "sign reversed by --flip")
     for name in options.tare:
         zero = estimate_zero(result.recording, name)
         if zero is None:

@@ -27,11 +27,9 @@ def repair_time_order(result: ImportResult) -> ImportResult:
         return result
     findings: list[Finding] = []
 
-    def note(
-        kind: Kind, what: str, text: str, positions: Positions, count: int | None = None
-    ) -> None:
-        size = positions.size if count is None else count
-        findings.append(Finding(kind, what, text, "time_s", size, result.format_lines(positions)))
+    def note(kind: Kind, what: str, text: str, at: Positions, count: int | None = None) -> None:
+        size = at.size if count is None else count
+        findings.append(Finding(kind, what, text, "time_s", size, result.format_lines(at)))
 
     time_s = result.recording.column("time_s").copy()
     finite = np.isfinite(time_s)
@@ -77,11 +75,9 @@ def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[
         time_s[0] = time_s[1]
         note("repaired", "time goes backwards", text, rows[:1])
     before, here, after = time_s[:-2], time_s[1:-1], time_s[2:]
-    step_s = MAX_STEP_RATIO * usual_s
+    far = MAX_STEP_RATIO * usual_s
     strays = 1 + np.flatnonzero(
-        (after >= before)
-        & (after - before < step_s)
-        & ((here - after > step_s) | (before - here > step_s))
+        (after >= before) & (after - before < far) & ((here - after > far) | (before - here > far))
     )
     if strays.size:
         time_s[strays] = 0.5 * (time_s[strays - 1] + time_s[strays + 1])
@@ -155,12 +151,10 @@ def find_spikes(values: Array) -> Positions:
     rows = np.flatnonzero(np.isfinite(values))
     if rows.size < 7:
         return rows[:0]
-    finite = values[rows]
-    subset = finite[:: max(1, rows.size // 20_000)]
-    low, high = (
-        np.percentile(subset, [1.0, 99.0]) if subset.size > 100 else np.sort(finite)[[1, -2]]
-    )
-    before, here, after = finite[:-2], finite[1:-1], finite[2:]
+    valid = values[rows]
+    part = valid[:: max(1, rows.size // 20_000)]
+    low, high = np.percentile(part, [1.0, 99.0]) if part.size > 100 else np.sort(valid)[[1, -2]]
+    before, here, after = valid[:-2], valid[1:-1], valid[2:]
     up, down = here - before, here - after
     jump = np.minimum(np.abs(up), np.abs(down))
     is_spike = (up * down > 0.0) & (jump > SPIKE_SHARE * max(high - low, 0.0))
