@@ -220,7 +220,7 @@ def read_request(
     if wrong or loaded is None:
         if len(wrong) == 1:
             raise wrong[0]
-        listed = " ".join(f"({place}) {one}." for place, one in enumerate(wrong, 1))
+        listed = " ".join(f"({place}) {error}." for place, error in enumerate(wrong, 1))
         raise InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")
     file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
     given = Path(effects) if effects and effects.endswith(".py") else None

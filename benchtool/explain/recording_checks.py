@@ -274,7 +274,9 @@ def find_frozen_load_cell(recording: Recording, rig: Rig, name: str) -> Mended:
     if len(rows) < 8:
         return {}, []
     thrust = recording.column("thrust_N")[rows]
-    squares = np.sum([recording.to_si(one)[rows] ** 2 for one in rotor_columns(recording)], axis=0)
+    squares = np.sum(
+        [recording.to_si(column)[rows] ** 2 for column in rotor_columns(recording)], axis=0
+    )
     hung = np.zeros(len(rows), bool)
     for value in np.unique(thrust):
         alike = thrust == value
@@ -294,7 +296,7 @@ def _thrust_shares(recording: Recording) -> tuple[Array, Mask]:
     columns = rotor_columns(recording)
     if not columns or "thrust_N" not in recording:
         return np.zeros(len(recording)), np.zeros(len(recording), bool)
-    squares = np.sum([recording.to_si(one) ** 2 for one in columns], axis=0)
+    squares = np.sum([recording.to_si(column) ** 2 for column in columns], axis=0)
     thrust = recording.to_si("thrust_N")
     running = np.isfinite(squares) & np.isfinite(thrust) & (np.nan_to_num(squares) > 0.0)
     return thrust / np.where(running, squares, 1.0), running

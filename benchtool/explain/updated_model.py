@@ -109,7 +109,7 @@ def _with(answer: ExplainResult, model: Model, effect: NamedEffect) -> Model:
     known = _effect(answer, effect.name)
     if all(present.name != effect.name for present in model.effects):
         model = model.with_effect(known)
-    source = f"benchtool explain of {', '.join(one.name for one in answer.request.learn)}"
+    source = f"benchtool explain of {', '.join(source.name for source in answer.request.learn)}"
     for own in known.parameters:  # what shapes its law comes along
         name = f"{effect.name}.{own.name}"
         if name in answer.verdict.parameters:

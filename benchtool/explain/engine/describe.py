@@ -48,7 +48,7 @@ def effect_size(subject: Subject, name: str) -> Effect:
 
 
 def found_parameters(
-    subject: Subject, hypotheses: Hypotheses, one: Hypothesis, name: str
+    subject: Subject, hypotheses: Hypotheses, fit: Hypothesis, name: str
 ) -> tuple[FoundParameter, ...]:
     """Return an effect's numbers under a hypothesis that opens it.
 
@@ -56,21 +56,21 @@ def found_parameters(
     of the effect's law among it, and the law's scale as a share of the effect. A number at its
     bound, or known no better than its prior, is not determined: its interval is physics' range.
     """
-    spread = np.sqrt(np.diag(hypotheses.spread(one)))
+    spread = np.sqrt(np.diag(hypotheses.spread(fit)))
     law = subject.evidence.model.discrepancy.law
     effect = effect_size(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}
     out = []
     for parameter, scaled, sd in zip(
-        hypotheses.evidence.parameters, one.values, spread, strict=True
+        hypotheses.evidence.parameters, fit.values, spread, strict=True
     ):
         if parameter.effect != name:
             continue
         value = parameter.value(float(scaled))
-        own = parameter.name.partition(".")[2]
-        stated = neutral[own]
-        rest = parameter.start if stated is None else stated
-        std = float(np.hypot(sd * parameter.scale, law * (value - rest)))
+        key = parameter.name.partition(".")[2]
+        zero = neutral[key]
+        reference = parameter.start if zero is None else zero
+        std = float(np.hypot(sd * parameter.scale, law * (value - reference)))
         low, high = value - SIGMA_95 * std, value + SIGMA_95 * std
         margin = AT_BOUND * parameter.scale
         inside = parameter.lower + margin < value < parameter.upper - margin
@@ -81,14 +81,14 @@ def found_parameters(
             std = (high - low) / sqrt(12.0)
         out.append(
             FoundParameter(
-                name=own,
+                name=key,
                 unit=parameter.unit,
                 value=value,
                 std=std,
                 low=max(low, parameter.lower),
                 high=min(high, parameter.upper),
                 tolerance=parameter.scale,
-                neutral=rest,
+                neutral=reference,
                 determined=determined,
             )
         )
@@ -100,7 +100,7 @@ def fitted_nearest(
     subject: Subject,
     hypotheses: Hypotheses,
     base: Hypothesis,
-    one: Hypothesis,
+    fit: Hypothesis,
     after: Mapping[str, float],
 ) -> NearestEffect:
     """Return the nearest effect with the numbers of a hypothesis that opens it, and what it leaves.
@@ -111,12 +111,12 @@ def fitted_nearest(
     effect = effect_size(subject, nearest.name)
     named = NamedEffect(
         name=effect.name, title=effect.title, phrase=effect.phrase, stage=effect.subsystem,
-        probability=0.0, parameters=found_parameters(subject, hypotheses, one, effect.name),
-        log_likelihood_ratio=0.5 * (base.cost - one.cost),
-        p_value=p_value(hypotheses, base, one, Bootstrap(), np.random.default_rng(0)),
+        probability=0.0, parameters=found_parameters(subject, hypotheses, fit, effect.name),
+        log_likelihood_ratio=0.5 * (base.cost - fit.cost),
+        p_value=p_value(hypotheses, base, fit, Bootstrap(), np.random.default_rng(0)),
     )  # fmt: skip
     evidence = subject.evidence
-    parameters = parameters_at(evidence.model.parameters, evidence.parameters, one.values)
+    parameters = parameters_at(evidence.model.parameters, evidence.parameters, fit.values)
     return replace(nearest, effect=named, parameters=parameters, after=after)
 
 
@@ -132,25 +132,25 @@ def where_shown(
         after: (n_rows,) with what was named, or of the nearest.
         stage: of what was named; found from the rows when None.
     """
-    shown: Subsystem = stage if stage is not None else largest_disagreement(groups, before)
-    rows = groups.stages.get(shown)
+    location: Subsystem = stage if stage is not None else largest_disagreement(groups, before)
+    rows = groups.stages.get(location)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
     gained = np.where(rows, before**2 - after**2, 0.0)
     if gained.sum() <= 0.0:  # nothing was gained: look at what stands out of the noise
         gained = np.where(rows, before**2 - 1.0, 0.0)
     total = gained.sum()
-    best, crowded = "everywhere", 1.5
+    best, max_density = "everywhere", 1.5
     for name, mask in groups.regimes.items():
         inside = gained[mask].sum() / total if total > 0.0 else 0.0
         dense = inside / max(float(np.mean(mask[rows])), 1e-9)
         if name in (LATE, EARLY):
             dense /= CLOCK_FACTOR
-        if inside > 0.3 and dense > crowded:
-            best, crowded = name, dense
+        if inside > 0.3 and dense > max_density:
+            best, max_density = name, dense
     mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows
     return EvidenceLocation(
-        stage=shown,
+        stage=location,
         regime=best,
         size=_rms(before[mask]),
         share=float(gained[mask].sum() / total) if total > 0.0 else 0.0,

@@ -78,10 +78,10 @@ class CandidatePrediction:
             BoundedRegion(lower=self.room[0], upper=self.room[1], penalty=np.zeros(free)),
         )
         costs = [
-            Linearisation(at, one, slope, curvature).step(within)[1]
-            for one, slope in zip(cost, gradient.T, strict=True)
+            Linearisation(at, constant, slope, curvature).step(within)[1]
+            for constant, slope in zip(cost, gradient.T, strict=True)
         ]
-        return -0.5 * np.array(costs) - 0.5 * self._learned(self.slopes.T @ self.slopes)
+        return -0.5 * np.array(costs) - 0.5 * self._log_determinant(self.slopes.T @ self.slopes)
 
     def over(self, other: CandidatePrediction, rng: np.random.Generator | None) -> float:
         """Return the expected log evidence ratio over another one, were this one true."""
@@ -99,9 +99,11 @@ class CandidatePrediction:
         wider = np.trace(spread @ own) - np.trace(
             np.linalg.solve(after, after - other.known + cross @ spread @ cross.T)
         )
-        return float(0.5 * (square + wider + other._learned(b.T @ b) - self._learned(own)))
+        return float(
+            0.5 * (square + wider + other._log_determinant(b.T @ b) - self._log_determinant(own))
+        )
 
-    def _learned(self, seen: Array) -> float:
+    def _log_determinant(self, seen: Array) -> float:
         """Return the log determinant of the covariance of the new rows."""
         return float(np.linalg.slogdet(self.known + seen)[1] - np.linalg.slogdet(self.known)[1])
 
@@ -127,18 +129,18 @@ def select_design(
     """Return the design that lowers the expected confusion most for its time, step by step."""
     best, expected, rates = first, weighed(first), dict[str, float]()
     while expected.confusion > CLEAR:
-        options = {what: one for what, one in more(best).items() if seconds(one) <= most_s}
+        options = {what: option for what, option in more(best).items() if seconds(option) <= most_s}
         fresh = dict[str, ExpectedOutcome]()
         what = ""
         while options and what not in fresh:
             # What a thing gains shrinks with what is there already: old rates bound new ones.
-            what = max(options, key=lambda one: rates.get(one, inf))
+            what = max(options, key=lambda option: rates.get(option, inf))
             if what not in fresh:
                 fresh[what] = weighed(options[what])
                 gained = log(expected.confusion / fresh[what].confusion)
                 taken_s = max(MIN_DURATION_S, seconds(options[what]) - seconds(best))
                 rates[what] = gained / taken_s if gained > WORTH else 0.0
-                what = max(options, key=lambda one: rates.get(one, inf))
+                what = max(options, key=lambda option: rates.get(option, inf))
         if not options or rates[what] <= 0.0:
             break
         best, expected = options[what], fresh[what]
@@ -150,28 +152,34 @@ def select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[Cand
 
     Those that leave less than 5 % to others, in the place that is least sure; two at least.
     """
-    place = min(range(len(judgement.trials)), key=lambda one: max(judgement.weights[one].values()))
-    trial = judgement.trials[place]
-    chances = probabilities(trial) if trial.log_odds else judgement.weights[place]
-    phrases = {one.name: one.phrase for one in hypotheses.evidence.model.effects}
-    phrases |= {name: one.phrase for name, one in hypotheses.discrepancies.items()}
-    found = [CandidateEffect(name="none", phrase=NONE, fit=trial.base, probability=chances["none"])]
-    for one in trial.tried:
-        name = one.active[-1]
-        chance = chances.get(name, 0.0)
-        found.append(CandidateEffect(name=name, phrase=phrases[name], fit=one, probability=chance))
-    found.sort(key=lambda one: -one.probability)
-    count, left = 0, 1.0
-    while count < MAX_CANDIDATES and (count < 2 or left > CLASS_FROM) and count < len(found):
-        left -= found[count].probability
-        count += 1
-    found = [
-        replace(one, probability=max(one.probability, MIN_PROBABILITY)) for one in found[:count]
+    index = min(
+        range(len(judgement.trials)),
+        key=lambda trial_index: max(judgement.weights[trial_index].values()),
+    )
+    trial = judgement.trials[index]
+    chances = probabilities(trial) if trial.log_odds else judgement.weights[index]
+    phrases = {effect.name: effect.phrase for effect in hypotheses.evidence.model.effects}
+    phrases |= {name: part.phrase for name, part in hypotheses.discrepancies.items()}
+    rivals = [
+        CandidateEffect(name="none", phrase=NONE, fit=trial.base, probability=chances["none"])
     ]
-    named = [one for one in found if one.name not in hypotheses.discrepancies]
+    for fit in trial.tried:
+        name = fit.active[-1]
+        chance = chances.get(name, 0.0)
+        rivals.append(CandidateEffect(name=name, phrase=phrases[name], fit=fit, probability=chance))
+    rivals.sort(key=lambda rival: -rival.probability)
+    count, left = 0, 1.0
+    while count < MAX_CANDIDATES and (count < 2 or left > CLASS_FROM) and count < len(rivals):
+        left -= rivals[count].probability
+        count += 1
+    rivals = [
+        replace(rival, probability=max(rival.probability, MIN_PROBABILITY))
+        for rival in rivals[:count]
+    ]
+    named = [rival for rival in rivals if rival.name not in hypotheses.discrepancies]
     if not named:
-        return found
-    return [one if one in named else replace(one, name="unknown") for one in found]
+        return rivals
+    return [rival if rival in named else replace(rival, name="unknown") for rival in rivals]
 
 
 def proposal(
@@ -189,22 +197,22 @@ def proposal(
     Args:
         refused: the stage in which nothing in the library explains what is there.
     """
-    by_name = {one.name: one for one in reversed(among)}
+    by_name = {rival.name: rival for rival in reversed(among)}
     first = among[0].name
     ratios = expected.ratios
     apart = [name for name, ratio in ratios.items() if ratio >= DECISION_PROBABILITY]
-    shown = next(iter(apart or ratios))
-    said = "above 100" if ratios[shown] > SHOWN else f"of {ratios[shown]:.1f}"
+    other = next(iter(apart or ratios))
+    size = "above 100" if ratios[other] > SHOWN else f"of {ratios[other]:.1f}"
     reason = (
-        f"expected to separate {by_name[first].phrase} from {by_name[shown].phrase} by a log "
-        f"evidence ratio {said}"
+        f"expected to separate {by_name[first].phrase} from {by_name[other].phrase} by a log "
+        f"evidence ratio {size}"
     )
     if apart and (beyond := [by_name[name].phrase for name in ratios if name not in apart]):
         reason = f"{reason}, but not from {', '.join(beyond)}"
     if refused == "pwm_to_rpm":
         reason = f"{ESC_MODE}; {reason}"
     return NextExperiment(
-        candidates=tuple(dict.fromkeys(one.name for one in among)),
+        candidates=tuple(dict.fromkeys(rival.name for rival in among)),
         title=title,
         reason=reason,
         schedule=schedule,
@@ -220,11 +228,14 @@ class Forecast:
     def __init__(self, evidence: Evidence, rivals: Sequence[CandidateEffect]) -> None:
         self._about = Hypotheses(evidence)
         self._evidence = evidence
-        about, self._upper = self._about, np.array([one.most for one in evidence.parameters])
-        fits = [about.near_fit(one.fit) for one in rivals]
-        fits = [about.fitted(one.active, one.values, one.amplitudes) for one in fits]
-        self.rivals = [replace(one, fit=fit) for one, fit in zip(rivals, fits, strict=True)]
-        self._before = [slopes(evidence.residuals, one.values, self._upper) for one in fits]
+        about, self._upper = (
+            self._about,
+            np.array([parameter.most for parameter in evidence.parameters]),
+        )
+        fits = [about.near_fit(rival.fit) for rival in rivals]
+        fits = [about.fitted(fit.active, fit.values, fit.amplitudes) for fit in fits]
+        self.rivals = [replace(rival, fit=fit) for rival, fit in zip(rivals, fits, strict=True)]
+        self._before = [slopes(evidence.residuals, fit.values, self._upper) for fit in fits]
         masks = evidence.groups().stages
         self._noise = {stage: float(about.noise[mask][0]) for stage, mask in masks.items()}
 
@@ -263,11 +274,11 @@ class Forecast:
         for stage, mask in masks.items():
             noise[mask] = self._noise.get(stage, 1.0)
         noise = np.concatenate([self._about.noise, noise])
-        columns = {one.name: one.columns for one in both.discrepancies()}
+        columns = {part.name: part.columns for part in both.discrepancies()}
         return [
-            self._outlook(one.fit, before, slopes(new.residuals, one.fit.values, self._upper),
+            self._outlook(rival.fit, before, slopes(new.residuals, rival.fit.values, self._upper),
                           both, columns, noise)
-            for one, before in zip(self.rivals, self._before, strict=True)
+            for rival, before in zip(self.rivals, self._before, strict=True)
         ]  # fmt: skip
 
     def _outlook(
@@ -287,21 +298,23 @@ class Forecast:
         shared = [factor * columns[name] for name, factor in factors.items()]
         for name in fit.active:
             if name in self._about.effects and columns:
-                own = np.array([one.effect == name for one in both.parameters])
+                own = np.array([parameter.effect == name for parameter in both.parameters])
                 both_ways = np.vstack([fit.values, np.where(own, 0.0, fit.values)])
                 done = both.residuals(both_ways)
                 shared.append(both.varied(done[:, 0] - done[:, 1]))
-        known = len(before[0])
+        n_before = len(before[0])
         every = np.hstack([-jacobian[:, free], *shared]) / noise[:, None]
         rows = rows / noise
         prior = np.concatenate([region.penalty[free] ** 2, np.ones(every.shape[1] - free.sum())])
-        precision = every[:known].T @ every[:known] + np.diag(prior + 1e-9)
+        precision = every[:n_before].T @ every[:n_before] + np.diag(prior + 1e-9)
         # Numbers are at their best; what discrepancies take up follows from what is left of rows.
         taken = slice(int(free.sum()), None)
-        weights = np.linalg.solve(precision[taken, taken], every[:known, taken].T @ rows[:known])
+        weights = np.linalg.solve(
+            precision[taken, taken], every[:n_before, taken].T @ rows[:n_before]
+        )
         return CandidatePrediction(
-            mean=every[known:, taken] @ weights - rows[known:],
-            slopes=every[known:],
+            mean=every[n_before:, taken] @ weights - rows[n_before:],
+            slopes=every[n_before:],
             known=precision,
             room=((region.lower - fit.values)[free], (region.upper - fit.values)[free]),
         )

@@ -40,7 +40,7 @@ class RowGroups:
     def joined(
         cls,
         other: Subsystem,
-        of_speed: Sequence[NDArray[np.bool_]],
+        speed_masks: Sequence[NDArray[np.bool_]],
         regimes: Sequence[Mapping[str, NDArray[np.bool_]]],
     ) -> RowGroups:
         """Return labels of rows that come in parts.
@@ -50,15 +50,17 @@ class RowGroups:
             of_speed: masks (n,), one for each part.
             regimes: masks (n,) by name for each part; a part has none of a regime that it lacks.
         """
-        turning = np.concatenate(of_speed)
+        is_speed = np.concatenate(speed_masks)
         names = dict.fromkeys(name for part in regimes for name in part)
         return cls(
-            stages={"pwm_to_rpm": turning, other: ~turning} if turning.any() else {other: ~turning},
+            stages={"pwm_to_rpm": is_speed, other: ~is_speed}
+            if is_speed.any()
+            else {other: ~is_speed},
             regimes={
                 name: np.concatenate(
                     [
                         part.get(name, np.zeros(len(rows), bool))
-                        for part, rows in zip(regimes, of_speed, strict=True)
+                        for part, rows in zip(regimes, speed_masks, strict=True)
                     ]
                 )
                 for name in names
@@ -207,6 +209,6 @@ class Subject(ABC):
             refused: the stage in which nothing in the library explains what is there.
             minutes: that it may take; a usual time when None.
         """
-        if len({one.name for one in rivals}) < 2:
+        if len({rival.name for rival in rivals}) < 2:
             return None
         return self.next_by(self.all_evidence, rivals, rng, refused, minutes)

@@ -85,26 +85,26 @@ def explain(
     groups = evidence.groups()
     judgement = judge(subject, hypotheses, rng, draws, progress)
     kind, trials, weights = judgement.kind, judgement.trials, judgement.weights
-    null, shown, held = judgement.null, judgement.shown, judgement.held
-    before, after = evidence.residuals(np.vstack([null.values, shown.values])).T
+    null, final, held = judgement.null, judgement.shown, judgement.held
+    before, after = evidence.residuals(np.vstack([null.values, final.values])).T
     progress("drawing the answer", 0.9)
     effects = []
-    for place, name in judgement.members:
-        trial, effect = trials[place], effect_size(subject, name)
-        one = next(tried for tried in trial.tried if tried.active[-1] == name)
-        rough = one
-        if not any(key.startswith(f"{name}: law") for key in one.amplitudes):
-            (rough,) = hypotheses.add_law_discrepancies([one])
+    for index, name in judgement.members:
+        trial, effect = trials[index], effect_size(subject, name)
+        fit = next(tried for tried in trial.tried if tried.active[-1] == name)
+        with_law = fit
+        if not any(key.startswith(f"{name}: law") for key in fit.amplitudes):
+            (with_law,) = hypotheses.add_law_discrepancies([fit])
         effects.append(
             NamedEffect(
                 name=name,
                 title=effect.title,
                 phrase=effect.phrase,
                 stage=effect.subsystem,
-                probability=weights[place][name],
-                parameters=found_parameters(subject, hypotheses, rough, name),
-                log_likelihood_ratio=0.5 * (trial.base.cost - one.cost),
-                p_value=p_value(hypotheses, trial.base, one, bootstrap, rng),
+                probability=weights[index][name],
+                parameters=found_parameters(subject, hypotheses, with_law, name),
+                log_likelihood_ratio=0.5 * (trial.base.cost - fit.cost),
+                p_value=p_value(hypotheses, trial.base, fit, bootstrap, rng),
             )
         )
     gaps = held.gaps(rng)
@@ -114,23 +114,23 @@ def explain(
         if judgement.unnamed and not effects:
             stage = judgement.unnamed[0].stage
         where = where_shown(groups, before, after, stage)
-    if kind == "unknown" and shown is not null and shown.active[-1] in hypotheses.effects:
+    if kind == "unknown" and final is not null and final.active[-1] in hypotheses.effects:
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
-        effect, share = effect_size(subject, shown.active[-1]), max(0.0, worst.share_closed)
+        effect, share = effect_size(subject, final.active[-1]), max(0.0, worst.share_closed)
         if share > CLOSES:
             nearest = fitted_nearest(
                 NearestEffect(name=effect.name, phrase=effect.phrase, share_closed=share),
                 subject,
                 hypotheses,
-                next((one.base for one in trials if shown in one.tried), trials[0].base),
-                shown,
+                next((fit.base for fit in trials if final in fit.tried), trials[0].base),
+                final,
                 {gap.channel: gap.after for gap in gaps},
             )
-    found = None
-    if kind == "unknown" and {one.stage for one in judgement.unnamed} != {"pwm_to_rpm"}:
+    depends = None
+    if kind == "unknown" and {departure.stage for departure in judgement.unnamed} != {"pwm_to_rpm"}:
         progress("looking for what it depends on", 0.92)
         missed = subject.missing_channels(null.values, [name for name, _ in judgement.beside])
-        found = dependence(missed, evidence.model.rig.propulsion.radius_m)
+        depends = dependence(missed, evidence.model.rig.propulsion.radius_m)
     best = judgement.best
     if not effects:
         after, best = before, null
@@ -149,8 +149,8 @@ def explain(
         effects=tuple(effects),
         probabilities=_probabilities(judgement),
         places=tuple(
-            AlternativeEffects(effect=trial.name, probabilities=one)
-            for trial, one in zip(trials, weights, strict=True)
+            AlternativeEffects(effect=trial.name, probabilities=chances)
+            for trial, chances in zip(trials, weights, strict=True)
         ),
         where=where,
         gaps=gaps,
@@ -169,7 +169,7 @@ def explain(
         beside={
             effect_size(subject, name).phrase: probability for name, probability in judgement.beside
         },
-        depends=found,
+        depends=depends,
         remarks=remarks,
         next=None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.values),
@@ -193,9 +193,9 @@ def explain(
 def _probabilities(judgement: Judgement) -> dict[str, float]:
     """Return the probability of every explanation; where effects join, of each for its place."""
     weights = judgement.weights
-    named = dict.fromkeys(name for one in weights for name in one if name not in NO_EFFECT)
+    named = dict.fromkeys(name for chances in weights for name in chances if name not in NO_EFFECT)
     return {
-        **{name: max(one.get(name, 0.0) for one in weights) for name in named},
-        "none": min(one["none"] for one in weights),
+        **{name: max(chances.get(name, 0.0) for chances in weights) for name in named},
+        "none": min(chances["none"] for chances in weights),
         "unknown": judgement.unknown,
     }

@@ -30,66 +30,66 @@ class Learned:
 
     def __init__(self, hypotheses: Hypotheses, every: Evidence) -> None:
         self._errors = hypotheses.errors
-        self._parts = [one for one in every.discrepancies() if one.readings is not None]
+        self._parts = [part for part in every.discrepancies() if part.readings is not None]
         self._learned = hypotheses.n_rows
 
-    def mean(self, one: Hypothesis) -> Array:
+    def mean(self, fit: Hypothesis) -> Array:
         """Return by what readings of the check recordings are expected to be changed (n_rows,).
 
         Each departure as far as its tolerance, without what is beyond.
         """
-        draws = self._known(one).T @ self._left(one)
+        draws = self._columns(fit).T @ self._left(fit)
         total, first = np.zeros(1), 0
         for part in self._parts:
             assert part.readings is not None
             readings = part.readings[self._learned :]
             last = first + readings.shape[1]
-            if part.name not in one.amplitudes:
+            if part.name not in fit.amplitudes:
                 limit = np.sqrt(np.sum(readings**2, axis=1)) / SMALL
                 total = total + np.clip(readings @ draws[first:last], -limit, limit)
             first = last
         return total
 
-    def drawn(self, one: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
+    def drawn(self, fit: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
         """Return changes (n_rows, draws) as uncertain as they are, about the expected ones."""
-        columns = self._known(one) / self._errors.noise[:, None]
-        sure = columns.T @ solve_covariance(self._every(one), columns)
-        size, axes = np.linalg.eigh(np.eye(len(sure)) - sure)
+        columns = self._columns(fit) / self._errors.noise[:, None]
+        precision = columns.T @ solve_covariance(self._every(fit), columns)
+        size, axes = np.linalg.eigh(np.eye(len(precision)) - precision)
         root = axes * np.sqrt(np.maximum(size, 0.0)) @ axes.T  # the one that rounding leaves alone
-        drawn: Array = self._readings(one) @ (root @ rng.standard_normal((len(size), draws)))
+        drawn: Array = self._readings(fit) @ (root @ rng.standard_normal((len(size), draws)))
         return drawn
 
-    def _every(self, one: Hypothesis) -> Array:
+    def _every(self, fit: Hypothesis) -> Array:
         """Return the columns of all that is there over the noise, laws of effects among them."""
-        laws = [self._errors.law(name) for name in one.amplitudes if ": law" in name]
-        return np.hstack([self._known(one) / self._errors.noise[:, None], *laws])
+        laws = [self._errors.law(name) for name in fit.amplitudes if ": law" in name]
+        return np.hstack([self._columns(fit) / self._errors.noise[:, None], *laws])
 
-    def _left(self, one: Hypothesis) -> Array:
+    def _left(self, fit: Hypothesis) -> Array:
         """Return V^-1 r (n_learned,) of what a hypothesis leaves."""
         return (
-            solve_covariance(self._every(one), self._errors.rows(one.values)[:, 0])
+            solve_covariance(self._every(fit), self._errors.rows(fit.values)[:, 0])
             / self._errors.noise
         )
 
-    def _factors(self, one: Hypothesis) -> list[float]:
-        return [one.amplitudes.get(part.name, float(part.always)) for part in self._parts]
+    def _factors(self, fit: Hypothesis) -> list[float]:
+        return [fit.amplitudes.get(part.name, float(part.always)) for part in self._parts]
 
-    def _known(self, one: Hypothesis) -> Array:
+    def _columns(self, fit: Hypothesis) -> Array:
         """Return columns (n_learned, r) as large as the hypothesis has them."""
         parts = [
             factor * part.columns[: self._learned]
-            for factor, part in zip(self._factors(one), self._parts, strict=True)
+            for factor, part in zip(self._factors(fit), self._parts, strict=True)
         ]
         return np.hstack([np.empty((self._learned, 0)), *parts])
 
-    def _readings(self, one: Hypothesis) -> Array:
+    def _readings(self, fit: Hypothesis) -> Array:
         """Return changes of readings (n_check_rows, r), 0 for what is beyond tolerance."""
         if not self._parts:
             return np.empty((1, 0))
         return np.hstack(
             [
-                (0.0 if part.name in one.amplitudes else factor) * part.readings[self._learned :]
-                for factor, part in zip(self._factors(one), self._parts, strict=True)
+                (0.0 if part.name in fit.amplitudes else factor) * part.readings[self._learned :]
+                for factor, part in zip(self._factors(fit), self._parts, strict=True)
                 if part.readings is not None
             ]
         )
@@ -120,16 +120,16 @@ class ValidationScore:
         draws: int,
     ) -> ValidationScore:
         """Predict with the numbers before (`null`) and after (`best`)."""
-        learned = Learned(hypotheses, subject.all_evidence)
+        training = Learned(hypotheses, subject.all_evidence)
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
-        before = learned.mean(null)
-        changes = np.stack([np.zeros_like(before), before, learned.mean(best)], axis=1)
+        before = training.mean(null)
+        changes = np.stack([np.zeros_like(before), before, training.mean(best)], axis=1)
 
-        drawn = learned.drawn(best, rng, FLOOR_DRAWS)
+        drawn = training.drawn(best, rng, FLOOR_DRAWS)
         return cls(
             errors=dict(subject.errors(sets, changes)),
             doubt=dict(subject.floor(best.values, drawn, rng, hypotheses.spread(best))),
-            floor=dict(subject.floor(best.values, learned.drawn(best, rng, draws), rng)),
+            floor=dict(subject.floor(best.values, training.drawn(best, rng, draws), rng)),
         )
 
     @property
@@ -150,16 +150,16 @@ class ValidationScore:
     def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
         """Return the gap of each channel."""
         out = []
-        for name, found in self.errors.items():
-            roots = np.sqrt(np.mean(found.squares, axis=0))
-            blocks = rng.integers(len(found.squares), size=(RESAMPLES, len(found.squares)))
-            drawn = np.sqrt(np.mean(found.squares[blocks], axis=1))
+        for name, channel in self.errors.items():
+            roots = np.sqrt(np.mean(channel.squares, axis=0))
+            blocks = rng.integers(len(channel.squares), size=(RESAMPLES, len(channel.squares)))
+            drawn = np.sqrt(np.mean(channel.squares[blocks], axis=1))
             low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
             floor = self.floor[name]
             out.append(
                 ChannelGap(
                     channel=name,
-                    unit=found.unit,
+                    unit=channel.unit,
                     as_given=float(roots[0]),
                     before=float(roots[1]),
                     after=float(roots[2]),

@@ -1,9 +1,8 @@
-"""Hypotheses about what a model lacks, from "nothing that matters" upward.
+"""Hypotheses about missing effects. The null is composite: every effect within its tolerance.
 
-The null is composite: every effect may be there within its tolerance, and what the owner knows
-only roughly may be anywhere its uncertainty allows. An effect is named only where its own
-tolerance must break. A bench with ten small real imperfections is still a bench on which nothing
-is missing; a test against exactly zero would name one of them on every record.
+Roughly known parameters may deviate by `KNOWN_PARAMETER_BOUND` standard errors. An effect is named
+only if it must exceed its tolerance. A point null (all effects exactly zero) would be rejected on
+every record, because every real bench has small imperfections.
 """
 
 from __future__ import annotations
@@ -28,25 +27,23 @@ from benchtool.fit.bounded_least_squares import (
 from benchtool.fit.identifiability import evidence_against
 from benchtool.tasks import run_tasks
 
-NOTHING: Mapping[str, float] = MappingProxyType({})
+NO_AMPLITUDES: Mapping[str, float] = MappingProxyType({})
 
 SMALL = 1.0 / 3.0  # prior sd of an effect within tolerance, in tolerances; assumed
-REACH = 2.0  # how many standard errors a number that the owner knows roughly may be off
-MAX_DETECTION_LIMIT = 2.0  # tolerances; an effect that needs more to show is not judged
-FIRST_STEPS = 1  # steps of every candidate from the base's neighbourhood
-FINISHED = 4  # how many of the best go on
-MAX_COST_GAP = 60.0  # sum of squares behind the best at which a candidate is dropped
-MIN_PREDICTED_DECREASE = (
-    2.0  # promised decrease of the sum of squares below which nothing is fitted
-)
-OTHER_LAW_SIZE = 10.0  # of a law's tolerance: as much as the effect where that is 10 %; assumed
-BLOCK = 250  # draws of a task of the bootstrap: most of a second
+KNOWN_PARAMETER_BOUND = 2.0  # in standard errors of a roughly known parameter
+MAX_DETECTION_LIMIT = 2.0  # in tolerances; an effect with a larger limit is unjudged
+SCREENING_STEPS = 1  # Gauss-Newton steps in the screening fit of a candidate
+MAX_REFINED = 4  # best candidates that are fitted further after screening
+MAX_COST_GAP = 60.0  # above the best cost; a search that cannot come closer stops
+MIN_PREDICTED_DECREASE = 2.0  # of the cost; candidates with a smaller one are not fitted
+OTHER_LAW_SIZE = 10.0  # in tolerances of a law: as large as the effect at 10 %; assumed
+DRAWS_PER_TASK = 250  # bootstrap draws; takes just under 1 s
 MIN_PARALLEL_DRAWS = 2000  # draws; worker processes take 2 s to start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bootstrap:
-    """State how many records are drawn from the null, and on which cluster (this machine: None)."""
+    """Draws of the parametric bootstrap (0: asymptotic p-value) and Dask cluster (None: local)."""
 
     draws: int = 0
     cluster: str | None = None
@@ -54,22 +51,20 @@ class Bootstrap:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Hypothesis:
-    """Hold a set of effects and discrepancies that may break their tolerances, and its best fit."""
+    """Effects and discrepancies that may exceed their tolerances, with their best fit."""
 
     active: tuple[str, ...]
-    values: Array  # (n_parameters,) the best numbers, in scales
-    linearisation_point: (
-        Array  # (n_parameters,) where the neighbourhood is known that its evidence comes from
-    )
-    cost: float  # sum of squares there, penalties included
-    converged: bool  # whether the search came to rest
-    amplitudes: Mapping[str, float]  # how many times its usual size each discrepancy may be
+    values: Array  # (n_parameters,) best fit, in scales
+    linearisation_point: Array  # (n_parameters,) of the log evidence
+    cost: float  # sum of squares at the best fit, including penalties
+    converged: bool
+    amplitudes: Mapping[str, float]  # multiples of the standard amplitude of each discrepancy
 
 
 class Hypotheses:
-    """Fit hypotheses to evidence.
+    """Fits of hypotheses to evidence.
 
-    Residuals are independent but for discrepancies, a low-rank addition to their covariance.
+    Residuals are independent except for discrepancies, a low-rank addition to their covariance.
     """
 
     def __init__(self, evidence: Evidence) -> None:
@@ -87,235 +82,254 @@ class Hypotheses:
 
     @property
     def noise(self) -> Array:
-        """How large the noise of each row is over the stated one (n_rows,), 1 at least."""
+        """Noise of each row over the stated noise (n_rows,), at least 1."""
         return self.errors.noise
 
     @property
     def n_rows(self) -> int:
-        """How many residuals there are."""
+        """Number of residuals."""
         return self.errors.n_rows
 
-    def near(self, at: Array, widened: Mapping[str, float]) -> Linearisation:
-        """Return the neighbourhood of a point; the same one is worked out once."""
-        return self.errors.near(at, widened)
+    def near(self, values: Array, amplitudes: Mapping[str, float]) -> Linearisation:
+        """Return the linearisation at a point (n_parameters,), cached."""
+        return self.errors.near(values, amplitudes)
 
-    def region(self, opened: Iterable[str]) -> BoundedRegion:
-        """Return bounds and penalties under which only some effects may break their tolerance."""
-        names = set(opened)
+    def region(self, active: Iterable[str]) -> BoundedRegion:
+        """Return bounds and penalties if only the active effects may exceed their tolerances."""
+        names = set(active)
         parameters = self.evidence.parameters
-        wide = np.array([parameter.effect in names for parameter in parameters])
-        held = np.array([parameter.held for parameter in parameters])
-        limit = np.asarray(np.where(held, REACH, 1.0), float)
-        reach = np.asarray(np.where(wide, np.inf, limit), float)
+        is_active = np.array([parameter.effect in names for parameter in parameters])
+        is_known = np.array([parameter.held for parameter in parameters])
+        within = np.asarray(np.where(is_known, KNOWN_PARAMETER_BOUND, 1.0), float)
+        bound = np.asarray(np.where(is_active, np.inf, within), float)
         return BoundedRegion(
-            lower=np.asarray(np.maximum(self._limits[0], -reach), float),
-            upper=np.asarray(np.minimum(self._limits[1], reach), float),
+            lower=np.asarray(np.maximum(self._limits[0], -bound), float),
+            upper=np.asarray(np.minimum(self._limits[1], bound), float),
             penalty=np.asarray(
-                np.where(wide, 1.0 / PRIOR_WIDTH_FACTOR, np.where(held, 1.0, 1.0 / SMALL)), float
+                np.where(is_active, 1.0 / PRIOR_WIDTH_FACTOR, np.where(is_known, 1.0, 1.0 / SMALL)),
+                float,
             ),
         )
 
-    def missed(self, at: Array, opened: Iterable[str]) -> tuple[Array, Array, Array]:
-        """Return what a model that is linear about parameters (n_parameters,) misses (n_rows,).
+    def missed(self, values: Array, active: Iterable[str]) -> tuple[Array, Array, Array]:
+        """Return residuals of the linearised model (n_rows,), extrapolated to zero parameters.
 
-        Then what may vary, with `opened` effects as large as they like: parameters (n_rows,
-        n_parameters) and departures (n_rows, r), by one standard deviation each. All over the
-        noise.
+        Then the change by one prior standard deviation of each parameter (n_rows, n_parameters)
+        and of each discrepancy column (n_rows, r). All are divided by the noise.
         """
         upper = np.array([parameter.most for parameter in self.evidence.parameters])
-        rows, jacobian = slopes(self.evidence.residuals, at, upper)
-        noise, penalty = self.errors.noise, self.region(opened).penalty
+        rows, jacobian = slopes(self.evidence.residuals, values, upper)
+        noise, penalty = self.errors.noise, self.region(active).penalty
         slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
-        return (rows - jacobian @ at) / noise, slope, self.errors.columns({})
+        return (rows - jacobian @ values) / noise, slope, self.errors.columns({})
 
-    def log_evidence(self, one: Hypothesis) -> float:
-        """Return the log marginal likelihood of a hypothesis, up to what all of them share.
+    def log_evidence(self, fit: Hypothesis) -> float:
+        """Return the log marginal likelihood of a hypothesis, up to a common constant.
 
-        Laplace's approximation about its best numbers, exact where the model is linear.
+        Laplace approximation at the best fit; exact for a linear model.
         """
-        penalty = self.region(one.active).penalty
-        curvature = self.near(one.linearisation_point, one.amplitudes).curvature
+        penalty = self.region(fit.active).penalty
+        curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
         ridge = 1e-9 * np.eye(len(curvature))
-        _, log_total = np.linalg.slogdet(curvature + np.diag(penalty**2) + ridge)
-        log_occam = np.sum(np.log(penalty)) - 0.5 * log_total
-        log_noise = self.errors.log_root(one.amplitudes)
-        return float(-0.5 * one.cost + log_occam - log_noise)
+        _, log_determinant = np.linalg.slogdet(curvature + np.diag(penalty**2) + ridge)
+        log_occam = np.sum(np.log(penalty)) - 0.5 * log_determinant
+        log_noise = self.errors.log_root(fit.amplitudes)
+        return float(-0.5 * fit.cost + log_occam - log_noise)
 
-    def spread(self, one: Hypothesis) -> Array:
-        """Return the covariance of all parameters at a hypothesis, in scales.
+    def spread(self, fit: Hypothesis) -> Array:
+        """Return the posterior covariance (n_parameters, n_parameters), in scales.
 
-        (n_parameters, n_parameters). From the curvature, the noise as large as the residuals say,
-        and the penalties; a parameter at the end of its tolerance counts as if it could move on.
+        From the curvature at the estimated noise, and the penalties. A parameter at its bound is
+        treated as free.
         """
-        region = self.region(one.active)
-        curvature = self.near(one.linearisation_point, one.amplitudes).curvature
+        region = self.region(fit.active)
+        curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
         ridge = 1e-9 * np.eye(len(curvature))
         return np.asarray(np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge), float)
 
-    def unseen(self, one: Hypothesis) -> dict[str, float]:
-        """Return effects that the data cannot show: by how many tolerances each would have to act.
+    def unseen(self, fit: Hypothesis) -> dict[str, float]:
+        """Return unjudged effects with their detection limits, in tolerances.
 
-        Its tolerance and three standard deviations of the parameter that shows best, if that is
-        more than `MAX_DETECTION_LIMIT`.
+        The limit is the tolerance plus three standard deviations of the best determined parameter;
+        those up to `MAX_DETECTION_LIMIT` are left out.
         """
-        curvature = self.near(one.linearisation_point, one.amplitudes).curvature
-        out = {}
+        curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
+        limits = {}
         for name in self.effects:
-            own = [parameter.effect == name for parameter in self.evidence.parameters]
-            penalty = np.where(own, 0.0, self.region(one.active).penalty)  # data alone
-            total = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
-            spread = np.sqrt(np.diag(np.linalg.inv(total)))
-            needed = 1.0 + 3.0 * np.min(spread[own])
-            if needed > MAX_DETECTION_LIMIT:
-                out[name] = float(needed)
-        return out
+            is_own = [parameter.effect == name for parameter in self.evidence.parameters]
+            penalty = np.where(
+                is_own, 0.0, self.region(fit.active).penalty
+            )  # the effect itself gets no prior
+            precision = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
+            sd = np.sqrt(np.diag(np.linalg.inv(precision)))
+            limit = 1.0 + 3.0 * np.min(sd[is_own])
+            if limit > MAX_DETECTION_LIMIT:
+                limits[name] = float(limit)
+        return limits
 
-    def evidence_against(self, one: Hypothesis, rival: str) -> float:
-        """Return how clearly such data speak against a rival in the last place, were `one` true.
+    def evidence_against(self, fit: Hypothesis, rival: str) -> float:
+        """Return the expected evidence against a rival effect if a hypothesis is true.
 
-        Twice the log-likelihood ratio on average, from the hypothesis' own Fisher information; the
-        effect whose place it is lies within its tolerance, as all others do.
+        Twice the expected log-likelihood ratio, from the Fisher information of the hypothesis. The
+        rival replaces the last effect, which is within its tolerance.
         """
-        region = self.region((*one.active[:-1], rival))
-        matrix = self.near(one.linearisation_point, one.amplitudes).curvature
-        return evidence_against(matrix, one.values, region.lower, region.upper)
+        region = self.region((*fit.active[:-1], rival))
+        matrix = self.near(fit.linearisation_point, fit.amplitudes).curvature
+        return evidence_against(matrix, fit.values, region.lower, region.upper)
 
     def null(self) -> Hypothesis:
-        """Return the best numbers with nothing open, from the model as given."""
+        """Return the best fit of the null, started from the model as given."""
         return self.fitted((), self.errors.null_start)
 
     def fitted(
-        self, opened: tuple[str, ...], start: Array, widened: Mapping[str, float] = NOTHING
+        self,
+        active: tuple[str, ...],
+        initial_values: Array,
+        amplitudes: Mapping[str, float] = NO_AMPLITUDES,
     ) -> Hypothesis:
-        """Return the best numbers with those open, from given ones (n_parameters,) on."""
-        region = self.region(opened)
-        near = self.near(region.clipped(start), widened)
-        found = self.errors.search(widened).minimum(start, region, known=near)
-        return _of(opened, found, widened)
+        """Return the best fit of active effects from initial values (n_parameters,)."""
+        region = self.region(active)
+        linearisation = self.near(region.clipped(initial_values), amplitudes)
+        minimum = self.errors.search(amplitudes).minimum(
+            initial_values, region, known=linearisation
+        )
+        return _build_hypothesis(active, minimum, amplitudes)
 
-    def without(self, one: Hypothesis, name: str) -> Hypothesis:
-        """Return the best fit without one of a hypothesis' members."""
-        rest = tuple(other for other in one.active if other != name)
-        widened = {
+    def without(self, fit: Hypothesis, name: str) -> Hypothesis:
+        """Return the best fit without one effect or discrepancy of a hypothesis."""
+        remaining = tuple(other for other in fit.active if other != name)
+        amplitudes = {
             key: value
-            for key, value in one.amplitudes.items()
+            for key, value in fit.amplitudes.items()
             if key != name and not key.startswith(f"{name}: law")
         }
-        return self.fitted(rest, one.values, widened)
+        return self.fitted(remaining, fit.values, amplitudes)
 
-    def estimate_discrepancy(self, one: Hypothesis, name: str) -> tuple[Array, Array]:
-        """Return what a discrepancy takes up at a hypothesis: of residuals, as a share of readings.
+    def estimate_discrepancy(self, fit: Hypothesis, name: str) -> tuple[Array, Array]:
+        """Return the posterior mean of a discrepancy: in residuals and as a share of readings.
 
-        (n_rows,) each, the mean of its posterior.
+        (n_rows,) each.
         """
-        discrepancy, factor = self.discrepancies[name], one.amplitudes.get(name, 1.0)
-        draws = factor**2 * (discrepancy.columns.T @ self.errors.left(one.values, one.amplitudes))
-        return discrepancy.columns @ draws, discrepancy.shares @ draws
+        discrepancy, factor = self.discrepancies[name], fit.amplitudes.get(name, 1.0)
+        coefficients = factor**2 * (
+            discrepancy.columns.T @ self.errors.left(fit.values, fit.amplitudes)
+        )
+        return discrepancy.columns @ coefficients, discrepancy.shares @ coefficients
 
-    def size(self, one: Hypothesis) -> float:
-        """Return how large the effect opened last is, in tolerances of its largest parameter."""
-        own = np.array([item.effect == one.active[-1] for item in self.evidence.parameters])
-        return float(np.max(np.abs(one.values[own])))
+    def size(self, fit: Hypothesis) -> float:
+        """Return the size of the last effect, in tolerances of its largest parameter."""
+        is_own = np.array([item.effect == fit.active[-1] for item in self.evidence.parameters])
+        return float(np.max(np.abs(fit.values[is_own])))
 
-    def contribution(self, one: Hypothesis, names: Collection[str]) -> Array:
-        """Return what named effects change in the residuals (n_rows,) of a hypothesis."""
-        own = np.array([parameter.effect in names for parameter in self.evidence.parameters])
-        rows = self.errors.rows(np.vstack([one.values, np.where(own, 0.0, one.values)]))
+    def contribution(self, fit: Hypothesis, names: Collection[str]) -> Array:
+        """Return the contribution of effects to the residuals (n_rows,) of a hypothesis."""
+        is_named = np.array([parameter.effect in names for parameter in self.evidence.parameters])
+        rows = self.errors.rows(np.vstack([fit.values, np.where(is_named, 0.0, fit.values)]))
         return np.asarray(rows[:, 0] - rows[:, 1], float)
 
     def add_candidates(self, base: Hypothesis) -> list[Hypothesis]:
-        """Return the base with each other effect and discrepancy opened in turn, best first."""
+        """Return the base with each further effect or discrepancy added, best first."""
         near, search = self.near(base.values, base.amplitudes), self.errors.search(base.amplitudes)
-        out = []
+        candidates = []
         for name in self.effects:
             if name in base.active:
                 continue
-            opened = (*base.active, name)
-            region = self.region(opened)
-            _, promised = near.step(region)
-            if base.cost - promised < MIN_PREDICTED_DECREASE:
-                out.append(replace(base, active=opened))
+            active = (*base.active, name)
+            region = self.region(active)
+            _, predicted_cost = near.step(region)
+            if base.cost - predicted_cost < MIN_PREDICTED_DECREASE:
+                candidates.append(replace(base, active=active))
                 continue
-            found = search.minimum(base.values, region, known=near, most_steps=FIRST_STEPS)
-            out.append(_of(opened, found, base.amplitudes, base.values))
-        out.sort(key=lambda item: item.cost)
-        above = np.inf
-        for place, one in enumerate(out[:FINISHED]):
-            if not one.converged:
-                region = self.region(one.active)
-                found = search.minimum(one.values, region, above=above)
-                out[place] = _of(one.active, found, base.amplitudes, base.values)
-            above = min(above, out[place].cost + MAX_COST_GAP)
-        out += [self._widened(base, name) for name in self.discrepancies if name not in base.active]
-        return sorted(out, key=self.log_evidence, reverse=True)
+            minimum = search.minimum(base.values, region, known=near, most_steps=SCREENING_STEPS)
+            candidates.append(_build_hypothesis(active, minimum, base.amplitudes, base.values))
+        candidates.sort(key=lambda item: item.cost)
+        max_cost = np.inf
+        for index, candidate in enumerate(candidates[:MAX_REFINED]):
+            if not candidate.converged:
+                region = self.region(candidate.active)
+                minimum = search.minimum(candidate.values, region, above=max_cost)
+                candidates[index] = _build_hypothesis(
+                    candidate.active, minimum, base.amplitudes, base.values
+                )
+            max_cost = min(max_cost, candidates[index].cost + MAX_COST_GAP)
+        candidates += [
+            self._with_discrepancy(base, name)
+            for name in self.discrepancies
+            if name not in base.active
+        ]
+        return sorted(candidates, key=self.log_evidence, reverse=True)
 
     def add_law_discrepancies(self, tried: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Return hypotheses whose last effects follow their laws only roughly.
+        """Return hypotheses with a law discrepancy of their last effect.
 
-        What the laws may be off by is known from what each effect does at its best numbers.
+        Its columns are smooth variations of the contribution of the effect.
         """
         laws = []
-        for one in tried:
-            name = one.active[-1]
+        for fit in tried:
+            name = fit.active[-1]
             law = f"{name}: law {self.errors.n_columns}"
-            changes = self.contribution(one, [name]) * self.noise
+            changes = self.contribution(fit, [name]) * self.noise
             self.errors.add(law, self.evidence.varied(changes) / self.noise[:, None])
             laws.append(law)
-        out = []
-        for one, law in zip(tried, laws, strict=True):
-            widened, region = {**one.amplitudes, law: 1.0}, self.region(one.active)
-            at, cost = self.near(one.values, widened).step(region)
-            out.append(
+        refitted = []
+        for fit, law in zip(tried, laws, strict=True):
+            amplitudes, region = {**fit.amplitudes, law: 1.0}, self.region(fit.active)
+            values, cost = self.near(fit.values, amplitudes).step(region)
+            refitted.append(
                 replace(
-                    one, values=at, linearisation_point=one.values, cost=cost, amplitudes=widened
+                    fit,
+                    values=values,
+                    linearisation_point=fit.values,
+                    cost=cost,
+                    amplitudes=amplitudes,
                 )
             )
-        return out
+        return refitted
 
-    def by_other_law(self, one: Hypothesis) -> float:
-        """Return the log evidence of a hypothesis whose last effect follows quite another law."""
-        law = f"{one.active[-1]}: law"
-        if not any(name.startswith(law) for name in one.amplitudes):
-            (one,) = self.add_law_discrepancies([one])
-        widened = {
+    def by_other_law(self, fit: Hypothesis) -> float:
+        """Return the log evidence if the last effect follows a different law."""
+        law = f"{fit.active[-1]}: law"
+        if not any(name.startswith(law) for name in fit.amplitudes):
+            (fit,) = self.add_law_discrepancies([fit])
+        amplitudes = {
             name: OTHER_LAW_SIZE if name.startswith(law) else size
-            for name, size in one.amplitudes.items()
+            for name, size in fit.amplitudes.items()
         }
-        at, cost = self.near(one.linearisation_point, widened).step(self.region(one.active))
-        return self.log_evidence(replace(one, values=at, cost=cost, amplitudes=widened))
+        values, cost = self.near(fit.linearisation_point, amplitudes).step(self.region(fit.active))
+        return self.log_evidence(replace(fit, values=values, cost=cost, amplitudes=amplitudes))
 
-    def near_fit(self, one: Hypothesis) -> Hypothesis:
-        """Return a hypothesis about other rows fitted to these, by one neighbourhood.
+    def near_fit(self, fit: Hypothesis) -> Hypothesis:
+        """Return a hypothesis of another data set refitted to this one by one linear step.
 
-        Laws are taken to be exact.
+        Law discrepancies are dropped.
         """
-        widened = {
-            name: size for name, size in one.amplitudes.items() if name in self.discrepancies
+        amplitudes = {
+            name: size for name, size in fit.amplitudes.items() if name in self.discrepancies
         }
-        at, cost = self.near(one.values, widened).step(self.region(one.active))
+        values, cost = self.near(fit.values, amplitudes).step(self.region(fit.active))
         return replace(
-            one, values=at, linearisation_point=one.values, cost=cost, amplitudes=widened
+            fit, values=values, linearisation_point=fit.values, cost=cost, amplitudes=amplitudes
         )
 
-    def converge(self, one: Hypothesis) -> Hypothesis:
-        """Return a hypothesis whose best numbers were followed to the end."""
-        return self.fitted(one.active, one.values, one.amplitudes)
+    def converge(self, fit: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted to convergence."""
+        return self.fitted(fit.active, fit.values, fit.amplitudes)
 
-    def _widened(self, base: Hypothesis, name: str) -> Hypothesis:
-        """Return the base with a discrepancy beyond tolerance, as large as suits it best."""
+    def _with_discrepancy(self, base: Hypothesis, name: str) -> Hypothesis:
+        """Return the base with a discrepancy beyond tolerance, at its most probable amplitude."""
         region, tried = self.region(base.active), []
         for factor in AMPLITUDES:
-            widened = {**base.amplitudes, name: factor}
-            at, cost = self.near(base.values, widened).step(region)
-            opened = (*base.active, name)
+            amplitudes = {**base.amplitudes, name: factor}
+            values, cost = self.near(base.values, amplitudes).step(region)
+            active = (*base.active, name)
             tried.append(
                 replace(
                     base,
-                    active=opened,
-                    values=at,
+                    active=active,
+                    values=values,
                     linearisation_point=base.values,
                     cost=cost,
-                    amplitudes=widened,
+                    amplitudes=amplitudes,
                 )
             )
         return max(tried, key=self.log_evidence)
@@ -334,7 +348,7 @@ class Hypotheses:
             near = self.near(start, base.amplitudes)
             found = search.minimum(start, region, known=near, above=above)
             if found.cost < best.cost:
-                best = _of(base.active, found, base.amplitudes)
+                best = _build_hypothesis(base.active, found, base.amplitudes)
         return best
 
     def null_gains(self, base: Hypothesis, draws: Bootstrap, rng: np.random.Generator) -> Array:
@@ -345,71 +359,73 @@ class Hypotheses:
         """
         curvature = self.near(base.values, base.amplitudes).curvature
         regions = [self.region((*base.active, e)) for e in self.effects if e not in base.active]
-        drawn = partial(_drawn_gains, base.values, curvature, self.region(base.active), regions)
+        drawn = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)
         blocks = {
-            str(start): (int(rng.integers(2**63)), min(start + BLOCK, draws.draws) - start)
-            for start in range(0, draws.draws, BLOCK)
+            str(start): (int(rng.integers(2**63)), min(start + DRAWS_PER_TASK, draws.draws) - start)
+            for start in range(0, draws.draws, DRAWS_PER_TASK)
         }
         processes = None if draws.draws >= MIN_PARALLEL_DRAWS else 0
         found = dict(run_tasks(drawn, blocks, cluster=draws.cluster, processes=processes))
         return np.concatenate([found[name] for name in blocks])
 
 
-def _drawn_gains(
-    at: Array,
+def _draw_max_gains(
+    values: Array,
     curvature: Array,
-    own: BoundedRegion,
+    base_region: BoundedRegion,
     regions: Sequence[BoundedRegion],
-    block: tuple[int, int],
+    task: tuple[int, int],
 ) -> list[float]:
-    """Return the largest gains of a block of draws: its seed, and how many."""
-    seed, draws = block
+    """Return the largest gain of each draw of a task (seed, number of draws)."""
+    seed, draws = task
     rng = np.random.default_rng(seed)
-    root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
-    out = []
+    factor = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
+    gains = []
     for _ in range(draws):
-        drawn = Linearisation(
-            at=at, cost=0.0, gradient=root @ rng.standard_normal(len(root)), curvature=curvature
+        sample = Linearisation(
+            at=values,
+            cost=0.0,
+            gradient=factor @ rng.standard_normal(len(factor)),
+            curvature=curvature,
         )
-        _, least = drawn.step(own)
-        out.append(max(least - drawn.step(region)[1] for region in regions))
-    return out
+        _, base_cost = sample.step(base_region)
+        gains.append(max(base_cost - sample.step(region)[1] for region in regions))
+    return gains
 
 
-def _of(
-    opened: tuple[str, ...],
-    found: MinimizationResult,
-    widened: Mapping[str, float],
-    about: Array | None = None,
+def _build_hypothesis(
+    active: tuple[str, ...],
+    minimum: MinimizationResult,
+    amplitudes: Mapping[str, float],
+    point: Array | None = None,
 ) -> Hypothesis:
     return Hypothesis(
-        active=opened,
-        values=found.at,
-        linearisation_point=found.at if about is None else about,
-        cost=found.cost,
-        converged=found.converged,
-        amplitudes=widened,
+        active=active,
+        values=minimum.at,
+        linearisation_point=minimum.at if point is None else point,
+        cost=minimum.cost,
+        converged=minimum.converged,
+        amplitudes=amplitudes,
     )
 
 
 def p_value(
     hypotheses: Hypotheses,
     base: Hypothesis,
-    one: Hypothesis,
+    candidate: Hypothesis,
     bootstrap: Bootstrap,
     rng: np.random.Generator,
 ) -> float:
-    """Return the p-value of a candidate's gain over its base, for the largest of all candidates.
+    """Return the p-value of a candidate's gain over its base, corrected for all candidates.
 
-    Asymptotic: a chi-squared law of as many degrees of freedom as the effect has numbers, times the
-    number of candidates (Bonferroni); the tolerance makes it conservative. With `bootstrap` draws
-    it is counted: residuals with all their errors are drawn about the base, and every candidate is
-    fitted to each by the base's own neighbourhood.
+    Without draws: chi-squared with one degree of freedom per parameter of the effect, Bonferroni
+    corrected; conservative because of the tolerances. With draws: share of bootstrap draws whose
+    largest gain reaches the observed gain.
     """
-    gain = base.cost - one.cost
-    name = one.active[-1]
-    numbers = sum(parameter.effect == name for parameter in hypotheses.evidence.parameters)
+    gain = base.cost - candidate.cost
+    name = candidate.active[-1]
+    n_parameters = sum(parameter.effect == name for parameter in hypotheses.evidence.parameters)
     if bootstrap.draws <= 0:
-        return float(min(1.0, len(hypotheses.effects) * chi2.sf(max(gain, 0.0), numbers)))
-    drawn = hypotheses.null_gains(base, bootstrap, rng)
-    return float((1 + np.sum(drawn >= gain)) / (bootstrap.draws + 1))
+        return float(min(1.0, len(hypotheses.effects) * chi2.sf(max(gain, 0.0), n_parameters)))
+    gains = hypotheses.null_gains(base, bootstrap, rng)
+    return float((1 + np.sum(gains >= gain)) / (bootstrap.draws + 1))

@@ -1,4 +1,4 @@
-"""What a search for missing effects comes to, before it is put into words."""
+"""Results of a search for missing effects, before formatting."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import Hypothesis
 from benchtool.explain.engine.verdict import Kind, UnnamedEffect
 
-Progress = Callable[[str, float], None]  # progress(what is being done, share of the whole)
-CLASS_FROM = 0.05  # probability of a rival from which it can make a class; assumed
+Progress = Callable[[str, float], None]  # progress(task, completed share)
+CLASS_FROM = 0.05  # min probability of a class member; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Trial:
-    """Hold one place of an explanation and everything that was tried in it."""
+    """Candidates for one missing effect, the others given."""
 
-    base: Hypothesis  # the hypothesis without it
-    tried: tuple[Hypothesis, ...]  # the base with each other name opened, likeliest first
+    base: Hypothesis  # without the effect
+    tried: tuple[Hypothesis, ...]  # the base with each candidate added, most probable first
     log_odds: Mapping[str, float] = field(default_factory=dict)  # over the base, prior included
 
     @property
     def name(self) -> str:
-        """The likeliest for the place."""
+        """Name of the most probable candidate."""
         return self.tried[0].active[-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CandidateEffect:
-    """Hold one explanation that an experiment is to separate from others."""
+    """Candidate that an experiment is to separate from others."""
 
     name: str  # an effect, "none" or "unknown"
-    phrase: str  # as it stands within a sentence
+    phrase: str  # within a sentence
     fit: Hypothesis
     probability: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Judgement:
-    """Hold what was found, and how likely it is.
+    """Result of the search, with probabilities.
 
     Attributes:
         weights: for each trial, probabilities of every effect, of "none" and of "unknown".
-        members: (place, effect) of each effect that is named.
-        shown: the hypothesis whose predictions are shown, be it named or the nearest.
+        members: (index of trial, name) of each named effect.
+        shown: hypothesis for the predictions: of the named effects or of the nearest.
     """
 
     kind: Kind
@@ -55,6 +55,6 @@ class Judgement:
     trials: Sequence[Trial]
     weights: Sequence[Mapping[str, float]]
     members: Sequence[tuple[int, str]]
-    unknown: float  # probability that something without a name is missing
+    unknown: float  # probability of an unnamed effect
     unnamed: Sequence[UnnamedEffect] = ()
-    beside: Sequence[tuple[str, float]] = ()  # effects with their probabilities beside an unknown
+    beside: Sequence[tuple[str, float]] = ()  # effects in other stages, with probabilities

@@ -72,8 +72,8 @@ def parameters_at(
     What is moved and no parameter of the model belongs to the bench.
     """
     values = {
-        one.name: float(np.clip(one.value(z), one.lower, one.upper))
-        for one, z in zip(moved, scaled, strict=True)
+        item.name: float(np.clip(item.value(z), item.lower, item.upper))
+        for item, z in zip(moved, scaled, strict=True)
     }
     return Parameters(
         (name, item.with_value(values[name]) if name in values else item)
@@ -85,26 +85,26 @@ def effect_parameters(
     model: Model,
     names: Collection[str],
     bench: BenchKind,
-    least: Mapping[str, float] = MappingProxyType({}),
+    min_values: Mapping[str, float] = MappingProxyType({}),
 ) -> list[ScaledParameter]:
     """Return a parameter for each parameter of the named effects that has a tolerance on a bench.
 
     Args:
         least: lower bounds by full name of a parameter, where they are above its own.
     """
-    found = tolerances(model, bench)
+    limits = tolerances(model, bench)
     return [
         ScaledParameter(
             name=name,
             unit=item.unit,
             effect=name.split(".")[0],
             start=item.value,
-            scale=found[name],
-            lower=max(item.lower, least.get(name, item.lower)),
+            scale=limits[name],
+            lower=max(item.lower, min_values.get(name, item.lower)),
             upper=item.upper,
         )
         for name, item in model.parameters.items()
-        if name.split(".")[0] in names and name in found
+        if name.split(".")[0] in names and name in limits
     ]
 
 
@@ -115,15 +115,15 @@ RADIUS_KNOWN = 0.0125
 
 def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> Model:
     """Return the model with every effect that an explanation moves on a bench, at its neutral."""
-    have = {effect.name for effect in model.effects}
+    present = {effect.name for effect in model.effects}
     for effect in moved_effects(bench, extra):
-        if effect.name not in have:
+        if effect.name not in present:
             neutral = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
             model = model.with_effect(effect, **neutral)
     for effect in model.effects:
         shapes = shape_names(model, effect, bench)
-        stated = any(model.parameters[name].value != 0.0 for name in shapes)
-        if effect.rig_values is None or (effect.name in have and (stated or not shapes)):
+        is_set = any(model.parameters[name].value != 0.0 for name in shapes)
+        if effect.rig_values is None or (effect.name in present and (is_set or not shapes)):
             continue
         for name, value in effect.rig_values(model.rig).items():
             model = model.with_fixed(f"{effect.name}.{name}", value)
@@ -141,14 +141,16 @@ def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
 
     They shape the law of a candidate, or are all there is of what an explanation only adjusts.
     """
-    shown = {} if bench in effect.adjusted_on else tolerances(model, bench)
+    limits = {} if bench in effect.adjusted_on else tolerances(model, bench)
     full = [f"{effect.name}.{p.name}" for p in effect.parameters if p.prior.kind == "normal"]
-    return [name for name in full if name not in shown]
+    return [name for name in full if name not in limits]
 
 
 def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> list[str]:
     """Return those of every effect on a bench: first of what is only adjusted, then by name."""
-    effects = sorted(moved_effects(bench, extra), key=lambda one: (one.candidate, one.name))
+    effects = sorted(
+        moved_effects(bench, extra), key=lambda effect: (effect.candidate, effect.name)
+    )
     return [name for effect in effects for name in shape_names(model, effect, bench)]
 
 

@@ -66,55 +66,55 @@ def judge(
 ) -> Judgement:
     """Return what is missing by the marginal likelihood of every hypothesis."""
     search = search_models(hypotheses, Hypotheses(subject.all_evidence), progress)
-    trials = [_with_law(subject, hypotheses, trial) for trial in search.trials]
+    trials = [_add_other_law(subject, hypotheses, trial) for trial in search.trials]
     search = replace(search, trials=tuple(trials))
     unnamed = _unnamed(hypotheses, search)
-    kind, members = _decided(hypotheses, search, unnamed)
+    kind, members = _decide(hypotheses, search, unnamed)
     alone = kind != "unknown" or len(search.trials) == 1
     if alone and (rivals := _inseparable(hypotheses, search)) is not None:
-        place, effect, other = rivals
+        index, effect, other = rivals
         search = replace(search, best=hypotheses.converge(effect))
-        kind, members = "class", [(place, effect.active[-1])]
-        unnamed = [_described(hypotheses, other, search.trials[place]), *unnamed]
+        kind, members = "class", [(index, effect.active[-1])]
+        unnamed = [_describe(hypotheses, other, search.trials[index]), *unnamed]
     named = tuple(name for _, name in (members[:1] if kind == "class" else members))
     if members and set(search.best.active) != set(named):
         # Predictions are those of what is named: nothing beside it goes on without a name.
         search = replace(search, best=hypotheses.fitted(named, search.best.values))
     near = _nearest(subject, search, unnamed) if kind == "unknown" else None
-    shown = search.best if members else near or search.null
+    fitted = search.best if members else near or search.null
     progress("predicting the check recordings", 0.8)
-    held = ValidationScore.of(subject, hypotheses, search.null, shown, rng, draws)
+    held = ValidationScore.of(subject, hypotheses, search.null, fitted, rng, draws)
     weights = [_weights(hypotheses, trial) for trial in search.trials]
     left, unclosed = held.left
     if (members and unclosed > MATTERS) or (kind == "none" and left > MATTERS):
         kind, members = "unknown", []
-        weights = [_refused(one, NAMED_STILL) for one in weights]
+        weights = [_reduce_names(chances, NAMED_STILL) for chances in weights]
     elif members and left > MOSTLY:
         kind = "class" if kind == "effect" else kind
-        weights = [_refused(one, MOSTLY_NAMED) for one in weights]
-    unknown = [one["unknown"] for one in weights]
+        weights = [_reduce_names(chances, MOSTLY_NAMED) for chances in weights]
+    unknown = [chances["unknown"] for chances in weights]
     return Judgement(
         kind=kind,
         null=search.null,
         best=search.best,
-        shown=shown,
+        shown=fitted,
         held=held,
         trials=search.trials,
         weights=weights,
         members=members,
         unknown=max(unknown) if kind == "unknown" else min(unknown),
         unnamed=unnamed,
-        beside=_beside(subject, hypotheses, search, unnamed) if kind == "unknown" else (),
+        beside=_other_effects(subject, hypotheses, search, unnamed) if kind == "unknown" else (),
     )
 
 
-def _refused(weights: Mapping[str, float], kept: float) -> dict[str, float]:
+def _reduce_names(weights: Mapping[str, float], factor: float) -> dict[str, float]:
     """Return probabilities of a place with errors left: names keep a share of theirs."""
-    names = {name: kept * share for name, share in weights.items() if name != "unknown"}
+    names = {name: factor * share for name, share in weights.items() if name != "unknown"}
     return {**names, "unknown": 1.0 - sum(names.values())}
 
 
-def _with_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Trial:
+def _add_other_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Trial:
     """Return a trial whose likeliest effect competes with one like it by a different law.
 
     Only where it is large or nothing fixes the law; less than decisive evidence does not count.
@@ -131,11 +131,11 @@ def _with_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Trial:
     return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(ahead, 0.0)})
 
 
-def _beside(
+def _other_effects(
     subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> list[tuple[str, float]]:
     """Return the effects of other stages that are there beside what has no name."""
-    stages = {one.stage for one in unnamed}
+    stages = {departure.stage for departure in unnamed}
     return [
         (trial.name, 1.0 - probabilities(trial)["none"])
         for trial in search.trials
@@ -156,19 +156,19 @@ def probabilities(trial: Trial) -> dict[str, float]:
 
 def _unnamed(hypotheses: Hypotheses, search: Posterior) -> list[UnnamedEffect]:
     """Return what departs beyond tolerance and has no name, the largest first."""
-    found = [
-        _described(hypotheses, replace(search.best, active=(trial.name,)), trial)
+    departures = [
+        _describe(hypotheses, replace(search.best, active=(trial.name,)), trial)
         for trial in search.trials
         if trial.name in hypotheses.discrepancies and trial.name in search.best.active
     ]
-    return sorted(found, key=lambda one: -one.weight)
+    return sorted(departures, key=lambda departure: -departure.weight)
 
 
-def _described(hypotheses: Hypotheses, one: Hypothesis, trial: Trial) -> UnnamedEffect:
+def _describe(hypotheses: Hypotheses, fit: Hypothesis, trial: Trial) -> UnnamedEffect:
     """Describe the discrepancy that a hypothesis opens last."""
-    name = one.active[-1]
+    name = fit.active[-1]
     discrepancy = hypotheses.discrepancies[name]
-    rows, shares = hypotheses.estimate_discrepancy(one, name)
+    rows, shares = hypotheses.estimate_discrepancy(fit, name)
     usual = np.sqrt(np.sum(discrepancy.shares**2, axis=1)) / SMALL
     acts = usual > 0.0
     return UnnamedEffect(
@@ -188,21 +188,21 @@ def _inseparable(
     """Return the place of the only effect, it, and the discrepancy that is about as likely."""
     if not search.best.active:
         return None
-    places = []
-    for place, trial in enumerate(search.trials):
+    candidates = []
+    for index, trial in enumerate(search.trials):
         chances = probabilities(trial)
-        likely = [one for one in trial.tried if chances[one.active[-1]] > CLASS_PROBABILITY]
-        effects = [one for one in likely if one.active[-1] in hypotheses.effects]
-        others = [one for one in likely if one.active[-1] in hypotheses.discrepancies]
+        likely = [fit for fit in trial.tried if chances[fit.active[-1]] > CLASS_PROBABILITY]
+        effects = [fit for fit in likely if fit.active[-1] in hypotheses.effects]
+        others = [fit for fit in likely if fit.active[-1] in hypotheses.discrepancies]
         if effects:
-            places.append((place, effects[0], others))
-    if len(places) != 1 or not places[0][2]:
+            candidates.append((index, effects[0], others))
+    if len(candidates) != 1 or not candidates[0][2]:
         return None
-    place, effect, others = places[0]
-    return place, effect, others[0]
+    index, effect, others = candidates[0]
+    return index, effect, others[0]
 
 
-def _decided(
+def _decide(
     hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> tuple[Kind, list[tuple[int, str]]]:
     """Return the kind of verdict and its members: (place, effect) each.
@@ -212,50 +212,50 @@ def _decided(
     such data could not be expected to.
     """
     named = [
-        (place, trial)
-        for place, trial in enumerate(search.trials)
+        (index, trial)
+        for index, trial in enumerate(search.trials)
         if search.best.active and trial.name in hypotheses.effects
     ]
-    matters = [one for one in unnamed if one.tolerances > 1.0]
+    matters = [departure for departure in unnamed if departure.tolerances > 1.0]
     if not named:
         return ("unknown" if matters else "none"), []
-    shown = hypotheses.contribution(search.best, [trial.name for _, trial in named])
-    main = [one for one in matters if one.stage not in SEPARATE_STAGES]
-    if sum(one.weight for one in main) > UNNAMED_DOMINANCE * float(shown @ shown):
+    fitted = hypotheses.contribution(search.best, [trial.name for _, trial in named])
+    main = [departure for departure in matters if departure.stage not in SEPARATE_STAGES]
+    if sum(departure.weight for departure in main) > UNNAMED_DOMINANCE * float(fitted @ fitted):
         return "unknown", []
     if len(named) > 1:
-        named.sort(key=lambda one: -one[1].log_odds[one[1].name])
-        return "several", [(place, trial.name) for place, trial in named]
-    ((place, trial),) = named
+        named.sort(key=lambda item: -item[1].log_odds[item[1].name])
+        return "several", [(index, trial.name) for index, trial in named]
+    ((index, trial),) = named
     chances = probabilities(trial)
     if (law := chances.get(OTHER_LAW, 0.0)) > 1.0 - CLASS_FROM:
         return "unknown", []
     total = sum(chances[name] for name in hypotheses.effects if name in chances)
     truth = trial.tried[0]
     members = [trial.name] + [
-        one.active[-1]
-        for one in trial.tried[1:]
-        if one.active[-1] in hypotheses.effects
-        and chances[one.active[-1]] > CLASS_FROM * total
-        and hypotheses.evidence_against(truth, one.active[-1]) < UNDETERMINED_HINT
+        fit.active[-1]
+        for fit in trial.tried[1:]
+        if fit.active[-1] in hypotheses.effects
+        and chances[fit.active[-1]] > CLASS_FROM * total
+        and hypotheses.evidence_against(truth, fit.active[-1]) < UNDETERMINED_HINT
     ]
     alone = len(members) == 1 and not law
-    return "effect" if alone else "class", [(place, name) for name in members]
+    return "effect" if alone else "class", [(index, name) for name in members]
 
 
 def _nearest(
     subject: Subject, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> Hypothesis | None:
     """Return the likeliest effect in the stage of what has no name, if any is worth a mention."""
-    stages = {one.stage == "pwm_to_rpm" for one in unnamed} or {True, False}
+    stages = {departure.stage == "pwm_to_rpm" for departure in unnamed} or {True, False}
     for trial in search.trials:
-        for one in trial.tried:
-            name = one.active[-1]
+        for fit in trial.tried:
+            name = fit.active[-1]
             effect = next((e for e in subject.evidence.model.effects if e.name == name), None)
             if effect is None or trial.log_odds[name] <= 0.0:
                 continue
             if (effect.subsystem == "pwm_to_rpm") in stages:
-                return one
+                return fit
     return None
 
 
@@ -276,18 +276,18 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
         raise EstimationError("no effect can be tried: the model has no candidates on this bench")
     progress("fitting within tolerances", 0.05)
     base, first = hypotheses.null(), None
-    for place in range(MAX_NAMED_EFFECTS):
-        progress(f"trying every effect, round {place + 1}", 0.1 + 0.08 * place)
+    for index in range(MAX_NAMED_EFFECTS):
+        progress(f"trying every effect, round {index + 1}", 0.1 + 0.08 * index)
         trial = _trial(hypotheses, base)
         first = first or trial
         if trial.log_odds[trial.name] <= 0.0:
             break
         base = hypotheses.converge(trial.tried[0])
     assert first is not None
-    best = _pruned(hypotheses, base) if base.active else first.base
+    best = _prune(hypotheses, base) if base.active else first.base
     progress("trying others in the place of each", 0.5)
     while True:
-        trials = _places(hypotheses, best, first)
+        trials = _build_trials(hypotheses, best, first)
         trials = [_with_check(hypotheses, held_out, trial) for trial in trials]
         lost = [trial for trial in trials if best.active and trial.log_odds[trial.name] <= 0.0]
         if not lost:
@@ -301,7 +301,7 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
     return Posterior(null=first.base, best=best, trials=tuple(trials))
 
 
-def _places(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> list[Trial]:
+def _build_trials(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> list[Trial]:
     """Return a trial for each member of a hypothesis, the others taken for granted."""
     if len(best.active) < 2:
         return [first]
@@ -310,34 +310,34 @@ def _places(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> list[Tria
 
 def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
     tried = hypotheses.add_candidates(base)
-    effects = [one for one in tried if one.active[-1] in hypotheses.effects]
+    effects = [fit for fit in tried if fit.active[-1] in hypotheses.effects]
     base = hypotheses.refit(base, effects[:2])
     # A candidate is never above its base: the base is one of its points.
     tried = [
-        replace(base, active=one.active)
-        if one.amplitudes == base.amplitudes and one.cost > base.cost
-        else one
-        for one in tried
+        replace(base, active=fit.active)
+        if fit.amplitudes == base.amplitudes and fit.cost > base.cost
+        else fit
+        for fit in tried
     ]
     least = hypotheses.log_evidence(tried[0]) - BEHIND
     likely = [
-        one
-        for one in tried[:CONTENDERS]
-        if one.active[-1] in hypotheses.effects and hypotheses.log_evidence(one) > least
+        fit
+        for fit in tried[:CONTENDERS]
+        if fit.active[-1] in hypotheses.effects and hypotheses.log_evidence(fit) > least
     ]
     # A law is exact or off by its tolerance, each as likely before: the better of both stands.
-    rough = {one.active[-1]: one for one in hypotheses.add_law_discrepancies(likely)}
-    tried = [max(one, rough.get(one.active[-1], one), key=hypotheses.log_evidence) for one in tried]
+    rough = {fit.active[-1]: fit for fit in hypotheses.add_law_discrepancies(likely)}
+    tried = [max(fit, rough.get(fit.active[-1], fit), key=hypotheses.log_evidence) for fit in tried]
     without = hypotheses.log_evidence(base)
     odds = {
-        one.active[-1]: hypotheses.log_evidence(one) - without + prior(hypotheses, one.active[-1])
-        for one in tried
+        fit.active[-1]: hypotheses.log_evidence(fit) - without + prior(hypotheses, fit.active[-1])
+        for fit in tried
     }
     return _ordered(base, tried, odds)
 
 
 def _ordered(base: Hypothesis, tried: list[Hypothesis], odds: dict[str, float]) -> Trial:
-    ordered = sorted(tried, key=lambda one: odds[one.active[-1]], reverse=True)
+    ordered = sorted(tried, key=lambda fit: odds[fit.active[-1]], reverse=True)
     return Trial(base=base, tried=tuple(ordered), log_odds=odds)
 
 
@@ -352,9 +352,9 @@ def _with_check(hypotheses: Hypotheses, held_out: Hypotheses, trial: Trial) -> T
         return held_out.log_evidence(held_out.near_fit(one)) - hypotheses.log_evidence(one)
 
     without, odds = gained(trial.base), dict(trial.log_odds)
-    for one in trial.tried[:CONTENDERS]:
-        if odds[one.active[-1]] > max(0.0, top - BEHIND):
-            odds[one.active[-1]] += gained(one) - without
+    for fit in trial.tried[:CONTENDERS]:
+        if odds[fit.active[-1]] > max(0.0, top - BEHIND):
+            odds[fit.active[-1]] += gained(fit) - without
     return _ordered(trial.base, list(trial.tried), odds)
 
 
@@ -365,11 +365,11 @@ def prior(hypotheses: Hypotheses, name: str) -> float:
     return log(EFFECTS_MISSING / len(hypotheses.effects))
 
 
-def _pruned(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
+def _prune(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
     """Return the hypothesis without members that later ones made unnecessary."""
     for name in best.active[:-1]:
         less = hypotheses.without(best, name)
         gained = hypotheses.log_evidence(best) - hypotheses.log_evidence(less)
         if gained + prior(hypotheses, name) <= 0.0:
-            return _pruned(hypotheses, less)
+            return _prune(hypotheses, less)
     return best

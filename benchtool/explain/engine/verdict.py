@@ -238,19 +238,21 @@ class Verdict:
     @property
     def stages(self) -> Mapping[Subsystem, str]:
         """What is missing in each stage in which anything is, in words."""
-        found: dict[Subsystem, list[str]] = {}
+        phrases: dict[Subsystem, list[str]] = {}
         for effect in self.effects:
-            shown = f"{effect.phrase}, probability {effect.probability:.2f}"
-            found.setdefault(effect.stage, []).append(shown)
-        for one in self.unnamed:
-            found.setdefault(one.stage, []).append(one.text)
-        return {stage: "; ".join(parts) for stage, parts in found.items()}
+            text = f"{effect.phrase}, probability {effect.probability:.2f}"
+            phrases.setdefault(effect.stage, []).append(text)
+        for departure in self.unnamed:
+            phrases.setdefault(departure.stage, []).append(departure.text)
+        return {stage: "; ".join(parts) for stage, parts in phrases.items()}
 
     @property
     def tried_and_blind(self) -> tuple[int, int]:
         """How many effects were tried, and how many of those could not be judged."""
         tried = {name.partition(".")[0] for name in self.tolerances}
-        blind = {name for name, one in self.not_judged.items() if one.size > MIN_DETECTABLE}
+        blind = {
+            name for name, unjudged in self.not_judged.items() if unjudged.size > MIN_DETECTABLE
+        }
         return len(tried), len(tried & blind)
 
     @property
@@ -263,14 +265,16 @@ class Verdict:
     def is_sure(self) -> bool:
         """Whether effects are named, each likely enough that nothing more need be recorded."""
         return self.kind in ("effect", "several") and all(
-            one.probability >= SURE for one in self.effects
+            effect.probability >= SURE for effect in self.effects
         )
 
     def holds(self, probability: float) -> bool:
         """Whether the whole answer is so likely; never one that is a class."""
         if self.kind in ("none", "unknown"):
             return self.probabilities[self.kind] >= probability
-        return self.kind != "class" and all(one.probability >= probability for one in self.effects)
+        return self.kind != "class" and all(
+            effect.probability >= probability for effect in self.effects
+        )
 
     @property
     def left(self) -> float:
@@ -304,29 +308,29 @@ def _effect(effect: NamedEffect) -> str:
     return f"{effect.phrase}: {', '.join(numbers)}"
 
 
-def _shown(probability: float) -> str:
-    shown = f"{probability:.2f}"
-    return "above 0.99" if shown == "1.00" else shown
+def _format_probability(probability: float) -> str:
+    text = f"{probability:.2f}"
+    return "above 0.99" if text == "1.00" else text
 
 
-def _lacks(probability: float) -> str:
+def _verb(probability: float) -> str:
     if probability >= SURE:
         return "lacks"
     return "probably lacks" if probability >= LIKELY else "may lack"
 
 
-def _named(verdict: Verdict) -> str:
+def _effects_sentence(verdict: Verdict) -> str:
     """State each effect with its probability; the verb once for those as sure."""
-    before, parts = "", list[str]()
-    for one in verdict.effects:
-        shown, verb = _shown(one.probability), _lacks(one.probability)
-        stated = f"{'' if verb == before else f'{verb} '}{_effect(one)}, probability {shown}"
-        parts.append(stated)
-        before = verb
-    return f"The model {'; and '.join(parts)}{_left(verdict)}."
+    last_verb, parts = "", list[str]()
+    for effect in verdict.effects:
+        chance, verb = _format_probability(effect.probability), _verb(effect.probability)
+        part = f"{'' if verb == last_verb else f'{verb} '}{_effect(effect)}, probability {chance}"
+        parts.append(part)
+        last_verb = verb
+    return f"The model {'; and '.join(parts)}{_excess(verdict)}."
 
 
-def _left(verdict: Verdict) -> str:
+def _excess(verdict: Verdict) -> str:
     """State what is left where it is more than noise explains."""
     if verdict.left <= MOSTLY:
         return ""
@@ -335,22 +339,22 @@ def _left(verdict: Verdict) -> str:
 
 def _class(verdict: Verdict) -> str:
     effect, *others = verdict.effects
-    shown = f"{_effect(effect)}, probability {_shown(effect.probability)}"
+    text = f"{_effect(effect)}, probability {_format_probability(effect.probability)}"
     if not others and verdict.left > MOSTLY:
-        return f"What the model lacks is mostly like {shown}{_left(verdict)}."
+        return f"What the model lacks is mostly like {text}{_excess(verdict)}."
     if not others and not verdict.unnamed:
         return (
-            f"The model {_lacks(effect.probability)} {shown}, or lacks something that looks like "
+            f"The model {_verb(effect.probability)} {text}, or lacks something that looks like "
             f"it by a different law; this data cannot separate them."
         )
-    together = sum(one.probability for one in verdict.effects)
-    members = [one.phrase for one in verdict.effects]
+    together = sum(effect.probability for effect in verdict.effects)
+    members = [effect.phrase for effect in verdict.effects]
     if verdict.unnamed:  # something without a name that may as well be all there is
-        together = max(one.probability for one in verdict.unnamed)
+        together = max(departure.probability for departure in verdict.unnamed)
         members.append(verdict.unnamed[0].text)
     return (
-        f"The model {_lacks(together)} one of {', '.join(members)}; this data cannot separate "
-        f"them; of the named the likeliest is {_effect(verdict.effects[0])}{_left(verdict)}."
+        f"The model {_verb(together)} one of {', '.join(members)}; this data cannot separate "
+        f"them; of the named the likeliest is {_effect(verdict.effects[0])}{_excess(verdict)}."
     )
 
 
@@ -359,34 +363,36 @@ def _none(verdict: Verdict) -> str:
     if verdict.mostly_blind:
         return (
             f"This data can show only {tried - blind} of {tried} effects, and none of "
-            f"those is missing from the model beyond its tolerance{_left(verdict)}."
+            f"those is missing from the model beyond its tolerance{_excess(verdict)}."
         )
     limits = f"; {blind} of {tried} effects were not judged" if blind else ""
     return (
-        f"Nothing beyond the stated tolerances is missing from the model{limits}{_left(verdict)}."
+        f"Nothing beyond the stated tolerances is missing from the model{limits}{_excess(verdict)}."
     )
 
 
 def _unknown(verdict: Verdict) -> str:
-    place = nearest = ""
+    location = nearest = ""
     if (where := verdict.where) is not None:
         everywhere = where.regime == EVERYWHERE
-        place = f" {PLACES[where.stage]}" + ("" if everywhere else f" ({where.regime})")
-    if (near := verdict.nearest) is not None:
-        share = f"{100.0 * near.share_closed:.0f} % of the gap"
-        nearest = f"; the nearest is {near.phrase}, which closes {share}"
-    shown = f": {verdict.unnamed[0].text}" if verdict.unnamed else ""
-    if not (shown or nearest):
-        shown = _left(verdict)
+        location = f" {PLACES[where.stage]}" + ("" if everywhere else f" ({where.regime})")
+    if (effect := verdict.nearest) is not None:
+        share = f"{100.0 * effect.share_closed:.0f} % of the gap"
+        nearest = f"; the nearest is {effect.phrase}, which closes {share}"
+    detail = f": {verdict.unnamed[0].text}" if verdict.unnamed else ""
+    if not (detail or nearest):
+        detail = _excess(verdict)
     for phrase, probability in verdict.beside.items():
-        nearest += f"; beside it {phrase}, probability {_shown(probability)}"
+        nearest += f"; beside it {phrase}, probability {_format_probability(probability)}"
     depends = f"; it {verdict.depends.text}" if verdict.depends is not None else ""
-    return f"Something is missing{place} that no named effect explains{shown}{depends}{nearest}."
+    return (
+        f"Something is missing{location} that no named effect explains{detail}{depends}{nearest}."
+    )
 
 
 _SENTENCES = {
-    "effect": _named,
-    "several": _named,
+    "effect": _effects_sentence,
+    "several": _effects_sentence,
     "class": _class,
     "none": _none,
     "unknown": _unknown,

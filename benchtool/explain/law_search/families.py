@@ -72,7 +72,7 @@ def _placed(*widths: float) -> Callable[[Array], Array]:
         low, high = float(u.min()), float(u.max())
         at = low + PLACES * (high - low)
         pairs = np.meshgrid(at, (high - low) * np.array(widths), indexing="ij")
-        return np.array([one.ravel() for one in pairs])
+        return np.array([axis.ravel() for axis in pairs])
 
     return grid
 
@@ -90,7 +90,7 @@ def _instead(shapes_tried: Callable[[Array], Array]) -> Callable[[Array], Array]
 
     def grid(u: Array) -> Array:
         pairs = np.meshgrid(shapes_tried(u)[0], LESS, indexing="ij")
-        return np.array([one.ravel() for one in pairs])
+        return np.array([axis.ravel() for axis in pairs])
 
     return grid
 

@@ -100,20 +100,21 @@ class _Shapes:
 
 def dependence(every: Sequence[ResidualSummary], radius_m: float) -> FoundDependence | None:
     """Return what the misses depend on; None where nothing is likely enough."""
-    every = [one for one in every if np.ptp(one.form.seen(one.variable)) > 1e-6]
-    tried = [_tried(one) for one in every]
-    odds = np.array([_log_odds(one, group) for one, group in zip(every, tried, strict=True)])
+    every = [summary for summary in every if np.ptp(summary.form.seen(summary.variable)) > 1e-6]
+    tried = [_tried(summary) for summary in every]
+    odds = np.array([_log_odds(missed, group) for missed, group in zip(every, tried, strict=True)])
     odds -= np.log(max(len(every), 1))
     if not len(odds) or odds.max() < MIN_PROBABILITY:
         return None
     chances = np.asarray(np.exp(odds - np.logaddexp.reduce(odds)), float)
     by_variable: dict[str, float] = {}
-    for one, chance in zip(every, chances, strict=True):
-        phrase = one.variable.phrase
+    for summary, chance in zip(every, chances, strict=True):
+        phrase = summary.variable.phrase
         by_variable[phrase] = by_variable.get(phrase, 0.0) + float(chance)
     best = max(by_variable, key=lambda name: by_variable[name])
     place = max(
-        (k for k, one in enumerate(every) if one.variable.phrase == best), key=lambda k: odds[k]
+        (k for k, summary in enumerate(every) if summary.variable.phrase == best),
+        key=lambda k: odds[k],
     )
     missed = every[place]
     law = None
@@ -121,7 +122,7 @@ def dependence(every: Sequence[ResidualSummary], radius_m: float) -> FoundDepend
     if tried[place]:
         closed = _closed([shapes for group in tried for shapes in group])
         if closed > MIN_GAIN:
-            law = _law(max(tried[place], key=lambda one: one.worth))
+            law = _law(max(tried[place], key=lambda shapes: shapes.worth))
     return FoundDependence(
         variable=missed.variable,
         form=missed.form,
@@ -139,8 +140,8 @@ def _tried(missed: ResidualSummary) -> list[_Shapes]:
     if not (variable.code and form.hook):
         return []
     suits = [family for family in FAMILIES if variable.scale in family.scales]
-    every = [_shapes(missed, one, one.grid(form.seen(variable))) for one in suits]
-    return [one for one in every if one.columns.shape[1]]
+    every = [_shapes(missed, family, family.grid(form.seen(variable))) for family in suits]
+    return [shapes for shapes in every if shapes.columns.shape[1]]
 
 
 def _shapes(missed: ResidualSummary, family: LawFamily, numbers: Array) -> _Shapes:
@@ -177,7 +178,7 @@ def _log_odds(missed: ResidualSummary, tried: Sequence[_Shapes]) -> float:
     variable, form = missed.variable, missed.form
     rooted = form.weights[:, None] * _centred(variable, form, root(variable, form))
     smooth = _log_mean(np.array([_smooth(missed.says, size * rooted) for size in SMOOTH]))
-    return _log_mean(np.array([smooth, *(one.worth for one in tried)]))
+    return _log_mean(np.array([smooth, *(shapes.worth for shapes in tried)]))
 
 
 def _log_mean(logarithms: Array) -> float:
@@ -227,7 +228,7 @@ def _closed(every: Sequence[_Shapes]) -> float:
     """Return the share of the gap that laws close on readings that they were not chosen by."""
     before = after = noise = 0.0
     for number in range(len(every[0].missed.folds)):
-        gains = [_gains(one.missed.folds[number].rest, one.columns) for one in every]
+        gains = [_gains(shapes.missed.folds[number].rest, shapes.columns) for shapes in every]
         best = max(range(len(every)), key=lambda k: _log_mean(gains[k]))
         law = every[best].columns[:, int(np.argmax(gains[best]))]
         missed = every[best].missed
