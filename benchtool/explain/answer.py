@@ -35,13 +35,13 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ExplainResult:
-    """Hold an explanation and where it came from."""
+    """Explanation with its request and provenance."""
 
     explanation: Explanation  # the verdict with its curves
     request: Request  # the recordings and the model in question
     seed: int  # of everything random
     seconds: float  # how long it took
-    commands: tuple[str, ...] = ()  # as they were typed
+    commands: tuple[str, ...] = ()  # as typed
 
     @property
     def verdict(self) -> Verdict:
@@ -50,28 +50,28 @@ class ExplainResult:
 
     @property
     def simulated(self) -> bool:
-        """Whether any recording says that no physical bench made it."""
+        """True if any recording is simulated."""
         return any(source.simulated for source in self.request.sources)
 
     def title_of(self, name: str) -> str:
-        """Return an effect's title, or an explanation without one ("none") as it is."""
-        known = {**EFFECTS, **{effect.name: effect for effect in self.request.own}}
-        return known[name].title if name in known else name
+        """Return an effect's title, or the name if it has no title ("none")."""
+        effects_by_name = {**EFFECTS, **{effect.name: effect for effect in self.request.own}}
+        return effects_by_name[name].title if name in effects_by_name else name
 
     @property
     def has_model(self) -> bool:
-        """Whether there is an effect to add to the model."""
+        """True if an effect can be added to the model."""
         return bool(self.verdict.effects)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was repaired in the recordings, and what they lack."""
-        found = [line for source in self.request.sources for line in source.remarks]
-        return tuple(dict.fromkeys((*found, *self.verdict.remarks)))
+        """Repairs of the recordings, and missing columns."""
+        lines = [line for source in self.request.sources for line in source.remarks]
+        return tuple(dict.fromkeys((*lines, *self.verdict.remarks)))
 
     @property
     def caution(self) -> str:
-        """What to know of the recordings before the verdict is used; empty without remarks."""
+        """Caution about the recordings; empty without warnings."""
         if not self.remarks:
             return ""
         first, *more = self.remarks
@@ -87,7 +87,7 @@ class ExplainResult:
 
 
 class ChannelWords(NamedTuple):
-    """Say how a channel is shown to people: in words, with a factor on stored numbers."""
+    """Display title and unit of a channel, with a factor on stored values."""
 
     title: str
     unit: str
@@ -103,7 +103,7 @@ _CHANNELS = {
 
 
 def channel_words(channel: str, unit: str) -> ChannelWords:
-    """Return how a channel is shown."""
+    """Return display title, unit and factor of a channel."""
     if channel not in _CHANNELS and channel.startswith("rpm"):
         return ChannelWords(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
     return _CHANNELS.get(channel, ChannelWords(channel, unit))
@@ -120,8 +120,8 @@ def answer_request(
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> ExplainResult:
-    """Return the answer to a request; whoever has a clock sets how long it took."""
-    found = explain(
+    """Return the answer to a request; the caller sets `seconds`."""
+    explanation = explain(
         request.subject(),
         seed=seed,
         draws=draws,
@@ -131,19 +131,19 @@ def answer_request(
         progress=progress,
     )
     return ExplainResult(
-        explanation=found, request=request, seed=seed, seconds=0.0, commands=tuple(commands)
+        explanation=explanation, request=request, seed=seed, seconds=0.0, commands=tuple(commands)
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Request:
-    """Hold recordings, a model and effects of the user's own, all read."""
+    """Recordings, model and user-defined effects, all read."""
 
     loaded: LoadedModel  # the model
     model_file: str  # its shipped name, or its file's own name
-    model_given: str  # as it was typed, for the next command
-    rig_given: str = ""  # as it was typed
-    effects_given: str  # where the user's own effects are, as it was typed; empty without
+    model_given: str  # as typed, for the next command
+    rig_given: str = ""  # as typed
+    effects_given: str  # where the user's own effects are, as typed; empty without
     model_sha256: str  # of its file; empty for a shipped one
     effects_file: Path | None  # Python file of the user's own effects, where it is one
     own: tuple[Effect, ...]  # those effects
@@ -164,13 +164,15 @@ class Request:
         """Return the recordings held against the model.
 
         Raises:
-            InputError: recordings that no verdict can stand on.
+            InputError: recordings that are insufficient for a verdict.
         """
-        own = [effect for effect in self.own if self.kind in effect.benches]
+        effects = [effect for effect in self.own if self.kind in effect.benches]
         if self.kind == "sweep":
             points = [[source.recording for source in part] for part in (self.learn, self.check)]
-            return SweepSubject(self.loaded.model, points[0], points[1], own)
-        return PitchSubject(self.loaded.model, self._logs(self.learn), self._logs(self.check), own)
+            return SweepSubject(self.loaded.model, points[0], points[1], effects)
+        return PitchSubject(
+            self.loaded.model, self._logs(self.learn), self._logs(self.check), effects
+        )
 
     def _logs(self, sources: Sequence[RecordingSource]) -> list[PitchLog]:
         rig = self.loaded.model.rig
@@ -193,7 +195,7 @@ def read_request(
         rig: of recordings that do not carry their own: shipped name or path of a rig file.
 
     Raises:
-        InputError: whatever is missing or cannot be read; of several things all are reported.
+        InputError: missing or unreadable inputs; several are reported together.
     """
     missing = missing_channels(learn, check)
     if not learn:
@@ -220,12 +222,12 @@ def read_request(
     if wrong or loaded is None:
         if len(wrong) == 1:
             raise wrong[0]
-        listed = " ".join(f"({place}) {error}." for place, error in enumerate(wrong, 1))
+        listed = " ".join(f"({number}) {error}." for number, error in enumerate(wrong, 1))
         raise InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")
     file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
-    given = Path(effects) if effects and effects.endswith(".py") else None
-    if given is None and loaded.effects_file and file is not None:
-        given = file.parent / loaded.effects_file
+    effects_path = Path(effects) if effects and effects.endswith(".py") else None
+    if effects_path is None and loaded.effects_file and file is not None:
+        effects_path = file.parent / loaded.effects_file
     try:
         sources, checks = read_sources(learn, check, loaded)
     except MissingColumn as error:
@@ -237,7 +239,7 @@ def read_request(
         rig_given=rig or "",
         effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
-        effects_file=given,
+        effects_file=effects_path,
         own=own,
         learn=tuple(sources),
         check=tuple(checks),

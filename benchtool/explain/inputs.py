@@ -1,4 +1,4 @@
-"""What an explanation takes, from the command line, the page or Python."""
+"""Inputs of an explanation, for command line, page and Python."""
 
 from __future__ import annotations
 

@@ -32,10 +32,10 @@ RICHER_EXPERIMENT_HINT: dict[
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """Say what to do next and with which command."""
+    """Suggested next step with its command."""
 
-    why: str  # what it is for
-    command: str  # as it is typed in the folder of the request
+    why: str  # purpose
+    command: str  # run in the folder of the request
 
 
 def next_file(answer: ExplainResult) -> tuple[str, str]:
@@ -49,7 +49,7 @@ def next_file(answer: ExplainResult) -> tuple[str, str]:
 
 
 def next_sentence(answer: ExplainResult) -> str:
-    """Say what to record next, and why; empty where nothing more is needed."""
+    """Return a recommendation for the next recording; empty if none is needed."""
     experiment = answer.verdict.next
     if experiment is None:
         poor = answer.verdict.mostly_blind and not answer.verdict.is_sure
@@ -80,16 +80,16 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
             NextStep(f"write {what}", _explain(answer, answer.request.model_given, out="found")),
         )
     new = str(Path(folder) / MODEL)
-    found = answer.verdict.depends
+    dependence = answer.verdict.depends
     drafted: tuple[NextStep, ...] = ()
-    if found is not None and found.law is not None:
+    if dependence is not None and dependence.law is not None:
         file = str(Path(folder) / f"{FOUND}.py")
         why = f"read {file}, name it after its cause, and explain again with it"
-        asked = _explain(
+        command_again = _explain(
             replace(answer, request=replace(answer.request, effects_given=file)),
             answer.request.model_given, out=f"{folder}-again",
         )  # fmt: skip
-        drafted = (NextStep(why, asked),)
+        drafted = (NextStep(why, command_again),)
     if name:
         return (*drafted, *_experiment(answer, str(Path(folder) / name), new, folder))
     if drafted:
@@ -99,12 +99,19 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
     command = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))
     again = NextStep("explain again: is anything still missing?", command)
     if answer.verdict.bench == "pitch":
-        words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
-        return (again, NextStep("simulate with the new model", _typed(words)))
+        arguments = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
+        return (again, NextStep("simulate with the new model", _typed(arguments)))
     fit = ["fit", *_paths(answer.request.learn), "--model", new, "--out", f"{folder}-fit"]
-    rig, own = export_rig_reference(answer.request.loaded.model.rig)
-    place = str(Path(folder) / rig) if own else rig
-    sweep = ["sweep", f"sim:{place}?truth={new}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600"]
+    rig, is_user_defined = export_rig_reference(answer.request.loaded.model.rig)
+    rig_path = str(Path(folder) / rig) if is_user_defined else rig
+    sweep = [
+        "sweep",
+        f"sim:{rig_path}?truth={new}",
+        "--z-over-r",
+        "0.6,1,2,4",
+        "--pwm",
+        "1500,1600",
+    ]
     return (
         again,
         NextStep("fit what was found, with its uncertainty", _typed(fit)),
@@ -116,7 +123,7 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
 
 
 def lines(steps: Sequence[NextStep]) -> list[str]:
-    """Return steps as a shell takes them, each command under what it is for."""
+    """Return steps as a shell takes them, each command under its purpose."""
     return [line for step in steps for line in (f"# {step.why}", step.command)]
 
 
@@ -151,18 +158,18 @@ def _explain(
     answer: ExplainResult, model: str, out: str, more: Sequence[str] = (), *, own: bool = True
 ) -> str:
     """Return the command; `own` where the model does not bring the user's own effects itself."""
-    words = ["explain", *_paths(answer.request.learn), *more, "--model", model]
-    words += ["--check", *_paths(answer.request.check)]
+    arguments = ["explain", *_paths(answer.request.learn), *more, "--model", model]
+    arguments += ["--check", *_paths(answer.request.check)]
     if answer.request.rig_given and model == answer.request.model_given:
-        words += ["--rig", answer.request.rig_given]
+        arguments += ["--rig", answer.request.rig_given]
     if answer.request.effects_given and own:
-        words += ["--effects", answer.request.effects_given]
-    return _typed([*words, "--out", out])
+        arguments += ["--effects", answer.request.effects_given]
+    return _typed([*arguments, "--out", out])
 
 
 def _paths(sources: Sequence[RecordingSource]) -> list[str]:
     return [source.path for source in sources]
 
 
-def _typed(words: Sequence[str]) -> str:
-    return shlex.join(["benchtool", *words])
+def _typed(arguments: Sequence[str]) -> str:
+    return shlex.join(["benchtool", *arguments])

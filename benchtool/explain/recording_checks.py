@@ -1,6 +1,6 @@
 """Look for readings that no bench gave: wrong units, spikes, sensors that hang or end their range.
 
-Each check takes a recording and returns what it mends, with a sentence. A false alarm costs more
+Each check returns repaired columns of a recording, with a message. A false alarm costs more
 than a fault that is missed here, which still shows as a gap: every check needs a second channel, or
 a limit that no bench comes near.
 """
@@ -21,7 +21,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
 Mask = NDArray[np.bool_]
-Mended = tuple[Mapping[str, Array], list[str]]  # columns in their new values (n,); what was done
+Repair = tuple[Mapping[str, Array], list[str]]  # new values (n,) by column; messages
 
 RPM_PER_RAD_S = 30.0 / np.pi
 
@@ -34,7 +34,7 @@ UNUSUAL = 5.0  # times the usual stay of a reading from which it is frozen; assu
 
 
 def repair_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recording, list[str]]:
-    """Return a recording with what can be mended mended, and what was done.
+    """Return a repaired recording, and messages about the repairs.
 
     Raises:
         InputError: plate distances that no unit makes the rig's.
@@ -42,8 +42,8 @@ def repair_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recordin
     remarks: list[str] = []
     kinds = PITCH if "theta_rad" in recording else SWEEP
     for check in kinds:
-        columns, said = check(recording, rig, name)
-        remarks += said
+        columns, messages = check(recording, rig, name)
+        remarks += messages
         recording = Recording.from_columns(
             [
                 (channel, columns.get(channel.name, recording.column(channel.name)))
@@ -61,8 +61,8 @@ def rotor_columns(recording: Recording, what: str = "rpm{}") -> list[str]:
     return [name for name in recording.names if pattern.fullmatch(name)]
 
 
-def speeds_in_rpm(recording: Recording, rig: Rig, name: str) -> Mended:
-    """Mend speeds in rad/s: by the rig's map from pulse to speed, else by the thrust they make."""
+def speeds_in_rpm(recording: Recording, rig: Rig, name: str) -> Repair:
+    """Convert speeds in rad/s, found by the map from pulse width to speed, else by thrust."""
     columns = rotor_columns(recording)
     if not columns:
         return {}, []
@@ -71,15 +71,15 @@ def speeds_in_rpm(recording: Recording, rig: Rig, name: str) -> Mended:
     turning = np.nan_to_num(speeds) > 0.0
     if all(pulse in recording for pulse in pulses):
         sent = np.array([recording.to_si(pulse) for pulse in pulses]) - p.pwm_start_us
-        known = turning & (sent > 0.0)
-        share = speeds[known] / (p.speed_per_us_rad_s * sent[known])
+        is_valid = turning & (sent > 0.0)
+        share = speeds[is_valid] / (p.speed_per_us_rad_s * sent[is_valid])
     else:
         carried = recording.to_si("thrust_N") if "thrust_N" in recording else np.full(
             len(recording), 9.81 * rig.body.mass_kg
         )  # fmt: skip
-        known = turning.all(axis=0)
-        makes = p.thrust_coefficient_N_s2 * rig.n_rotors * np.mean(speeds[:, known] ** 2, axis=0)
-        share = np.sqrt(makes / np.maximum(carried[known], 1e-9))
+        is_valid = turning.all(axis=0)
+        makes = p.thrust_coefficient_N_s2 * rig.n_rotors * np.mean(speeds[:, is_valid] ** 2, axis=0)
+        share = np.sqrt(makes / np.maximum(carried[is_valid], 1e-9))
     if not len(share) or abs(np.median(share) * RPM_PER_RAD_S - 1.0) > UNIT_SHARE:
         return {}, []
     many = [*columns, *rotor_columns(recording, "rpm{}_se")]
@@ -90,24 +90,28 @@ def speeds_in_rpm(recording: Recording, rig: Rig, name: str) -> Mended:
     ]
 
 
-def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Mended:
-    """Mend plate distances in millimetres or centimetres.
+def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Repair:
+    """Convert plate distances in millimetres or centimetres.
 
     Raises:
         InputError: distances beyond the plate's travel in every unit.
     """
     if "plate_z_m" not in recording:
         return {}, []
-    known = recording.to_si("plate_z_m")
-    known = known[np.isfinite(known)]
-    if not len(known) or known.min() < 5.0 * rig.plate.z_max_m or known.min() > 0.6 * known.max():
+    distances = recording.to_si("plate_z_m")
+    distances = distances[np.isfinite(distances)]
+    if (
+        not len(distances)
+        or distances.min() < 5.0 * rig.plate.z_max_m
+        or distances.min() > 0.6 * distances.max()
+    ):
         return {}, []
-    nearest = float(known.min())
+    nearest = float(distances.min())
     fits = {
         unit: factor
         for unit, factor in (("mm", 1e-3), ("cm", 1e-2))
         if 0.5 * rig.plate.z_min_m <= factor * nearest
-        and factor * known.max() <= 1.3 * rig.plate.z_max_m
+        and factor * distances.max() <= 1.3 * rig.plate.z_max_m
     }
     if len(fits) != 1:
         raise InputError(
@@ -122,39 +126,39 @@ def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Mended:
     ]
 
 
-def remove_beam_spikes(recording: Recording, rig: Rig, name: str) -> Mended:
+def remove_beam_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
     """Blank single readings far beside those before and after."""
-    columns, said = {}, []
+    columns, messages = {}, []
     for channel in _read_at_moments(recording):
-        values, known = _known(recording, channel)
+        values, rows = _known(recording, channel)
         if len(values) < 50:
             continue
         # An extreme of a smooth curve lies beside its median, a spike beside its curve, too.
-        beside = np.abs(values - median_filter(values, 5, mode="nearest"))
-        beside = np.minimum(
-            beside, np.abs(values - np.convolve(np.pad(values, 3, mode="edge"), CURVE, "valid"))
+        deviation = np.abs(values - median_filter(values, 5, mode="nearest"))
+        deviation = np.minimum(
+            deviation, np.abs(values - np.convolve(np.pad(values, 3, mode="edge"), CURVE, "valid"))
         )
-        usual = max(1.4826 * float(np.median(beside)), _noise(recording, rig, channel))
-        spike = beside > SPIKE * usual
+        usual = max(1.4826 * float(np.median(deviation)), _noise(recording, rig, channel))
+        spike = deviation > SPIKE * usual
         if spike.any() and spike.mean() <= MIN_SAMPLES:
-            columns[channel] = _blanked(recording, channel, known[spike])
-            said.append(
+            columns[channel] = _blanked(recording, channel, rows[spike])
+            messages.append(
                 f"{pluralize(int(spike.sum()), 'spike')} of {channel}, the greatest "
-                f"{float(beside.max()) / usual:.0f} standard deviations beside its neighbours "
+                f"{float(deviation.max()) / usual:.0f} standard deviations beside its neighbours "
                 f"(limit {SPIKE:g}): left out"
             )
-    return columns, said
+    return columns, messages
 
 
-def find_frozen_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
+def find_frozen_sensors(recording: Recording, rig: Rig, name: str) -> Repair:
     """Blank readings that stay the same while another channel shows that they cannot."""
-    columns, said = {}, []
+    columns, messages = {}, []
     time_s = recording.to_si("time_s")
     for channel in _read_at_moments(recording):
-        values, known = _known(recording, channel)
+        values, rows_known = _known(recording, channel)
         if len(values) < 50:
             continue
-        step_s = float(np.nanmedian(np.diff(time_s[known])))
+        step_s = float(np.nanmedian(np.diff(time_s[rows_known])))
         starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
         lengths = np.diff([*starts, len(values)])
         usual = float(np.quantile(np.repeat(lengths, lengths), 0.5))
@@ -164,24 +168,24 @@ def find_frozen_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
         clipped = (lengths >= 3) & ends[starts] & (usual < 2.0)
         for first, rows in zip(starts[long | clipped], lengths[long | clipped], strict=True):
             span = slice(first, first + rows)
-            hung[span] = _moves(recording, channel, known[span], rig)
+            hung[span] = _moves(recording, channel, rows_known[span], rig)
         at_end = hung & ends
         if hung.sum() * step_s < FROZEN_TIMEOUT_S / 4.0:
             continue
-        columns[channel] = _blanked(recording, channel, known[hung])
+        columns[channel] = _blanked(recording, channel, rows_known[hung])
         what = "ends its range" if at_end.sum() > 0.5 * hung.sum() else "hangs"
-        said.append(
+        messages.append(
             f"{channel} {what} at {values[hung][0]:.4g} for {hung.sum() * step_s:.2f} s in all, "
-            f"first at {time_s[known[hung][0]]:.3f} s, while the beam or the pulses move: left out"
+            f"first at {time_s[rows_known[hung][0]]:.3f} s, while the beam or pulses move: left out"
         )
-    return columns, said
+    return columns, messages
 
 
 def _moves(recording: Recording, channel: str, rows: NDArray[np.intp], rig: Rig) -> bool:
-    """Whether another channel shows in some rows that a constant reading is wrong."""
+    """Return whether another channel disproves a constant reading in some rows."""
     theta, gyro = (
-        recording.to_si(one) if one in recording else np.full(len(recording), np.nan)
-        for one in ("theta_rad", "gyro_rad_s")
+        recording.to_si(name) if name in recording else np.full(len(recording), np.nan)
+        for name in ("theta_rad", "gyro_rad_s")
     )
     time_s = recording.to_si("time_s")
     if channel == "theta_rad":
@@ -243,21 +247,25 @@ def _noise(recording: Recording, rig: Rig, channel: str) -> float:
 SAME = 0.15  # departure of thrust over squared speed at one place: a spike; assumed
 
 
-def remove_sweep_spikes(recording: Recording, rig: Rig, name: str) -> Mended:
+def remove_sweep_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
     """Blank points whose thrust no other point of the same place comes near."""
     share, running = _thrust_shares(recording)
     if "plate_z_m" not in recording or running.sum() < 8:
         return {}, []
-    columns = [one for one in ("plate_z_m", "plate_x_m", "plate_y_m") if one in recording]
-    places = np.round(np.nan_to_num([recording.to_si(column) for column in columns]), 4)
-    number = np.unique(places, axis=1, return_inverse=True)[1].reshape(-1)
+    columns = [group for group in ("plate_z_m", "plate_x_m", "plate_y_m") if group in recording]
+    positions = np.round(np.nan_to_num([recording.to_si(column) for column in columns]), 4)
+    number = np.unique(positions, axis=1, return_inverse=True)[1].reshape(-1)
     spike = np.zeros(len(recording), bool)
-    for one in np.unique(number[running]):
-        rows = np.flatnonzero(running & (number == one))
+    for group in np.unique(number[running]):
+        rows = np.flatnonzero(running & (number == group))
         middle = np.median(share[rows])
-        beside = np.abs(share[rows] / middle - 1.0)
-        if len(rows) >= 4 and (beside > SAME).sum() == 1 and beside.max() > 5.0 * np.median(beside):
-            spike[rows[int(np.argmax(beside))]] = True
+        deviation = np.abs(share[rows] / middle - 1.0)
+        if (
+            len(rows) >= 4
+            and (deviation > SAME).sum() == 1
+            and deviation.max() > 5.0 * np.median(deviation)
+        ):
+            spike[rows[int(np.argmax(deviation))]] = True
     if not spike.any() or spike.sum() > max(1.0, MIN_SAMPLES * running.sum()):
         return {}, []
     at = np.flatnonzero(spike)
@@ -267,7 +275,7 @@ def remove_sweep_spikes(recording: Recording, rig: Rig, name: str) -> Mended:
     ]
 
 
-def find_frozen_load_cell(recording: Recording, rig: Rig, name: str) -> Mended:
+def find_frozen_load_cell(recording: Recording, rig: Rig, name: str) -> Repair:
     """Blank thrusts that are exactly alike while speeds are not: a cell that hangs or is full."""
     _, running = _thrust_shares(recording)
     rows = np.flatnonzero(running)
@@ -302,7 +310,7 @@ def _thrust_shares(recording: Recording) -> tuple[Array, Mask]:
     return thrust / np.where(running, squares, 1.0), running
 
 
-Check = Callable[[Recording, Rig, str], Mended]
+Check = Callable[[Recording, Rig, str], Repair]
 
 PITCH: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, find_frozen_sensors, remove_beam_spikes)
 SWEEP: tuple[Check, ...] = (
@@ -311,7 +319,7 @@ SWEEP: tuple[Check, ...] = (
     find_frozen_load_cell,
     remove_sweep_spikes,
 )
-"""What is looked for, in order: units before what is judged by size."""
+"""Checks in order: units before checks of magnitude."""
 
 
 OTHER_BENCH_HINT = {"speed over pulse": 1.25}  # never within one bench: full battery over empty

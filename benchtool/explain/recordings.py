@@ -1,4 +1,4 @@
-"""Read the recordings of an explanation, whatever wrote them, and find which bench they are of."""
+"""Recordings of an explanation, in any supported format, and their kind of bench."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ NEEDED: dict[BenchKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordingSource:
-    """Hold one recording with where it comes from."""
+    """Recording with its provenance."""
 
     path: str  # as the user gave it
     name: str  # for people: the file's or folder's own, the path where two share that
-    recording: Recording  # what it holds
+    recording: Recording
     sha256: str  # of its bytes
     remarks: tuple[str, ...] = ()  # columns of the model's map that the file has not
 
     @property
     def simulated(self) -> bool:
-        """Whether the recording says that no physical bench made it."""
+        """True if the recording is simulated."""
         return self.recording.simulated
 
 
@@ -209,18 +209,18 @@ STEADY = 0.05  # share of a speed that changed: other pulses than one; assumed
 
 
 def _changed_speed(recording: Recording, pulse: str) -> bool:
-    """Whether a rotor changed its speed while its pulse stands still in the recording.
+    """Return whether a rotor changed its speed at constant pulse width.
 
     The first and the last twentieth do not count: a rotor may still follow what came before.
     """
     name = pulse.replace("pwm", "rpm").removesuffix("_us")
     if name not in recording:
         return False
-    known = recording.column(name)[np.isfinite(recording.column(name))]
-    if len(known) < 2:
+    speeds = recording.column(name)[np.isfinite(recording.column(name))]
+    if len(speeds) < 2:
         return False
-    low, high = np.quantile(known, [0.05, 0.95])
-    return bool(high - low > STEADY * np.abs(np.mean(known)))
+    low, high = np.quantile(speeds, [0.05, 0.95])
+    return bool(high - low > STEADY * np.abs(np.mean(speeds)))
 
 
 def _present(
@@ -240,8 +240,8 @@ def _present(
         if source.column is not None and source.column.strip() not in header
     }
     needed = [ours for names in NEEDED.values() for ours in names if ours in absent]
-    own = any(ours in header for names in NEEDED.values() for ours in names)
-    if needed and own:
+    has_standard_names = any(ours in header for names in NEEDED.values() for ours in names)
+    if needed and has_standard_names:
         return {}, []
     if needed:
         return columns, []
@@ -254,7 +254,7 @@ def _present(
     )
 
 
-MOST_LISTED = 6  # as many recordings of a folder are named; assumed
+MAX_LISTED = 6  # recordings of a folder in a message; assumed
 
 OTHERS = {  # what files that stand beside recordings are by their names
     ".toml": "a TOML file (a model goes behind --model)",
@@ -286,13 +286,13 @@ def list_recordings(folder: Path) -> list[Path]:
     Tables that nothing says more of count where there is nothing better.
     """
     for pattern in ("*", "*/*"):
-        found = [item for item in sorted(folder.glob(pattern)) if not item.name.startswith(".")]
-        kinds = {item: kind_of(item) for item in found}
-        for wanted in (("recording", "sweep"), ("table",)):
+        paths = [item for item in sorted(folder.glob(pattern)) if not item.name.startswith(".")]
+        kinds = {item: kind_of(item) for item in paths}
+        for accepted in (("recording", "sweep"), ("table",)):
             listed = [
                 item
                 for item, kind in kinds.items()
-                if kind in wanted and (kind != "sweep" or is_run(item))
+                if kind in accepted and (kind != "sweep" or is_run(item))
             ]
             if listed:
                 return listed
@@ -300,11 +300,11 @@ def list_recordings(folder: Path) -> list[Path]:
 
 
 def _of_folder(folder: Path) -> str:
-    found = list_recordings(folder)
-    if not found:
+    paths = list_recordings(folder)
+    if not paths:
         return f"this folder is no run, and no recording is in it; {READ_CHANNELS}"
-    named = ", ".join(str(item) for item in found[:MOST_LISTED])
-    more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
-    if len(found) == 1:
+    named = ", ".join(str(item) for item in paths[:MAX_LISTED])
+    more = f" and {len(paths) - MAX_LISTED} more" if len(paths) > MAX_LISTED else ""
+    if len(paths) == 1:
         return f"this folder is no run; name the recording in it: {named}"
     return f"this folder is no run; name one or more of the recordings in it: {named}{more}"

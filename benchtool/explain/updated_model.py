@@ -1,4 +1,4 @@
-"""The model with what was found in it, as a file that says where it came from."""
+"""Updated model with the named effects, as a file with provenance."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def added_model(answer: ExplainResult, rig: str = "", effects_file: str = "") ->
 
     Args:
         rig: how the new file names the rig; as the parent did when empty.
-        effects_file: file of the user's own effects, beside the new file.
+        effects_file: file of user-defined effects, in the same folder.
     """
     loaded = answer.request.loaded
     named = added_effects(answer)
-    words = ", ".join(effect.name for effect in named)
+    names = ", ".join(effect.name for effect in named)
     model = replace(
         model_with_effects(answer),
         name="_".join((loaded.model.name, *(effect.name for effect in named))),
-        description=f"{loaded.model.description} With {words}, found by benchtool explain.".strip(),
+        description=f"{loaded.model.description} With {names}, found by benchtool explain.".strip(),
         provenance=_provenance(answer, named),
     )
     new = LoadedModel(
@@ -71,12 +71,14 @@ def model_with_effects(answer: ExplainResult) -> Model:
     """
     model = answer.request.loaded.model
     candidates = {name.partition(".")[0] for name in answer.verdict.tolerances}
-    for name, found in answer.verdict.parameters.items():
+    for name, parameter in answer.verdict.parameters.items():
         owner, dot, _ = name.partition(".")
         if owner in candidates:
             continue
         if dot and name not in model.parameters:
-            if found.neutral is not None and isclose(found.value, found.neutral, abs_tol=NOTHING):
+            if parameter.neutral is not None and isclose(
+                parameter.value, parameter.neutral, abs_tol=NOTHING
+            ):
                 continue
             model = model.with_effect(_effect(answer, owner))
         source = (
@@ -101,17 +103,17 @@ def added_effects(answer: ExplainResult) -> tuple[NamedEffect, ...]:
 
 
 def _effect(answer: ExplainResult, name: str) -> Effect:
-    known = {effect.name: effect for effect in answer.request.own}
-    return known.get(name) or EFFECTS[name]
+    user_effects = {effect.name: effect for effect in answer.request.own}
+    return user_effects.get(name) or EFFECTS[name]
 
 
 def _with(answer: ExplainResult, model: Model, effect: NamedEffect) -> Model:
-    known = _effect(answer, effect.name)
+    definition = _effect(answer, effect.name)
     if all(present.name != effect.name for present in model.effects):
-        model = model.with_effect(known)
+        model = model.with_effect(definition)
     source = f"benchtool explain of {', '.join(source.name for source in answer.request.learn)}"
-    for own in known.parameters:  # what shapes its law comes along
-        name = f"{effect.name}.{own.name}"
+    for shape in definition.parameters:  # what shapes its law comes along
+        name = f"{effect.name}.{shape.name}"
         if name in answer.verdict.parameters:
             model = _moved(answer, model, name, source)
     for item in effect.parameters:

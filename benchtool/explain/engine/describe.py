@@ -1,4 +1,4 @@
-"""Put hypotheses into words and numbers: parameters with intervals, where it shows."""
+"""Description of hypotheses: parameters with intervals, location of the gap."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CLOCK_FACTOR = 1.1  # density of residuals by the clock over any other regime; a
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Disagreement:
-    """Hold where residuals stand out, for the picture of "where".
+    """Residuals by regime, for the figure.
 
     Attributes:
         by_regime: root mean square of the whitened residuals by regime in words; 1 is noise.

@@ -1,4 +1,4 @@
-"""What an experiment is expected to say between rival explanations, before it is made.
+"""Expected log evidence ratios of an experiment between candidates.
 
 Each rival predicts the readings of an experiment from its own numbers and from how uncertain the
 recordings so far leave them: a Gaussian whose covariance has the noise, what rows share, and the
@@ -45,7 +45,7 @@ MIN_DURATION_S = 20.0  # time that an addition counts as at least; assumed
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CandidatePrediction:
-    """Hold what one rival predicts of new rows: mean + slopes u, u of a known precision."""
+    """Prediction of new rows by one candidate: mean + slopes u, u of a known precision."""
 
     mean: Array  # (n,) over the noise
     slopes: Array  # (n, q)
@@ -110,7 +110,7 @@ class CandidatePrediction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedOutcome:
-    """Hold what an experiment is expected to say between the likeliest rival and each other."""
+    """Expected outcome between the most probable candidate and each other."""
 
     ratios: Mapping[str, float]  # log evidence ratios by the other, on average over which is true
     confusion: float  # bound on the probability that the likeliest afterwards is not the true one
@@ -223,7 +223,7 @@ def proposal(
 
 
 class Forecast:
-    """Work out what experiments would say between rivals, given all recordings so far."""
+    """Expected outcomes of experiments, given all recordings so far."""
 
     def __init__(self, evidence: Evidence, rivals: Sequence[CandidateEffect]) -> None:
         self._about = Hypotheses(evidence)

@@ -1,4 +1,4 @@
-"""The seams of the engine: evidence about a model's numbers, benches as subjects of a verdict."""
+"""Interfaces of the engine: evidence about model parameters, and kinds of bench."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Discrepancy:
 
 
 class Evidence(Protocol):
-    """Say how well a model's numbers fit data."""
+    """Fit of model parameters to data."""
 
     model: Model  # with every candidate in it, neutral unless the user's model says otherwise
     parameters: tuple[ScaledParameter, ...]  # what can be moved, in a fixed order
@@ -111,7 +111,7 @@ class Evidence(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ChannelErrors:
-    """Hold prediction errors of one channel."""
+    """Prediction errors of one channel."""
 
     unit: str  # of their roots
     squares: Array  # (n_blocks, n_sets) mean squared error of each block of the check recordings
@@ -119,7 +119,7 @@ class ChannelErrors:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Overlay:
-    """Hold measurement and predictions of one channel on a check recording."""
+    """Measurement and predictions of one channel on a validation recording."""
 
     channel: str  # its name
     unit: str  # of the values
@@ -131,7 +131,7 @@ class Overlay:
 
 
 class Log(Protocol):
-    """A recording that is held against a model: its name, what was repaired, what it lacks."""
+    """Recording to compare with a model, with repairs and missing columns."""
 
     @property
     def name(self) -> str: ...
@@ -140,13 +140,13 @@ class Log(Protocol):
 
 
 class Subject(ABC):
-    """Hold recordings of one kind of bench against a model."""
+    """Recordings of one kind of bench with a model."""
 
     kind: BenchKind  # which bench it is
     training: Sequence[Log]
     validation: Sequence[Log]
-    evidence: Evidence  # what the recordings to learn from say
-    all_evidence: Evidence  # what those and the check recordings say together
+    evidence: Evidence  # training recordings
+    all_evidence: Evidence  # training and validation recordings
     missed_by: ClassVar[Callable[..., Sequence[ResidualSummary]]]
     next_by: ClassVar[Callable[..., NextExperiment]]
 
@@ -157,13 +157,13 @@ class Subject(ABC):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was repaired in the recordings, and what they lack."""
+        """Repairs of the recordings, and missing columns."""
         logs = (*self.training, *self.validation)
         return tuple(dict.fromkeys(f"{log.name}: {line}" for log in logs for line in log.remarks))
 
     @property
     def free_law(self) -> str:
-        """What must be known before a law of distance can be told from an effect; "" if it is."""
+        """Data needed to separate a law of distance from an effect; "" if available."""
         return ""
 
     def missing_channels(self, at: Array, opened: Sequence[str]) -> Sequence[ResidualSummary]:

@@ -1,4 +1,4 @@
-"""Explain recordings: where a model disagrees with them, which effect is missing, what is left."""
+"""Explanation of recordings: location of the gap, missing effects, remaining gap."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ CLOSES = 0.05  # the nearest effect is mentioned from this share of the gap on
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Explanation:
-    """Hold a verdict and the curves behind it.
+    """Verdict with its curves.
 
     Attributes:
         floors: (draws,) by channel, what a true model misses on the check recordings, its numbers

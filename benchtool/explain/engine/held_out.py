@@ -97,7 +97,7 @@ class Learned:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ValidationScore:
-    """Hold errors on the check recordings.
+    """Errors on the validation recordings.
 
     Attributes:
         errors: by channel; columns are the model as given, before, after.

@@ -50,7 +50,7 @@ UNNAMED_DOMINANCE = 0.2  # part of the squares of its names from which a stage i
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Posterior:
-    """Hold what a search by marginal likelihood found."""
+    """Result of a search by marginal likelihood."""
 
     null: Hypothesis  # nothing beyond tolerance
     best: Hypothesis  # the hypothesis whose members are all worth having; the null when none is
@@ -64,7 +64,7 @@ def judge(
     draws: int,
     progress: Progress,
 ) -> Judgement:
-    """Return what is missing by the marginal likelihood of every hypothesis."""
+    """Return the missing effects by marginal likelihood."""
     search = search_models(hypotheses, Hypotheses(subject.all_evidence), progress)
     trials = [_add_other_law(subject, hypotheses, trial) for trial in search.trials]
     search = replace(search, trials=tuple(trials))
@@ -134,7 +134,7 @@ def _add_other_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Tr
 def _other_effects(
     subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> list[tuple[str, float]]:
-    """Return the effects of other stages that are there beside what has no name."""
+    """Return effects in other stages than the unnamed ones, with probabilities."""
     stages = {departure.stage for departure in unnamed}
     return [
         (trial.name, 1.0 - probabilities(trial)["none"])

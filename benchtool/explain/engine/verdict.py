@@ -1,4 +1,4 @@
-"""What an explanation comes to, as data: where, which, the gap, what to do next."""
+"""Verdict of an explanation: location, effects, gap, next experiment."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ DECISION_PROBABILITY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundParameter:
-    """Hold one number of a named effect.
+    """Parameter of a named effect.
 
     Attributes:
         determined: whether the data say more of it than the range that physics leaves it.
@@ -70,7 +70,7 @@ class FoundParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedEffect:
-    """Hold one effect that an explanation names."""
+    """Effect named by an explanation."""
 
     name: str  # as in the catalogue
     title: str  # for people
@@ -84,7 +84,7 @@ class NamedEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlternativeEffects:
-    """Say what may stand in one place of a verdict, the other named effects taken for granted."""
+    """Alternatives to one named effect, the other effects given."""
 
     effect: str  # the likeliest one
     probabilities: Mapping[str, float]  # of every effect, "none" and "unknown"; they sum to 1
@@ -92,7 +92,7 @@ class AlternativeEffects:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvidenceLocation:
-    """Say where model and measurement disagree."""
+    """Location of the gap between model and measurement."""
 
     stage: Subsystem  # link of the chain
     regime: str  # part of the recording in which it shows most, in words
@@ -102,7 +102,7 @@ class EvidenceLocation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelGap:
-    """Hold one channel's prediction error on the check recording, root mean square.
+    """Prediction error of one channel on the validation recordings, root mean square.
 
     Attributes:
         before_low, before_high, after_low, after_high: 95 % of a block bootstrap over windows.
@@ -132,7 +132,7 @@ class ChannelGap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearestEffect:
-    """Say which named effect comes nearest to something unknown, and how much it explains.
+    """Effect that explains most of an unnamed effect.
 
     Attributes:
         effect: with the numbers that it would have; None where it was not fitted.
@@ -149,7 +149,7 @@ class NearestEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnnamedEffect:
-    """Describe something beyond tolerance that no effect explains."""
+    """Discrepancy beyond tolerance that no effect explains."""
 
     name: str
     stage: Subsystem  # of the chain
@@ -161,7 +161,7 @@ class UnnamedEffect:
 
     @property
     def text(self) -> str:
-        """What it is and how large."""
+        """Description with size."""
         return (
             f"{self.phrase}, up to {100.0 * self.share:.2g} % of the reading "
             f"({self.tolerances:.1f} tolerances)"
@@ -170,7 +170,7 @@ class UnnamedEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnjudgedEffect:
-    """Say that data cannot show an effect."""
+    """Effect that the data cannot detect."""
 
     reason: Unjudged  # why
     size: float  # how large it would have to be to show, in tolerances; inf where no size would do
@@ -185,7 +185,7 @@ class UnjudgedEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextExperiment:
-    """Say what to record next.
+    """Proposed next experiment.
 
     Attributes:
         expected: log evidence ratio that it is expected to bring between the likeliest candidate
@@ -202,13 +202,13 @@ class NextExperiment:
 
     @property
     def decides(self) -> bool:
-        """Whether it is expected to separate the likeliest candidate from any other one."""
+        """True if it should separate the most probable candidate from another."""
         return max(self.expected.values()) >= DECISION_PROBABILITY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Hold what an explanation comes to.
+    """Verdict of an explanation.
 
     Attributes:
         probabilities: of every explanation that was weighed, "none" and "unknown" among them; of
@@ -237,7 +237,7 @@ class Verdict:
 
     @property
     def stages(self) -> Mapping[Subsystem, str]:
-        """What is missing in each stage in which anything is, in words."""
+        """Missing effects of each stage, as text."""
         phrases: dict[Subsystem, list[str]] = {}
         for effect in self.effects:
             text = f"{effect.phrase}, probability {effect.probability:.2f}"
@@ -248,7 +248,7 @@ class Verdict:
 
     @property
     def tried_and_blind(self) -> tuple[int, int]:
-        """How many effects were tried, and how many of those could not be judged."""
+        """Numbers of tried effects and of unjudged ones among them."""
         tried = {name.partition(".")[0] for name in self.tolerances}
         blind = {
             name for name, unjudged in self.not_judged.items() if unjudged.size > MIN_DETECTABLE
@@ -257,19 +257,19 @@ class Verdict:
 
     @property
     def mostly_blind(self) -> bool:
-        """Whether most of the effects could not be judged."""
+        """True if most effects are unjudged."""
         tried, blind = self.tried_and_blind
         return 2 * blind > tried
 
     @property
     def is_sure(self) -> bool:
-        """Whether effects are named, each likely enough that nothing more need be recorded."""
+        """True if all named effects are probable enough."""
         return self.kind in ("effect", "several") and all(
             effect.probability >= SURE for effect in self.effects
         )
 
     def holds(self, probability: float) -> bool:
-        """Whether the whole answer is so likely; never one that is a class."""
+        """Return whether the verdict has this probability; False for a class."""
         if self.kind in ("none", "unknown"):
             return self.probabilities[self.kind] >= probability
         return self.kind != "class" and all(
@@ -320,7 +320,7 @@ def _verb(probability: float) -> str:
 
 
 def _effects_sentence(verdict: Verdict) -> str:
-    """State each effect with its probability; the verb once for those as sure."""
+    """Return each effect with its probability; the verb once for those as sure."""
     last_verb, parts = "", list[str]()
     for effect in verdict.effects:
         chance, verb = _format_probability(effect.probability), _verb(effect.probability)
@@ -331,7 +331,7 @@ def _effects_sentence(verdict: Verdict) -> str:
 
 
 def _excess(verdict: Verdict) -> str:
-    """State what is left where it is more than noise explains."""
+    """Return a phrase for a remaining error above the noise floor."""
     if verdict.left <= MOSTLY:
         return ""
     return f"; {verdict.left:.1f} times what noise explains is left"

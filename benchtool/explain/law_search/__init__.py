@@ -1,1 +1,1 @@
-"""From something unknown to what it depends on, and a law of it."""
+"""Search for the variable and the law of an unnamed effect."""

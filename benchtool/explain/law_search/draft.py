@@ -21,7 +21,7 @@ the value. What levels that were not visited leave open is not left to the next 
 
 
 class DraftTarget(NamedTuple):
-    """Say what a hook returns, and which link of the chain an effect with it sits in."""
+    """Result of a hook, and the stage of an effect with it."""
 
     returns: str
     subsystem: Subsystem
@@ -130,21 +130,21 @@ def draft_effect(dependence: FoundDependence) -> str:
     )
 
 
-def _with(found: FoundDependence) -> str:
-    law, variable = found.law, found.variable
+def _with(dependence: FoundDependence) -> str:
+    law, variable = dependence.law, dependence.variable
     assert law is not None
-    shown = ", ".join(f"{name} = {value:.4g}" for name, value in law.values.items())
+    values = ", ".join(f"{name} = {value:.4g}" for name, value in law.values.items())
     if variable.unit == "1":
-        return f"There {shown}."
-    return f"There {shown}; the reference is {variable.reference:.4g} {variable.unit}."
+        return f"There {values}."
+    return f"There {values}; the reference is {variable.reference:.4g} {variable.unit}."
 
 
 def _number(
-    name: str, unit: str, value: float, words: str, *, neutral: float | None = None,
+    name: str, unit: str, value: float, description: str, *, neutral: float | None = None,
     within: tuple[float, float] | None = None, tolerance: float | None = None, prior: str = "",
 ) -> str:  # fmt: skip
     """Return the line of a number in an effect file."""
-    parts = [dumps(name), dumps(unit), f"{value:.6g}", dumps(words)]
+    parts = [dumps(name), dumps(unit), f"{value:.6g}", dumps(description)]
     if neutral is not None:
         parts.append(f"neutral={neutral:g}")
     if within is not None:

@@ -41,10 +41,10 @@ class LawFamily:
     def __call__(self, u: Array, numbers: Sequence[float] | Array) -> Array:
         """Return the law's values (m,) or (m, n_shapes), for numbers (n,) or (n, n_shapes)."""
         numbers = np.asarray(numbers, float)
-        found: Array = self.function(u[:, None], *numbers) if numbers.ndim > 1 else (
+        values: Array = self.function(u[:, None], *numbers) if numbers.ndim > 1 else (
             self.function(u, *numbers)
         )  # fmt: skip
-        return found
+        return values
 
 
 PLACES = np.linspace(0.04, 0.96, 16)  # quantiles of the values at which a law may have its place

@@ -1,4 +1,4 @@
-"""What something unknown depends on, and a law of it, as data."""
+"""Dependence of an unnamed effect on a variable, with its law."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LawForm:
-    """Say what a law changes: a reading, a torque or a thrust by a f(u) times weights (m,).
+    """Target of a law: a reading, torque or thrust changes by a f(u) times weights (m,).
 
     Attributes:
         formula: with {f} for a f(u).
@@ -66,13 +66,13 @@ class LawForm:
 
     def seen(self, variable: Variable) -> Array:
         """Return the values of a variable over the readings that the form changes."""
-        found: Array = variable.values[np.abs(self.weights) > 0.02 * np.abs(self.weights).max()]
-        return found
+        values: Array = variable.values[np.abs(self.weights) > 0.02 * np.abs(self.weights).max()]
+        return values
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Law:
-    """Hold a law a f(u) with its numbers."""
+    """Law a f(u) with its numbers."""
 
     family: LawFamily
     form: LawForm
@@ -90,7 +90,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LawCurve:
-    """Hold a curve with its band over a variable, and the readings behind it.
+    """Curve with its band over a variable, and the readings behind it.
 
     Attributes:
         at: (n,) places; `mean`, `low` and `high` (n,) of a smooth function there, 95 %.
@@ -109,7 +109,7 @@ class LawCurve:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FoundDependence:
-    """Say what something unknown depends on.
+    """Dependence of an unnamed effect.
 
     Attributes:
         probability: that it is this variable, of all that were weighed.
@@ -129,7 +129,7 @@ class FoundDependence:
 
     @property
     def phrase(self) -> str:
-        """What it depends on, within a sentence."""
+        """Variable and location, within a sentence."""
         return f"{self.variable.phrase}{self.form.phrase}"
 
     @property
@@ -141,7 +141,7 @@ class FoundDependence:
 
     @property
     def text(self) -> str:
-        """What it depends on and how far a law closes the gap, as the end of a sentence."""
+        """Variable, and share of the gap that the law closes, as the end of a sentence."""
         if self.law is None:
             return f"depends on {self.phrase}"
         share = f"{100.0 * self.closed:.0f} % of the held-out gap"

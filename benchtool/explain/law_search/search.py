@@ -30,7 +30,7 @@ SMOOTH = (0.01, 0.04)  # sizes of a smooth function that are tried, as parts of 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadraticSummary:
-    """Hold what readings z say of a function f (m,): f Q f - 2 f Q z + z Q z, a quadratic form."""
+    """Chi-squared of readings z about f (m,): f Q f - 2 f Q z + z Q z, a quadratic form."""
 
     precision: Array  # Q (m, m)
     pull: Array  # Q z (m,)
@@ -43,8 +43,8 @@ class QuadraticSummary:
 
     def without(self, out: NDArray[np.bool_]) -> QuadraticSummary:
         """Return what readings say of which some (m,) are held out."""
-        own = np.column_stack([self.precision[out], self.pull[out]])
-        taken = own.T @ np.linalg.solve(self.precision[np.ix_(out, out)], own)
+        held_rows = np.column_stack([self.precision[out], self.pull[out]])
+        taken = held_rows.T @ np.linalg.solve(self.precision[np.ix_(out, out)], held_rows)
         return QuadraticSummary(
             self.precision - taken[:-1, :-1], self.pull - taken[:-1, -1],
             self.square - float(taken[-1, -1]),
@@ -53,7 +53,7 @@ class QuadraticSummary:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CrossValidationFold:
-    """Hold what is said without a part of the readings.
+    """Summaries with a part of the readings held out.
 
     Attributes:
         rest, bare_rest: of the other readings, as `ResidualSummary.says` and `bare`.
@@ -67,7 +67,7 @@ class CrossValidationFold:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ResidualSummary:
-    """Hold what readings miss as a function of a variable.
+    """Residuals as a function of a variable.
 
     Attributes:
         says: everything that may vary within tolerance is taken into its precision.
@@ -84,7 +84,7 @@ class ResidualSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shapes:
-    """Hold the shapes of one family for a variable and a form: columns (m, n_shapes)."""
+    """Shapes of one family for a variable and a form: columns (m, n_shapes)."""
 
     missed: ResidualSummary
     family: LawFamily
@@ -98,36 +98,40 @@ class _Shapes:
         return _log_mean(self.gains)
 
 
-def dependence(every: Sequence[ResidualSummary], radius_m: float) -> FoundDependence | None:
-    """Return what the misses depend on; None where nothing is likely enough."""
-    every = [summary for summary in every if np.ptp(summary.form.seen(summary.variable)) > 1e-6]
-    tried = [_tried(summary) for summary in every]
-    odds = np.array([_log_odds(missed, group) for missed, group in zip(every, tried, strict=True)])
-    odds -= np.log(max(len(every), 1))
+def dependence(summaries: Sequence[ResidualSummary], radius_m: float) -> FoundDependence | None:
+    """Return the variable that the residuals depend on; None where nothing is likely enough."""
+    summaries = [
+        summary for summary in summaries if np.ptp(summary.form.seen(summary.variable)) > 1e-6
+    ]
+    families = [_tried(summary) for summary in summaries]
+    odds = np.array(
+        [_log_odds(missed, group) for missed, group in zip(summaries, families, strict=True)]
+    )
+    odds -= np.log(max(len(summaries), 1))
     if not len(odds) or odds.max() < MIN_PROBABILITY:
         return None
     chances = np.asarray(np.exp(odds - np.logaddexp.reduce(odds)), float)
     by_variable: dict[str, float] = {}
-    for summary, chance in zip(every, chances, strict=True):
+    for summary, chance in zip(summaries, chances, strict=True):
         phrase = summary.variable.phrase
         by_variable[phrase] = by_variable.get(phrase, 0.0) + float(chance)
     best = max(by_variable, key=lambda name: by_variable[name])
-    place = max(
-        (k for k, summary in enumerate(every) if summary.variable.phrase == best),
+    index = max(
+        (k for k, summary in enumerate(summaries) if summary.variable.phrase == best),
         key=lambda k: odds[k],
     )
-    missed = every[place]
+    missed = summaries[index]
     law = None
     closed = 0.0
-    if tried[place]:
-        closed = _closed([shapes for group in tried for shapes in group])
+    if families[index]:
+        closed = _closed([shapes for group in families for shapes in group])
         if closed > MIN_GAIN:
-            law = _law(max(tried[place], key=lambda shapes: shapes.worth))
+            law = _law(max(families[index], key=lambda shapes: shapes.worth))
     return FoundDependence(
         variable=missed.variable,
         form=missed.form,
         probability=by_variable[best],
-        candidates=len(every),
+        candidates=len(summaries),
         law=law,
         closed=closed,
         curve=_curve(missed, law),
@@ -206,8 +210,8 @@ def root(variable: Variable, form: LawForm, more: Array | None = None) -> Array:
     """
     values = variable.values if more is None else np.concatenate([variable.values, more])
     if variable.blocks:
-        found: Array = (values[:, None] == np.unique(values)).astype(float)
-        return found
+        result: Array = (values[:, None] == np.unique(values)).astype(float)
+        return result
     seen = form.seen(variable)
     values = np.clip(values, seen.min(), seen.max())
     if _logarithmic(variable, seen):
@@ -215,8 +219,8 @@ def root(variable: Variable, form: LawForm, more: Array | None = None) -> Array:
     unique, rows = np.unique(np.round(values / np.ptp(seen), 2), return_inverse=True)
     squares = ((unique[:, None] - unique) / BENDS) ** 2
     size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
-    shown = size > 1e-6 * size[-1]
-    smooth: Array = (axes[:, shown] * np.sqrt(size[shown]))[rows.reshape(-1)]
+    is_kept = size > 1e-6 * size[-1]
+    smooth: Array = (axes[:, is_kept] * np.sqrt(size[is_kept]))[rows.reshape(-1)]
     return smooth
 
 
@@ -242,31 +246,31 @@ def _closed(every: Sequence[_Shapes]) -> float:
     return float(np.clip((before - after) / max(before - noise, 1e-9), 0.0, 1.0))
 
 
-def _law(one: _Shapes) -> Law:
+def _law(shapes: _Shapes) -> Law:
     """Return the best law of a family, its numbers refined from the best shape tried."""
-    missed, says = one.missed, one.missed.says
+    missed, says = shapes.missed, shapes.missed.says
     u, weights = missed.variable.values, missed.form.weights
-    numbers = one.numbers[:, int(np.argmax(one.gains))]
-    if len(numbers) and one.family.name != "line":
+    numbers = shapes.numbers[:, int(np.argmax(shapes.gains))]
+    if len(numbers) and shapes.family.name != "line":
         zoom = [0.4 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])] * len(numbers)
         around = np.array(np.meshgrid(*zoom)).reshape(len(numbers), -1)
         size = np.maximum(np.abs(numbers), 0.05)
         for turn in range(ZOOMS):
             tried = numbers[:, None] + size[:, None] * around * 0.7**turn
-            near = _shapes(missed, one.family, tried)
+            near = _shapes(missed, shapes.family, tried)
             numbers = near.numbers[:, int(np.argmax(near.gains))]
     steps = 0.02 * np.maximum(np.abs(numbers), 0.02)
-    columns = [weights * one.family(u, numbers)]
+    columns = [weights * shapes.family(u, numbers)]
     weight = columns[0] @ says.precision @ columns[0]
     amplitude = float(columns[0] @ says.pull / weight)
     for k, step in enumerate(steps):
         moved = numbers + step * np.eye(len(numbers))[k]
-        columns.append(amplitude * (weights * one.family(u, moved) - columns[0]) / step)
+        columns.append(amplitude * (weights * shapes.family(u, moved) - columns[0]) / step)
     slopes = np.stack(columns, axis=1)
     curvature = slopes.T @ says.precision @ slopes
     spread = np.sqrt(np.diag(np.linalg.pinv(curvature)))
     return Law(
-        family=one.family,
+        family=shapes.family,
         form=missed.form,
         amplitude=amplitude,
         amplitude_sd=float(spread[0]),
@@ -287,17 +291,17 @@ def _curve(missed: ResidualSummary, law: Law | None) -> LawCurve:
     spread = np.linalg.inv(np.eye(both.shape[1]) + columns.T @ says.precision @ columns)
     draws = spread @ (columns.T @ says.pull)
     if variable.blocks:
-        at, shown = variable.values, both
+        at, smooth = variable.values, both
     else:
-        shown = both[m:]
-    mean = shown @ draws
-    sd = np.sqrt(np.sum((shown @ spread) * shown, axis=1))
+        smooth = both[m:]
+    mean = smooth @ draws
+    sd = np.sqrt(np.sum((smooth @ spread) * smooth, axis=1))
     counts = np.diag(says.precision)
     acts = np.abs(form.weights) > 0.05 * np.abs(form.weights).max()
     acts &= counts > 1e-9 * counts.max()
     # What one reading misses beside the smooth function, by its own weight in the precision.
-    own = (says.pull - says.precision @ (columns @ draws)) / np.where(acts, counts, 1.0)
-    shares = both[:m][acts] @ draws + own[acts] / form.weights[acts]
+    local_residuals = (says.pull - says.precision @ (columns @ draws)) / np.where(acts, counts, 1.0)
+    shares = both[:m][acts] @ draws + local_residuals[acts] / form.weights[acts]
     drawn = np.empty(0) if law is None else law.amplitude * law.family(at, law.numbers)
     return LawCurve(
         at=at, mean=mean, low=mean - 1.96 * sd, high=mean + 1.96 * sd, law=drawn,
