@@ -1,4 +1,4 @@
-"""Blades and a motor for tests, and rigs that have them."""
+"""Blades and a motor for tests, and rigs with them."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ MOTOR = Motor(Kv_rpm_V=920.0, resistance_ohm=0.12, no_load_current_A=0.5)
 
 
 def bladed(name: str, motor: Motor | None = MOTOR) -> Rig:
-    """Return a shipped rig with these blades and a motor."""
+    """Return a rig of the library with these blades and a motor."""
     return replace(load_rig_by_name(name), blade=BLADE, motor=motor)

@@ -1,4 +1,4 @@
-"""Closed formulae of the paper as printed: eqs. (2) to (4)."""
+"""Closed formulas of the paper as printed: eqs. (2) to (4)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def single_rotor_factor(radius_m: Quantity, z_m: Quantity) -> Quantity:
 
 
 def quad_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return eq. (3) as printed: a quadrotor whose adjacent axes are `spacing_m` = d apart."""
+    """Return eq. (3) as printed: a quadrotor, d = `spacing_m` between adjacent axes."""
     ratio = radius_m / (4.0 * z_m)
     adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
     opposite = 2.0 * spacing_m * spacing_m + 4.0 * z_m * z_m
@@ -52,10 +52,10 @@ def quad_body_lift_factor(
 
 
 def three_rotor_corner_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the factor of the middle of three rotors on a square's corners: two neighbours at d.
+    """Return the factor of the middle of three rotors at corners of a square: two neighbours at d.
 
-    Three rotors of a quadrotor, the fourth switched off; the paper does not say whether its curve
-    is one rotor's or the average (section 2.3), so both are here.
+    Three rotors of a quadrotor, the fourth stopped. The paper does not define whether its curve is
+    of one rotor or the average (section 2.3), so both are available.
     """
     adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
     ratio = radius_m / (4.0 * z_m)
@@ -74,7 +74,7 @@ def three_rotor_end_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantit
 
 
 def three_rotor_average_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the thrust of all three together over its value far from the plate."""
+    """Return the total thrust of the three rotors over that out of ground effect."""
     corner = three_rotor_corner_factor(radius_m, z_m, spacing_m)
     end = three_rotor_end_factor(radius_m, z_m, spacing_m)
     return (corner + 2.0 * end) / 3.0

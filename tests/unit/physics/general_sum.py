@@ -1,4 +1,4 @@
-"""The general sum of eqs. (2) to (4) written down once more, with vectors, to check against.
+"""Independent implementation of the sum of eqs. (2) to (4) with vectors, as a reference.
 
 World axes, the ground at 0. Rotor j is at P_j = (X_j, Y_j, z_j), its image at (X_j, Y_j, -z_j).
 With r_ij from the image of rotor j to rotor i, n the unit vector along which the inflow is taken,
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def placed(positions_m: Array, z_m: Array, pitch_rad: Array) -> Array:
-    """Return places of the rotor plane (n, 2) in world axes (n, 3, ...): m, turned nose down about
-    a centre at height z (...).
+def rotate_positions(positions_m: Array, z_m: Array, pitch_rad: Array) -> Array:
+    """Return positions in the rotor plane (n, 2) in world axes (n, 3, ...): m, pitched nose down
+    about a centre at height z (...).
     """
     z, pitch = np.broadcast_arrays(np.asarray(z_m, float), np.asarray(pitch_rad, float))
     return np.array(
@@ -26,13 +26,13 @@ def placed(positions_m: Array, z_m: Array, pitch_rad: Array) -> Array:
     )
 
 
-def velocity(at_m: Array, source_m: Array, along: Array) -> Array:
-    """Return r.n / (4 |r|^3) (...), r from the image of a source (3, ...) to a place (3, ...)."""
+def velocity(point_m: Array, source_m: Array, along: Array) -> Array:
+    """Return r.n / (4 |r|^3) (...), r from the image of a source (3, ...) to a point (3, ...)."""
     mirrored = source_m.copy()
     mirrored[2] *= -1.0
-    r = at_m - mirrored
-    found: Array = 0.25 * np.einsum("k...,k...->...", r, along) / np.sqrt((r * r).sum(axis=0)) ** 3
-    return found
+    r = point_m - mirrored
+    value: Array = 0.25 * np.einsum("k...,k...->...", r, along) / np.sqrt((r * r).sum(axis=0)) ** 3
+    return value
 
 
 def denominator_sums(
@@ -46,30 +46,30 @@ def denominator_sums(
     pitch_rad: Any = 0.0,
     vertical: bool = False,
 ) -> Array:
-    """Return D_i (n, ...), what is taken from 1 in the denominator of each rotor's factor.
+    """Return D_i (n, ...), the sum of terms in the denominator 1 - D_i of each rotor.
 
     Args:
         radius_m: rotor radius: m.
         z_m: height of the body's centre above the plate (...): m.
-        coverage: covered fraction of each disc (n, ...), 0 for a rotor that is off.
+        coverage: covered fraction of each disc (n, ...), 0 for a stopped rotor.
         positions_m: rotor axes about the body's centre (n, 2): m.
-        K_b: body lift coefficient; 0 leaves the body out (eq. 3).
-        body_weight: share of the body term that the wake rule grants (...).
-        body_distance: which b of eq. (4).
+        K_b: body lift coefficient; 0 for eq. (3).
+        body_weight: weight of the body term from the wake rule (...).
+        body_distance: definition of b in eq. (4).
         pitch_rad: nose down (...).
-        vertical: take the inflow along the vertical in place of the rotor axis.
+        vertical: evaluate the inflow along the vertical, not the rotor axis.
     """
-    places = placed(positions_m, z_m, pitch_rad)
-    wider = 2.0 if body_distance == "diagonal" else 1.0
-    sources = placed(wider * positions_m, z_m, pitch_rad)
-    centre = placed(np.zeros((1, 2)), z_m, pitch_rad)[0]
+    positions = rotate_positions(positions_m, z_m, pitch_rad)
+    scale = 2.0 if body_distance == "diagonal" else 1.0
+    sources = rotate_positions(scale * positions_m, z_m, pitch_rad)
+    centre = rotate_positions(np.zeros((1, 2)), z_m, pitch_rad)[0]
     tilt = 0.0 * centre[2] + (0.0 if vertical else np.asarray(pitch_rad, float))
     along = np.array([np.sin(tilt), 0.0 * tilt, np.cos(tilt)])
     body = sum(velocity(centre, source, along) for source in sources)
     sums = []
-    for i, at in enumerate(places):
-        shares = [1.0 if j == i else coverage[j] for j in range(len(places))]
-        images = sum(a * velocity(at, p, along) for a, p in zip(shares, places, strict=True))
+    for i, point in enumerate(positions):
+        shares = [1.0 if j == i else coverage[j] for j in range(len(positions))]
+        images = sum(a * velocity(point, p, along) for a, p in zip(shares, positions, strict=True))
         sums.append(radius_m * radius_m * (images + K_b * body_weight * body))
     return np.array(sums)
 
@@ -77,7 +77,7 @@ def denominator_sums(
 def multirotor_factors(*args: Any, **kwargs: Any) -> Array:
     """Return T_IGE/T_OGE (n, ...) of each rotor's covered part; arguments as `denominator_sums`.
 
-    A disc that is covered in part gets `partial_factor(factor, coverage)`.
+    For partial coverage use `partial_factor(factor, coverage)`.
     """
     factors: Array = 1.0 / (1.0 - denominator_sums(*args, **kwargs))
     return factors
@@ -88,7 +88,7 @@ def pole_z_over_R(
 ) -> float:
     """Return the largest z/R at which some rotor's denominator vanishes, all discs covered.
 
-    No image contributes more than (R/4z)^2, so the zero lies between z/R = 1/4 (eq. 2) and
+    Each image contributes at most (R/4z)^2, so the zero lies between z/R = 1/4 (eq. 2) and
     sqrt(n (1 + K_b)) / 4. That interval is searched from above and bisected to rounding.
     """
     n = len(positions_m)
@@ -96,8 +96,8 @@ def pole_z_over_R(
     def excess(ratio: Array | float) -> Array:
         heights = np.asarray(ratio, float) * radius_m
         sums = denominator_sums(radius_m, heights, np.ones(n), positions_m, K_b, 1.0, body_distance)
-        worst: Array = np.max(sums, axis=0) - 1.0
-        return worst
+        maximum: Array = np.max(sums, axis=0) - 1.0
+        return maximum
 
     grid = np.linspace(0.25, 0.25 * np.sqrt(n * (1.0 + K_b)), 2001)
     above = np.flatnonzero(excess(grid) >= 0.0)

@@ -11,10 +11,10 @@ Array = NDArray[np.float64]
 
 
 class RotorLayout(NamedTuple):
-    """Say where rotors are and which way they turn.
+    """Positions and spins of rotors.
 
     Attributes:
-        names: one for each rotor, in the order of eq. (9).
+        names: of the rotors, in the order of eq. (9).
         x_m: forward (n,): m.
         y_m: left (n,): m.
         spin: +1 counter-clockwise seen from above, -1 clockwise (n,).
@@ -27,7 +27,7 @@ class RotorLayout(NamedTuple):
 
 
 def plus_layout(arm_m: float) -> RotorLayout:
-    """Return eq. (9)'s layout: rotors 1 to 4 are front, left, rear, right on arms of that length.
+    """Return the layout of eq. (9): rotors 1 to 4 are front, left, rear, right at that arm.
 
     The paper calls the arm d in eq. (9), and the distance between adjacent axes d in eq. (3):
     the latter is arm times sqrt(2).

@@ -1,4 +1,4 @@
-"""The worked tables of the paper's study, digit for digit, as they were printed.
+"""Worked tables of the study of the paper, with all printed digits.
 
 PQUAD: R = 0.12 m, m = 1.4 kg, arm 0.225 m, d = 0.318 m; AMUSE: R = 0.205 m, m = 12 kg,
 d = 0.60 m (thrust factors) or arm 0.45 m (moments). K_b = 2, g = 9.81 m/s2.
@@ -61,7 +61,7 @@ POLES = """
 
 WALL_X_M = (2.8, 2.9, 3.0, 3.05, 3.1, 3.15, 3.2, 3.25, 3.3, 3.4)
 
-# z/R, K_b, then the backward pitching moment in mN m at each place of WALL_X_M (edge at 3.0)
+# z/R, K_b, then the backward pitching moment in mN m at each position of WALL_X_M (edge at 3.0)
 WALL_MOMENT = """
 2 2 7.7 14.8 45.5 63.7 78.6 74.4 58.4 37.0 14.0 0
 2 0 7.7 12.8 19.5 23.3 26.4 23.5 17.0 9.9 3.5 0
@@ -71,7 +71,7 @@ WALL_MOMENT = """
 
 # z/R, restoring moment in mN m for T = m g/4: eq. (4) half at 2, 5, 10 deg; diagonal, rotors only,
 # projected on the vertical at 5, 10 deg. Three digits differ from the notes, which rounded 29.648,
-# 21.548 and 170.353 by way of two decimals: 29.7, 21.6 and 170.3
+# 21.548 and 170.353 twice: 29.7, 21.6 and 170.3
 RESTORING_PQUAD = """
 1.0  29.6 77.6 185.6 53.8 128.2 47.8 114.4 67.9 170.4
 1.25 14.6 37.4 81.3  28.6 62.2  25.4 55.4  30.8 69.3
@@ -115,11 +115,11 @@ AUTHORITY_PERCENT = """
 
 
 def rows(table: str) -> list[list[str]]:
-    """Return the table's words, row by row."""
+    """Return the cells of a table by row."""
     return [line.split() for line in table.strip().splitlines()]
 
 
 def as_printed(value: float, printed: str) -> str:
-    """Return the value with as many decimals as the printed word has."""
+    """Return the value with as many decimals as the printed one."""
     decimals = len(printed.partition(".")[2])
     return f"{value:.{decimals}f}"

@@ -1,4 +1,4 @@
-"""Ratios of a model at equal speed, pulse and power, against motors solved by bisection."""
+"""Thrust ratios at equal speed, pulse width and power, against motors solved by bisection."""
 
 from __future__ import annotations
 
@@ -40,27 +40,27 @@ PER_VOLT = MOTOR.Kv_rpm_V * np.pi / 30.0
 
 
 def voltage(w: float, torque_Nm: float) -> float:
-    """Return what a motor needs to turn a torque at a speed: V."""
+    """Return the voltage of a motor for a torque at a speed: V."""
     assert MOTOR.resistance_ohm is not None
     current = MOTOR.no_load_current_A + PER_VOLT * torque_Nm
     return w / PER_VOLT + MOTOR.resistance_ohm * current
 
 
 def reference_speed(basis: Basis, w: float, c: float, near: float, far: float) -> float:
-    """Return the speed at the reference that has the visit's pulse or power, by bisection."""
+    """Return the speed at the reference with the voltage or power of the point, by bisection."""
 
-    def held(speed: float, factor: float) -> float:
+    def input_level(speed: float, factor: float) -> float:
         torque = c * factor * speed * speed
         volts = voltage(speed, torque)
         if basis == "equal_pwm":
             return volts
         return volts * (MOTOR.no_load_current_A + PER_VOLT * torque)
 
-    wanted = held(w, near)
-    return float(brentq(lambda v: held(v, far) - wanted, 0.5 * w, 2.0 * w, xtol=1e-11))
+    target = input_level(w, near)
+    return float(brentq(lambda v: input_level(v, far) - target, 0.5 * w, 2.0 * w, xtol=1e-11))
 
 
-def answers(radius_m: float, z_m: float) -> tuple[float, float]:
+def response(radius_m: float, z_m: float) -> tuple[float, float]:
     """Return thrust and torque ratio at equal speed of eq. (2)."""
     kappa = inflow_at_equal_thrust(single_rotor_factor(radius_m, z_m))
     m = inflow_response(BLADE)
@@ -68,19 +68,19 @@ def answers(radius_m: float, z_m: float) -> tuple[float, float]:
 
 
 def measured(basis: Basis, radius_m: float, parked_m: float, rig: Rig) -> NDArray[np.float64]:
-    """Return T_IGE/T_OGE of a bench that follows eq. (2) and whose plate parks at a distance."""
-    c, out = rig.propulsion.drag_coefficient_Nm_s2, []
-    far_t, far_q = answers(radius_m, parked_m)
+    """Return T_IGE/T_OGE of a bench according to eq. (2), with that park distance as reference."""
+    c, ratios = rig.propulsion.drag_coefficient_Nm_s2, []
+    far_t, far_q = response(radius_m, parked_m)
     for z, w in zip(Z_M, SPEED_RAD_S, strict=True):
-        t, q = answers(radius_m, z)
+        t, q = response(radius_m, z)
         v = w if basis == "equal_rpm2" else reference_speed(basis, w, c, q, far_q)
-        out.append(t * w * w / (far_t * v * v))
-    return np.array(out)
+        ratios.append(t * w * w / (far_t * v * v))
+    return np.array(ratios)
 
 
-def at(rig: Rig, z_m: Any, **more: Any) -> Conditions:
+def sweep(rig: Rig, z_m: Any, **options: Any) -> Conditions:
     return Conditions.of(
-        rig, speed_rad_s=SPEED_RAD_S[None, :], plate_z_m=np.broadcast_to(z_m, (6,)), **more
+        rig, speed_rad_s=SPEED_RAD_S[None, :], plate_z_m=np.broadcast_to(z_m, (6,)), **options
     )
 
 
@@ -89,32 +89,29 @@ def test_a_ratio_at_any_basis_gives_the_same_radius(basis):
     rig, true_m, parked_m = bladed("pquad_single"), 0.128, 1.0
     model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
     observed = measured(basis, true_m, parked_m, rig)
-    problem = problem_from_model(
-        model, at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis, reference=at(rig, parked_m)
-    )
+    near, reference, u = sweep(rig, Z_M), sweep(rig, parked_m), np.full(6, 1e-4)
+    problem = problem_from_model(model, near, observed, u, basis=basis, reference=reference)
     assert fit_least_squares(problem)["R_m"].value == pytest.approx(true_m, rel=1e-9)
-    printed = problem_from_model(
-        Model.single(rig).with_free("R_m"), at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis,
-        reference=at(rig, parked_m),
-    )  # fmt: skip
+    model = Model.single(rig).with_free("R_m")
+    printed = problem_from_model(model, near, observed, u, basis=basis, reference=reference)
     assert fit_least_squares(printed)["R_m"].value < 0.99 * true_m
 
 
 def test_speeds_from_pulses_are_those_near_the_plate():
-    """The same visits, speeds read or taken from the pulses' map: equal ratios at equal pulse."""
+    """Same points with measured speeds or speeds from pulse widths: equal ratios at equal pulse."""
     rig = bladed("pquad")
     model = with_blades_of_rig(Model.single(rig).with_effect("neighbour_images"))
     values = model.parameters.values_array()
-    pulses = at(rig, Z_M, speed_measured=False, plate_x_m=0.6)
+    pulses = sweep(rig, Z_M, speed_measured=False, plate_x_m=0.6)
     far = pulses.out_of_ground_effect()
     near_flow, far_flow = model.flow(pulses, values), model.flow(far, values)
     expected = model.squared_speed(near_flow, values) / model.squared_speed(far_flow, values)
-    read = at(rig, Z_M, plate_x_m=0.6)
+    read = sweep(rig, Z_M, plate_x_m=0.6)
     read.speed_rad_s[:] = np.array(near_flow.speed_rad_s)
     far = read.out_of_ground_effect()
     flows = model.flow(read, values), model.flow(far, values)
-    found = thrust_ratio(model, "equal_pwm", *flows, values)
-    np.testing.assert_allclose(found, expected, rtol=1e-13)
+    ratio = thrust_ratio(model, "equal_pwm", *flows, values)
+    np.testing.assert_allclose(ratio, expected, rtol=1e-13)
     assert np.all(np.array(near_flow.speed_rad_s[0]) > SPEED_RAD_S)
     np.testing.assert_allclose(near_flow.speed_rad_s[2], SPEED_RAD_S, rtol=1e-13)
 
@@ -124,37 +121,37 @@ def test_without_blades_every_basis_is_the_papers():
     assert with_blades_of_rig(Model.single(rig)).effects == Model.single(rig).effects
     model = Model.single(bladed("pquad_single"))
     values = model.parameters.values_array()
-    near, far = at(rig, Z_M), at(rig, 1e6)
+    near, far = sweep(rig, Z_M), sweep(rig, 1e6)
     flows = model.flow(near, values), model.flow(far, values)
     law = single_rotor_factor(0.12, Z_M)
     for basis in RATIOS:
         np.testing.assert_allclose(thrust_ratio(model, basis, *flows, values), law, rtol=1e-9)
 
 
-def test_equal_pulse_without_a_motor_is_refused():
+def test_equal_pulse_width_without_a_motor_is_rejected():
     rig = bladed("pquad_single", None)
     model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
     with pytest.raises(InputError, match=r"no \[motor\] table, .*governed = true"):
-        problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_pwm")
-    power = problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_power")
+        problem_from_model(model, sweep(rig, Z_M), np.ones(6), basis="equal_pwm")
+    power = problem_from_model(model, sweep(rig, Z_M), np.ones(6), basis="equal_power")
     assert power.facts["power"] == "of the shafts: the rig describes no motor"
 
 
 def test_thrust_per_power_follows_from_thrust_and_torque():
-    """Blades lower the torque near the plate, so that it rises by more than thrust does."""
+    """Blades reduce the torque near the plate, so the ratio increases by more than thrust."""
     for motor in (MOTOR, None):
         rig = bladed("pquad_single", motor)
         k, c = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.drag_coefficient_Nm_s2
         model = with_blades_of_rig(Model.single(rig))
         expected = []
         for z, w in zip(Z_M, SPEED_RAD_S, strict=True):
-            t, q = answers(0.12, z)
+            t, q = response(0.12, z)
             torque = c * q * w * w
             power = w * torque / rig.propulsion.efficiency
             if motor is not None:
                 power = voltage(w, torque) * (MOTOR.no_load_current_A + PER_VOLT * torque)
             expected.append(k * t * w * w / power)
-        found = thrust_per_power_N_W(model, at(rig, Z_M))
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
-        far = thrust_per_power_N_W(model, at(rig, Z_M).out_of_ground_effect())
-        assert np.all(found / far > factor_at(model, "equal_rpm2", at(rig, Z_M)))
+        near = thrust_per_power_N_W(model, sweep(rig, Z_M))
+        np.testing.assert_allclose(near, expected, rtol=1e-12)
+        far = thrust_per_power_N_W(model, sweep(rig, Z_M).out_of_ground_effect())
+        assert np.all(near / far > factor_at(model, "equal_rpm2", sweep(rig, Z_M)))

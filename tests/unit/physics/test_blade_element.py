@@ -1,4 +1,4 @@
-"""Blade-element momentum theory against worked values, closed slopes and an inflow by rings."""
+"""Blade-element momentum theory against worked values, closed-form slopes and annular inflow."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DENSITY, RADIUS_M, VOLTAGE = 1.225, 0.12, 6.5
 DISC_M2 = np.pi * RADIUS_M**2
 
 # z/R, G of eq. (2), kappa, T at equal rpm, Q at equal rpm, T at equal shaft power, w and T at equal
-# pulse; last the T at equal rpm of an inflow solved ring by ring
+# pulse; last the T at equal rpm with inflow solved per annulus
 TABLE = [
     (0.5, 1.333333, 0.649519, 1.247530, 0.931187, 1.308256, 1.004956, 1.259925, 1.2371),
     (1.0, 1.066667, 0.907730, 1.059283, 0.992489, 1.064621, 1.000536, 1.060420, 1.0569),
@@ -44,14 +44,14 @@ def drag_Nm_s2(kappa: float) -> float:
 
 
 def speed_at_voltage(kappa: float) -> float:
-    """Return the speed at which the motor's torque at `VOLTAGE` is the rotor's, by bisection."""
+    """Return the speed of equal motor and rotor torque at `VOLTAGE`, by bisection."""
     per_volt = MOTOR.Kv_rpm_V * np.pi / 30.0
 
-    def surplus(w: float) -> float:
+    def excess_torque(w: float) -> float:
         current = (VOLTAGE - w / per_volt) / MOTOR.resistance_ohm - MOTOR.no_load_current_A
         return current / per_volt - drag_Nm_s2(kappa) * w * w
 
-    return float(brentq(surplus, 1.0, VOLTAGE * per_volt, xtol=1e-12))
+    return float(brentq(excess_torque, 1.0, VOLTAGE * per_volt, xtol=1e-12))
 
 
 def test_a_free_rotor_has_the_worked_coefficients():
@@ -72,9 +72,9 @@ def test_every_basis_gives_the_worked_ratio(row):
     assert slope is not None
     free = speed_at_voltage(1.0)
     w = speed_near_plate(free, drag_Nm_s2(1.0), q, slope) / free
-    found = [law, inflow, t, q, t * q ** (-2.0 / 3.0), w, t * w * w]
+    ratios = [law, inflow, t, q, t * q ** (-2.0 / 3.0), w, t * w * w]
     expected = [G, kappa, thrust, torque, at_power, speed, at_pulse]
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.1e-7)
+    np.testing.assert_allclose(ratios, expected, rtol=0.0, atol=5.1e-7)
 
 
 @pytest.mark.parametrize("G", [1.02, 1.3333, 2.0, 5.0])
@@ -85,16 +85,16 @@ def test_without_profile_drag_equal_shaft_power_is_the_law(G, m):
     assert t * q ** (-2.0 / 3.0) == pytest.approx(G, rel=1e-13)
 
 
-def test_a_pulse_holds_what_the_motor_equation_says():
-    """Kv^2 Rm alone matters: the voltage and the current without load drop out."""
+def test_the_speed_at_a_pulse_width_solves_the_motor_equation():
+    """Only Kv^2 Rm is needed: the voltage and the no-load current cancel."""
     slope, kappa = torque_per_speed(MOTOR), 0.7
     assert slope is not None
     free = speed_at_voltage(1.0)
     factor = coefficients(kappa)[1] / coefficients(1.0)[1]
     w = speed_near_plate(free, drag_Nm_s2(1.0), factor, slope)
     assert w == pytest.approx(speed_at_voltage(kappa), rel=1e-10)
-    held = [torque_at_pulse_Nm(w, drag_Nm_s2(kappa), slope)]
-    assert held[0] == pytest.approx(torque_at_pulse_Nm(free, drag_Nm_s2(1.0), slope), rel=1e-13)
+    torque_Nm = torque_at_pulse_Nm(w, drag_Nm_s2(kappa), slope)
+    assert torque_Nm == pytest.approx(torque_at_pulse_Nm(free, drag_Nm_s2(1.0), slope), rel=1e-13)
     assert torque_per_speed(Motor(governed=True)) is None
     assert torque_per_speed(None) is None
 

@@ -34,7 +34,7 @@ ARMS = np.hypot(X, Y)
 
 @expression
 def images_at(height, sources, distances):
-    """Return what images with sources of that strength at these distances blow at a height."""
+    """Return the velocity at a height from images of given strengths and distances."""
     total = 0.0 * height
     for j in range(len(sources)):
         total = total + sources[j] * image_velocity(height, height, distances[j])
@@ -42,7 +42,7 @@ def images_at(height, sources, distances):
 
 
 def thrusts(height, coverage, distances, arms, pwm_us, out):
-    """Chain most expressions; the same source for NumPy and for the compiled loop."""
+    """Combine most expressions; the same source for NumPy and for the compiled loop."""
     weight = notes_weight(coverage)
     speed = speed_from_pwm(pwm_us, 1.1, 1100.0, 15.2, 14.8)
     for i in range(len(height)):
@@ -53,7 +53,7 @@ def thrusts(height, coverage, distances, arms, pwm_us, out):
 
 
 def areas(x, y, out):
-    """Chain the coverage expressions."""
+    """Combine the coverage expressions."""
     out[0] = half_plane_coverage(x, 0.12)
     out[1] = rectangle_coverage(x, y, 0.12, -0.1, 0.3, -0.04, 0.5)
 
@@ -65,39 +65,39 @@ def test_compiled_loops_and_arrays_give_the_same_numbers(rng):
     heights = rng.uniform(0.06, 0.6, (4, 50))
     coverages = rng.uniform(0.0, 1.0, (4, 50))
     pwm = rng.uniform(1000.0, 1900.0, 50)
-    whole = np.empty((4, 50))
-    thrusts(heights, coverages, DISTANCES, ARMS, pwm, whole)
+    batch = np.empty((4, 50))
+    thrusts(heights, coverages, DISTANCES, ARMS, pwm, batch)
     compiled = numba.njit(thrusts)
-    alone = np.empty((4, 50))
+    lanes = np.empty((4, 50))
     for k in range(50):
-        compiled(heights[:, k].copy(), coverages[:, k].copy(), DISTANCES, ARMS, pwm[k], alone[:, k])
-    assert np.ptp(whole) > 1.0
-    np.testing.assert_allclose(alone, whole, rtol=1e-14, atol=1e-14)
+        compiled(heights[:, k].copy(), coverages[:, k].copy(), DISTANCES, ARMS, pwm[k], lanes[:, k])
+    assert np.ptp(batch) > 1.0
+    np.testing.assert_allclose(lanes, batch, rtol=1e-14, atol=1e-14)
     x, y = rng.uniform(-0.4, 0.4, (2, 80))
-    whole, alone, compiled = np.empty((2, 80)), np.empty((2, 80)), numba.njit(areas)
-    areas(x, y, whole)
+    batch, lanes, compiled = np.empty((2, 80)), np.empty((2, 80)), numba.njit(areas)
+    areas(x, y, batch)
     for k in range(80):
-        compiled(x[k], y[k], alone[:, k])
-    np.testing.assert_allclose(alone, whole, rtol=0, atol=1e-14)
+        compiled(x[k], y[k], lanes[:, k])
+    np.testing.assert_allclose(lanes, batch, rtol=0, atol=1e-14)
 
 
 def test_expressions_are_branch_free():
     for info in pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics."):
         import_module(info.name)
-    own = [f for f in registered_expressions() if f.__module__.startswith("benchtool.physics.")]
-    assert len(own) > 20
+    hooks = [f for f in registered_expressions() if f.__module__.startswith("benchtool.physics.")]
+    assert len(hooks) > 20
     branches = {}
-    for function in own:
+    for function in hooks:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-        found = [
+        nodes = [
             ast.unparse(node)
             for node in ast.walk(tree)
             if isinstance(node, ast.If | ast.IfExp | ast.While | ast.BoolOp | ast.Try)
             or (isinstance(node, ast.Attribute) and node.attr in {"where", "abs", "hypot", "clip"})
             or (isinstance(node, ast.Name) and node.id == "abs")
         ]
-        if found:
-            branches[function.__qualname__] = found
+        if nodes:
+            branches[function.__qualname__] = nodes
     assert branches == {}
 
 
@@ -106,15 +106,15 @@ class Two(NamedTuple):
     plane: Any = ((0.0,),)
 
 
-class Lent(NamedTuple):
+class Shared(NamedTuple):
     line: Any = (0.0,)
     two: Two = Two()
 
 
-def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references():
+def test_a_compiled_loop_writes_to_shared_arrays_without_counting_references():
     numba = pytest.importorskip("numba")
     compile_expressions()
-    like = Lent()
+    like = Shared()
 
     @numba.njit
     def fill(table):
@@ -124,7 +124,7 @@ def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references()
         second.plane[2, 0] = 9.0
         return first[0]
 
-    arrays = Lent(np.zeros(3), Two(np.arange(3) * 10, np.arange(1.0, 7.0).reshape(3, 2)))
+    arrays = Shared(np.zeros(3), Two(np.arange(3) * 10, np.arange(1.0, 7.0).reshape(3, 2)))
     assert fill(lend_rows(fill, arrays)) == 2.0
     np.testing.assert_array_equal(arrays.line, [2.0, 14.0, 26.0])
     assert arrays.two.plane[2, 0] == 9.0

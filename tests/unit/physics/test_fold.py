@@ -1,4 +1,4 @@
-"""Functions joined by closures: the same numbers as a plain loop, compiled once."""
+"""Functions combined by closures: same results as a plain loop, compiled once."""
 
 from __future__ import annotations
 
@@ -46,23 +46,23 @@ P = (2.0, 0.25, 3.0, -1.5, 0.5)
 FLOW = (0.3, 0.7, 1.1)
 
 
-def joined_sum(i: int, flow: Any, p: Any) -> Any:
+def sum_terms(i: int, flow: Any, p: Any) -> Any:
     return p[0] * flow[i] + p[1] + flow[i] ** p[2] + (p[3] * flow[i] + p[4])
 
 
-def joined_change(i: int, quantity: Any, flow: Any, p: Any) -> Any:
+def apply_changes(i: int, quantity: Any, flow: Any, p: Any) -> Any:
     return p[3] * (p[0] * quantity + p[1] * flow[i]) + p[4] * flow[i]
 
 
 CASES = {
-    "sum": (lambda i, flow, p: summed(TERMS)(i, flow, p), joined_sum),
+    "sum": (lambda i, flow, p: summed(TERMS)(i, flow, p), sum_terms),
     "product": (
         lambda i, flow, p: multiply_hooks(TERMS[:2])(i, 1.5, flow, p),
         lambda i, flow, p: 1.5 * (p[0] * flow[i] + p[1]) * flow[i] ** p[2],
     ),
     "chain": (
         lambda i, flow, p: chained(CHANGES)(i, 0.9, flow, p),
-        lambda i, flow, p: joined_change(i, 0.9, flow, p),
+        lambda i, flow, p: apply_changes(i, 0.9, flow, p),
     ),
     "nothing to add": (lambda i, flow, p: summed(())(i, flow, p), lambda i, flow, p: 0.0),
     "nothing to change": (lambda i, flow, p: chained(())(i, 7.0, flow, p), lambda i, flow, p: 7.0),
@@ -70,10 +70,10 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_joined_hooks_equal_the_written_out_expression(name):
-    joined, expected = CASES[name]
+def test_combined_hooks_equal_the_explicit_expression(name):
+    combined, expected = CASES[name]
     for i in range(3):
-        assert joined(i, FLOW, P) == expected(i, FLOW, P)
+        assert combined(i, FLOW, P) == expected(i, FLOW, P)
 
 
 def test_a_compiled_loop_gives_the_same_numbers():
@@ -89,13 +89,13 @@ def test_a_compiled_loop_gives_the_same_numbers():
             out += fold(i, flow, p) + change_all(i, flow[i], flow, p)
         return out
 
-    expected = sum(joined_sum(i, FLOW, P) + joined_change(i, FLOW[i], FLOW, P) for i in range(3))
+    expected = sum(sum_terms(i, FLOW, P) + apply_changes(i, FLOW[i], FLOW, P) for i in range(3))
     assert loop(FLOW, P) == pytest.approx(expected, rel=1e-15)
     assert total is not None
 
 
 def loop_over(count: int) -> Any:
-    """Return a compiled loop over the first so many terms; all share this source."""
+    """Return a compiled loop over the first `count` terms; all loops have the same source."""
     total = summed(TERMS[:count])
 
     def run(flow, p):
@@ -116,21 +116,21 @@ TWO_LOOPS = """
 """
 
 
-def in_a_process(folder: Path) -> list[list[str]]:
-    found = subprocess.run(
+def run_in_process(folder: Path) -> list[list[str]]:
+    process = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(TWO_LOOPS)],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
         capture_output=True,
         text=True,
         check=True,
     )
-    return [line.split() for line in found.stdout.splitlines()]
+    return [line.split() for line in process.stdout.splitlines()]
 
 
 def test_a_second_process_compiles_nothing(tmp_path):
-    """Two closures of one source line are told apart by their keys."""
+    """Closures from the same source line are distinguished by their keys."""
     pytest.importorskip("numba")
-    first, second = in_a_process(tmp_path), in_a_process(tmp_path)
+    first, second = run_in_process(tmp_path), run_in_process(tmp_path)
     expected = [sum(summed(TERMS[:count])(i, FLOW, P) for i in range(3)) for count in (1, 3)]
     assert [float(row[0]) for row in first] == pytest.approx(expected, rel=1e-15)
     assert [row[0] for row in second] == [row[0] for row in first]

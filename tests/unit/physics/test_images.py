@@ -1,4 +1,4 @@
-"""The general sum against the printed equations, and its limits."""
+"""Reference sum against the printed equations, and its limits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ lifts = st.floats(0.0, 2.5)
 
 
 def square(spacing: float) -> np.ndarray:
-    """Return four rotors on a square's corners (4, 2)."""
+    """Return four rotors at the corners of a square (4, 2)."""
     h = 0.5 * spacing
     return np.array([[h, h], [-h, h], [-h, -h], [h, -h]])
 
@@ -47,10 +47,10 @@ def test_four_rotors_are_equation_3(radius, ratio, spacing):
 
 
 @given(radii, ratios, spacings, lifts)
-def test_four_rotors_with_body_are_equation_4_in_both_readings(radius, ratio, spacing, K_b):
+def test_four_rotors_with_body_are_equation_4_for_both_b(radius, ratio, spacing, K_b):
     z, d = ratio * radius, spacing * radius
-    for reading, b in (("half_diagonal", d / ROOT2), ("diagonal", d * ROOT2)):
-        sums = denominator_sums(radius, z, np.ones(4), square(d), K_b, 1.0, reading)
+    for b_rule, b in (("half_diagonal", d / ROOT2), ("diagonal", d * ROOT2)):
+        sums = denominator_sums(radius, z, np.ones(4), square(d), K_b, 1.0, b_rule)
         printed = quad_body_lift_factor(radius, z, d, b, K_b)
         np.testing.assert_allclose(1.0 - sums, 1.0 / printed, rtol=0, atol=1e-12)
 
@@ -69,9 +69,9 @@ def test_three_rotors_are_four_with_one_off(radius, ratio, spacing):
 @given(radii, st.floats(0.3, 12.0))
 def test_own_image_is_the_image_at_no_distance(radius, ratio):
     z = ratio * radius
-    own = radius * radius * image_velocity(z, z, 0.0)
-    assert own == pytest.approx((radius / (4.0 * z)) ** 2, rel=1e-14)
-    assert radius * radius * self_image(z) == pytest.approx(own, rel=1e-14)
+    image = radius * radius * image_velocity(z, z, 0.0)
+    assert image == pytest.approx((radius / (4.0 * z)) ** 2, rel=1e-14)
+    assert radius * radius * self_image(z) == pytest.approx(image, rel=1e-14)
 
 
 def test_far_from_the_plate_there_is_no_ground_effect():
@@ -94,7 +94,7 @@ def test_coincident_rotors_add_four_times():
 
 
 @given(st.floats(0.05, 2.0))
-def test_a_neighbour_counts_most_at_its_distance_over_two_root_two(distance):
+def test_a_neighbour_image_is_strongest_at_distance_over_two_root_two(distance):
     best = distance / (2.0 * ROOT2)
     z = best * np.linspace(0.5, 2.0, 301)
     assert image_velocity(z, z, distance).max() <= image_velocity(best, best, distance)
@@ -121,7 +121,7 @@ def test_the_sources_of_the_body_term_for_any_layout():
     x, y = np.array([0.3, -0.1, 0.0]), np.array([0.4, 0.0, -0.2])
     np.testing.assert_allclose(body_images(x, y), [x, y, [0.5, 0.1, 0.2]])
     np.testing.assert_allclose(body_images(x, y, "diagonal"), [2.0 * x, 2.0 * y, [1.0, 0.2, 0.4]])
-    stated = body_images(x, y, half_diagonal_m=0.3)
-    np.testing.assert_allclose(stated, [[0.3, 0, -0.3, 0], [0, 0.3, 0, -0.3], [0.3] * 4])
+    plus = body_images(x, y, half_diagonal_m=0.3)
+    np.testing.assert_allclose(plus, [[0.3, 0, -0.3, 0], [0, 0.3, 0, -0.3], [0.3] * 4])
     with pytest.raises(UnknownChoice, match=r"unknown body distance 'width'.*half_diagonal"):
         body_images(x, y, "width")  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""From which side a load was approached, and what a cell with hysteresis shows."""
+"""Load direction and readings of a load cell with hysteresis."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ RIG = load_rig_by_name("pquad_single")
 K = RIG.propulsion.thrust_coefficient_N_s2
 
 
-def visits(levels: list[float], places_m: list[float], elapsed_s: list[float]) -> np.ndarray:
-    """Return the directions of visits in order, their load the level itself."""
-    place = np.array([places_m, [0.0] * len(levels), [0.0] * len(levels)])
+def directions(levels: list[float], z_m: list[float], elapsed_s: list[float]) -> np.ndarray:
+    """Return the load directions of consecutive points with these loads."""
+    plate_position = np.array([z_m, [0.0] * len(levels), [0.0] * len(levels)])
     times = np.arange(len(levels), dtype=float)
-    return load_directions(times, np.array(elapsed_s), place, np.array(levels))
+    return load_directions(times, np.array(elapsed_s), plate_position, np.array(levels))
 
 
 def test_a_plate_that_moves_and_a_tare_unload_the_cell():
     levels = [2.0, 3.0, 1.0, 1.001, 3.0, 2.0, 1.5, 0.0, 1.0]
-    places = [0.1, 0.1, 0.1, 0.1, 0.2, 0.2, 0.2, 0.2, 0.2]
+    z_m = [0.1, 0.1, 0.1, 0.1, 0.2, 0.2, 0.2, 0.2, 0.2]
     since_tare = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1.0, 2.0, 3.0]
     expected = [1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0]
-    assert visits(levels, places, since_tare).tolist() == expected
+    assert directions(levels, z_m, since_tare).tolist() == expected
 
 
-def recording(*more: tuple[Channel, np.ndarray]) -> Recording:
-    """Return three levels at one place, up and down again."""
+def recording(*extra: tuple[Channel, np.ndarray]) -> Recording:
+    """Return a recording of three levels at one plate position, up and down."""
     return Recording.from_columns(
         [
             (Channel("time_s", "s"), np.array([0.0, 10.0, 20.0])),
             (Channel("rpm1", "rpm"), np.array([4000.0, 5000.0, 4000.0])),
             (Channel("plate_z_m", "m"), np.full(3, 0.3)),
-            *more,
+            *extra,
         ]
     )
 
 
-def test_the_order_of_a_run_tells_the_direction_and_a_column_goes_first():
+def test_the_direction_is_from_a_column_or_the_order_of_points():
     point = (Channel("point", "1"), np.array([1.0, 2.0, 3.0]))
-    stated = (Channel("load_direction", "1"), np.array([-1.0, np.nan, 1.0]))
+    column = (Channel("load_direction", "1"), np.array([-1.0, np.nan, 1.0]))
     assert Conditions.from_recording(recording(point), RIG).load_direction.tolist() == [1, 1, -1]
-    assert Conditions.from_recording(recording(point, stated), RIG).load_direction.tolist() == [
+    assert Conditions.from_recording(recording(point, column), RIG).load_direction.tolist() == [
         -1.0,
         0.0,
         1.0,
@@ -54,7 +54,7 @@ def test_the_order_of_a_run_tells_the_direction_and_a_column_goes_first():
     assert not Conditions.from_recording(recording(), RIG).load_direction.any()
 
 
-def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero():
+def test_unloading_reads_twice_the_half_width_more_and_a_tare_row_zero():
     model = Model.single(RIG).with_effect("load_cell_hysteresis", half_width_N=0.1)
     conditions = Conditions.of(
         RIG,
@@ -68,7 +68,7 @@ def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero():
     assert fresh.thrust_N(conditions) == pytest.approx([thrust - 0.1, thrust + 0.1, 0.1])
 
 
-def test_visits_may_stand_in_any_order():
-    place = np.zeros((3, 3))
+def test_points_can_be_in_any_order():
+    plate_position = np.zeros((3, 3))
     times, load = np.array([2.0, 0.0, 1.0]), np.array([2.0, 1.0, 3.0])
-    assert load_directions(times, times, place, load).tolist() == [-1.0, 1.0, 1.0]
+    assert load_directions(times, times, plate_position, load).tolist() == [-1.0, 1.0, 1.0]

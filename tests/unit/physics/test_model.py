@@ -1,4 +1,4 @@
-"""The model against the closed forms, and what it says of the layouts."""
+"""Model against closed formulas for the layouts of the paper."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Z_M = np.array([0.06, 0.12, 0.18, 0.24, 0.36, 0.6])
 SPEEDS = np.full((4, 1), 576.0)
 
 
-def test_it_is_eq_2_3_and_4_for_the_quadrotor():
+def test_the_model_of_the_quadrotor_is_eq_2_3_and_4():
     rig = load_rig_by_name("pquad")
     radius, spacing = rig.propulsion.radius_m, rig.disc_distances_m[0, 1]
     conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
@@ -68,7 +68,7 @@ def test_area_factors_follow_their_shares():
     np.testing.assert_allclose(increment / full, factors([0.5, 0.2, 0.5]), rtol=1e-12)
 
 
-def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured():
+def test_effects_on_speed_apply_only_to_speeds_that_were_not_measured():
     rig = load_rig_by_name("pquad")
     model = Model.single(rig).with_effect("battery_sag", rate_per_s=0.001)
     common = {"speed_rad_s": SPEEDS, "plate_z_m": Z_M, "time_s": 100.0}
@@ -79,7 +79,7 @@ def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured():
     )
 
 
-def test_conditions_come_from_rpm_or_else_from_pulses():
+def test_conditions_use_rpm_or_else_pulse_widths():
     rig = load_rig_by_name("pquad_single")
     pulse = Channel("pwm1_us", "pwm_us")
     rpm = Channel("rpm1", "rpm")

@@ -1,4 +1,4 @@
-"""Models are read strictly and written so that they read back the same."""
+"""Strict reading of model files, and round trips."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"
 
 
 @pytest.mark.parametrize("name", model_names())
-def test_a_shipped_model_reads_back_the_same(name):
+def test_a_library_model_round_trips(name):
     loaded = load_model(name)
     again = model_from_toml(model_to_toml(loaded), "again.toml")
     assert dict(again.model.parameters) == dict(loaded.model.parameters)
@@ -42,7 +42,7 @@ def test_a_prior_bounds_and_tolerance_survive_the_file():
     loaded = load_model("quad_body_lift")
     item = replace(
         loaded.model.parameters["body_lift.K_b"],
-        prior=Prior("normal", 2.0, 0.5, "a guess"),
+        prior=Prior("normal", 2.0, 0.5, "assumed"),
         lower=0.5,
         upper=6.0,
         tolerance=0.1,
@@ -58,7 +58,7 @@ def test_a_prior_bounds_and_tolerance_survive_the_file():
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "words"),
+    ("text", "error", "message"),
     [
         ("model = 3", FileFormatError, "model is 3: input should be a table"),
         (HEAD + "[effects.body_lif]", FileFormatError, "did you mean 'body_lift'"),
@@ -84,6 +84,6 @@ def test_a_prior_bounds_and_tolerance_survive_the_file():
         ),
     ],
 )
-def test_what_is_wrong_is_said(text, error, words):
-    with pytest.raises(error, match=words):
+def test_an_invalid_file_is_rejected_with_a_message(text, error, message):
+    with pytest.raises(error, match=message):
         model_from_toml(text, "x.toml")

@@ -1,4 +1,4 @@
-"""Effects of the user's own: found, refused with one sentence, used from a model file."""
+"""User-defined effects: import, error messages, use in a model file."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ EFFECT = Effect(
     ),
     hooks=Hooks(torque=torque),
     shows="fast motion",
-    source="a guess",
+    source="assumed",
     confused_with={"viscous_friction": "slow and fast motion together separate them"},
     benches=frozenset({"pitch"}),
 )
@@ -47,17 +47,17 @@ EFFECT = Effect(
 
 
 def allow(file: str) -> None:
-    """Permit every file."""
+    """Permit all files."""
 
 
-def written(folder: Path, text: str, name: str = "mine.py") -> str:
+def write_file(folder: Path, text: str, name: str = "mine.py") -> str:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return str(path)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("x = 1\n", "contains no effect"),
         ("EFFECT = 3\n", "expected an Effect or a list"),
@@ -74,14 +74,14 @@ def written(folder: Path, text: str, name: str = "mine.py") -> str:
         (GOOD.replace(", tolerance=0.002", ""), "has no tolerance"),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_its_reason(tmp_path, text, said):
-    with pytest.raises(InputError, match=said) as refused:
-        user_effects(written(tmp_path, text), allow)
-    assert "\n" not in str(refused.value)
+def test_an_invalid_file_is_rejected_with_its_reason(tmp_path, text, message):
+    with pytest.raises(InputError, match=message) as error:
+        user_effects(write_file(tmp_path, text), allow)
+    assert "\n" not in str(error.value)
 
 
-def test_a_model_file_brings_its_own_effects_along(tmp_path):
-    written(tmp_path, GOOD)
+def test_a_model_file_can_use_user_defined_effects(tmp_path):
+    write_file(tmp_path, GOOD)
     model = tmp_path / "model.toml"
     model.write_text(
         '[model]\nname = "m"\nrig = "beam"\neffects_file = "mine.py"\n'

@@ -1,4 +1,4 @@
-"""Reproduce the tables of the paper's study to the digits they were printed with."""
+"""Tables of the study of the paper, reproduced to the printed digits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PQUAD_R, AMUSE_R = 0.12, 0.205
 
 
 def square(spacing: float) -> np.ndarray:
-    """Return four rotors on a square's corners (4, 2)."""
+    """Return four rotors at the corners of a square (4, 2)."""
     h = 0.5 * spacing
     return np.array([[h, h], [-h, h], [-h, -h], [h, -h]])
 
@@ -46,7 +46,7 @@ def quads(radius: float, z: float, spacing: float) -> list[float]:
 
 
 def check_row(values: list[float], printed: list[str]) -> None:
-    """Compare every value with its printed word."""
+    """Compare all values with the printed ones."""
     assert len(values) == len(printed)
     assert [as_printed(v, p) for v, p in zip(values, printed, strict=True)] == printed
 
@@ -90,7 +90,7 @@ def test_factors_of_amuse(row):
 
 
 @pytest.mark.parametrize("row", rows(tables.POLES), ids=lambda r: f"d={r[1]}")
-def test_where_the_denominators_vanish(row):
+def test_poles_of_the_denominators(row):
     radius, d = float(row[0]), float(row[1])
     poles = [
         pole_z_over_R(radius, np.zeros((1, 2))),
@@ -192,11 +192,11 @@ def test_restoring_moment_against_control_authority(row):
 
 
 @pytest.mark.parametrize(
-    ("tilt_deg", "percent", "least"), [(5.0, 5.0, 1.01), (10.0, 5.0, 1.27), (10.0, 8.0, 1.12)]
+    ("tilt_deg", "percent", "min_z"), [(5.0, 5.0, 1.01), (10.0, 5.0, 1.27), (10.0, 8.0, 1.12)]
 )
-def test_from_which_height_on_a_tilt_is_not_considerable(tilt_deg, percent, least):
+def test_minimum_height_of_a_negligible_tilt(tilt_deg, percent, min_z):
     limit = 10.0 * percent * ATTITUDE.hover_authority_Nm(load_rig_by_name("pquad"))
-    moments = [restoring_mNm("pquad", z, tilt_deg, "images") for z in (least - 0.01, least)]
+    moments = [restoring_mNm("pquad", z, tilt_deg, "images") for z in (min_z - 0.01, min_z)]
     assert moments[0] > limit > moments[1]
 
 

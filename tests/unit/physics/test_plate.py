@@ -1,4 +1,4 @@
-"""The plate: lean, travel and wake rules."""
+"""Plate tilt, minimum distance and wake rules."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from benchtool.physics.tilt import axis_cosine, height_over, plate_plane
 from benchtool.physics.wake_rules import WAKE_RULES, wake_rule
 
 
-def over_a_plate(model: Model, **place: float) -> Conditions:
-    """Return all rotors turning over a large plate 0.2 m away, wholly covered."""
+def over_plate(model: Model, **position: float) -> Conditions:
+    """Return conditions with all rotors running over a large plate at 0.2 m, fully covered."""
     return Conditions.of(
         model.rig,
         speed_rad_s=np.full(model.rig.n_rotors, 500.0),
         plate_z_m=np.array([0.2]),
         coverage=np.ones((model.rig.n_discs, 1)),
-        **place,
+        **position,
     )
 
 
-def factors(model: Model, **place: float) -> np.ndarray:
-    """Return each disc's T_IGE/T_OGE there."""
+def factors(model: Model, **position: float) -> np.ndarray:
+    """Return T_IGE/T_OGE of each disc under those conditions."""
     values = model.parameters.values_array()
-    return np.ravel(model.disc_factors(model.flow(over_a_plate(model, **place), values), values))
+    return np.ravel(model.disc_factors(model.flow(over_plate(model, **position), values), values))
 
 
 @pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
-def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_cosine(plate_x_m):
+def test_tilt_changes_a_single_rotor_by_lateral_position_and_cosine(plate_x_m):
     height_m = 0.2 * np.cos(0.1) + plate_x_m * np.sin(0.1)
     expected = 1.0 / (1.0 - np.cos(0.1) * (0.12 / (4.0 * height_m)) ** 2)
     model = Model.single(load_rig_by_name("pquad_single")).with_effect("plate_tilt", angle_rad=0.1)
@@ -45,18 +45,18 @@ def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_co
 @pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
 @pytest.mark.parametrize("commanded_rad", [0.0, 0.04])
 def test_a_commanded_tilt_and_the_effect_pivot_about_one_point(plate_x_m, commanded_rad):
-    whole, model = np.radians(5.0), load_model("quad_body_lift").model
-    told = factors(model, plate_x_m=plate_x_m, plate_tilt_rad=whole)
-    unnoticed = model.with_effect("plate_tilt", angle_rad=whole - commanded_rad)
-    shown = factors(unnoticed, plate_x_m=plate_x_m, plate_tilt_rad=commanded_rad)
-    np.testing.assert_allclose(shown, told, rtol=1e-14)
+    tilt_rad, model = np.radians(5.0), load_model("quad_body_lift").model
+    expected = factors(model, plate_x_m=plate_x_m, plate_tilt_rad=tilt_rad)
+    tilted = model.with_effect("plate_tilt", angle_rad=tilt_rad - commanded_rad)
+    actual = factors(tilted, plate_x_m=plate_x_m, plate_tilt_rad=commanded_rad)
+    np.testing.assert_allclose(actual, expected, rtol=1e-14)
 
 
 angles = st.floats(-0.4, 0.4)
-places = st.floats(-0.4, 0.4)
+positions = st.floats(-0.4, 0.4)
 
 
-@given(places, places, places, angles)
+@given(positions, positions, positions, angles)
 def test_a_plate_pivots_about_its_own_centre(x, y, plate_x, tilt):
     """The distance from a disc to the plane through (plate_x, 0, -z) with the tilted normal."""
     plane = plate_plane(0.4, plate_x, tilt)

@@ -55,9 +55,9 @@ def test_moments_are_arm_times_force(rng):
     x, y = rng.uniform(-0.5, 0.5, (2, n))
     spin = rng.choice([-1.0, 1.0], n)
     squares = rng.uniform(1e4, 1e6, n)
-    places = np.stack([x, y, np.zeros(n)], axis=1)
+    positions = np.stack([x, y, np.zeros(n)], axis=1)
     forces = np.stack([np.zeros(n), np.zeros(n), K * squares], axis=1)
-    torque = np.cross(places, forces).sum(axis=0)
+    torque = np.cross(positions, forces).sum(axis=0)
     torque[2] += -(spin * C * squares).sum()
     got = mixer_matrix(x, y, spin, K, C) @ squares
     np.testing.assert_allclose(got, [forces[:, 2].sum(), *torque], rtol=1e-12)
@@ -74,13 +74,13 @@ def test_moments_are_arm_times_force(rng):
     ],
 )
 @pytest.mark.parametrize(("rig_name", "ring"), [("pquad", ""), ("amuse", "_upper")])
-def test_every_row_of_the_paper_s_vehicles_is_equation_9(rig_name, ring, row, signs):
+def test_all_rows_for_the_vehicles_of_the_paper_are_equation_9(rig_name, ring, row, signs):
     """Axes x forward, y left, z up, rotor 1 in front; of coaxial pairs the upper rotors."""
     rig = load_rig_by_name(rig_name)
-    rotors = [place for place in rig.rotors if place.name.endswith(ring)]
-    assert [place.name.removesuffix(ring) for place in rotors] == list(signs)
+    rotors = [rotor for rotor in rig.rotors if rotor.name.endswith(ring)]
+    assert [rotor.name.removesuffix(ring) for rotor in rotors] == list(signs)
     x, y, spin = (
-        np.array([getattr(place, key) for place in rotors], float) for key in ("x_m", "y_m", "spin")
+        np.array([getattr(rotor, key) for rotor in rotors], float) for key in ("x_m", "y_m", "spin")
     )
     propulsion = rig.propulsion
     k, c = propulsion.thrust_coefficient_N_s2, propulsion.drag_coefficient_Nm_s2

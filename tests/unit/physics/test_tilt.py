@@ -1,4 +1,4 @@
-"""Images under tilt: the method of images with vectors, and what tilt must leave as it is."""
+"""Images under tilt against the method of images with vectors, and invariants under tilt."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
 
 RIG = load_rig_by_name("pquad")
-PLACES, SPACING_M = RIG.disc_positions_m, float(RIG.disc_distances_m[0, 1])
+POSITIONS, SPACING_M = RIG.disc_positions_m, float(RIG.disc_distances_m[0, 1])
 TILTED = np.radians(10.0)
 
 
@@ -27,14 +27,14 @@ def quad(rule: str = "axis", **changes: str) -> Model:
     return replace(load_model("quad_body_lift").model, tilt_rule=rule, **changes)
 
 
-def over(z_m: float, tilt_rad: float, covered: tuple[float, ...] = (1.0,) * 4) -> Conditions:
-    """Return a plate whose plane is z below the body's centre, at right angles to the plane."""
+def over(z_m: float, tilt_rad: float, coverage: tuple[float, ...] = (1.0,) * 4) -> Conditions:
+    """Return conditions with a plate at distance z from the body's centre, along the normal."""
     return Conditions.of(
         RIG,
         speed_rad_s=np.full(4, 550.0),
         plate_z_m=np.array([z_m / np.cos(tilt_rad)]),
         plate_tilt_rad=tilt_rad,
-        coverage=np.array(covered)[:, None],
+        coverage=np.array(coverage)[:, None],
     )
 
 
@@ -57,23 +57,24 @@ def test_factors_of_the_notes_at_ten_degrees(rule, printed):
     assert right == pytest.approx(left, rel=1e-15)
 
 
-@pytest.mark.parametrize("covered", [(1.0,) * 4, (1.0, 0.6, 0.1, 0.3)])
-@pytest.mark.parametrize("reading", ["half_diagonal", "diagonal"])
+@pytest.mark.parametrize("coverage", [(1.0,) * 4, (1.0, 0.6, 0.1, 0.3)])
+@pytest.mark.parametrize("b_rule", ["half_diagonal", "diagonal"])
 @pytest.mark.parametrize("rule", ["axis", "vertical"])
-def test_it_is_the_method_of_images_with_vectors(rule, reading, covered):
-    weight = max(0.0, (sum(covered) - 1.0) / 3.0)
+def test_it_is_the_method_of_images_with_vectors(rule, b_rule, coverage):
+    weight = max(0.0, (sum(coverage) - 1.0) / 3.0)
     for z_m, tilt_rad in ((0.12, 0.1), (0.24, -0.2), (0.5, 0.3)):
+        areas = np.array(coverage)
         full = multirotor_factors(
-            0.12, z_m, np.array(covered), PLACES, 2.0, weight, reading, tilt_rad, rule == "vertical"
+            0.12, z_m, areas, POSITIONS, 2.0, weight, b_rule, tilt_rad, rule == "vertical"
         )
-        expected = partial_factor(full, np.array(covered))
-        found = factors(quad(rule, body_distance=reading), over(z_m, tilt_rad, covered))
-        np.testing.assert_allclose(found, expected, rtol=1e-13)
+        expected = partial_factor(full, areas)
+        actual = factors(quad(rule, body_distance=b_rule), over(z_m, tilt_rad, coverage))
+        np.testing.assert_allclose(actual, expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("rule", TILT_RULES)
 @pytest.mark.parametrize("free", [("plate_offset.dz_m",), ("plate_tilt.angle_rad",)])
-def test_a_prepared_model_gives_what_the_model_gives_under_tilt(rule, free):
+def test_a_precomputed_model_equals_the_model_under_tilt(rule, free):
     model = quad(rule).with_effect("plate_offset", dz_m=0.004)
     model = model.with_effect("plate_tilt", angle_rad=0.02).with_free(*free)
     m = 12
@@ -85,22 +86,22 @@ def test_a_prepared_model_gives_what_the_model_gives_under_tilt(rule, free):
         plate_x_m=np.linspace(-0.3, 0.3, m),
         plate_tilt_rad=np.linspace(-0.1, 0.1, m),
     )
-    prepared, values = Prepared(model, conditions), model.parameters.values_array()
+    precomputed, values = Prepared(model, conditions), model.parameters.values_array()
     for step in (0.0, 0.01, -0.013):
         values[list(model.parameters).index(free[0])] += step
         np.testing.assert_allclose(
-            prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
+            precomputed.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
         )
 
 
 def test_a_rotor_at_rest_has_no_thrust_over_a_plate_of_free_height():
     model = Model.single(load_rig_by_name("pquad_single")).with_effect("plate_offset")
-    rest = Conditions.of(model.rig, speed_rad_s=np.zeros((1, 2)), plate_z_m=np.array([0.1, 0.2]))
-    prepared = Prepared(model.with_free("plate_offset.dz_m"), rest, merge=False)
-    assert not prepared.thrust_N(model.parameters.values_array()).any()
+    stopped = Conditions.of(model.rig, speed_rad_s=np.zeros((1, 2)), plate_z_m=np.array([0.1, 0.2]))
+    precomputed = Prepared(model.with_free("plate_offset.dz_m"), stopped, merge=False)
+    assert not precomputed.thrust_N(model.parameters.values_array()).any()
 
 
-def test_every_law_of_distance_counts_along_the_rotor_axis():
+def test_all_laws_of_distance_apply_along_the_rotor_axis():
     """For one rotor the denominator's term is the law's own, times the cosine."""
     bare = Model.single(load_rig_by_name("pquad_single")).without(OWN_IMAGES)
     for name, effect in EFFECTS.items():

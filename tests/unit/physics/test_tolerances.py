@@ -1,4 +1,4 @@
-"""What does not matter goes with the vehicle, unless a model file states it."""
+"""Default tolerances scale with the vehicle; a model file has precedence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import model_from_toml
 from benchtool.physics.tolerances import tolerances, with_tolerances
 
-ON_THE_BEAM = {  # what the owner of the pitch bench named
+ON_THE_BEAM = {  # from the owner of the pitch bench
     "coulomb_friction.torque_Nm": 0.002,
     "viscous_friction.damping_Nms": 0.004,
     "hinge_spring.stiffness_Nm_per_rad": 0.02,
@@ -27,19 +27,19 @@ ON_THE_BEAM = {  # what the owner of the pitch bench named
 
 
 def with_all(rig: Rig) -> Model:
-    """Return a model with every effect in it."""
+    """Return a model with all effects except laws."""
     model = Model.single(rig)
     for name in EFFECTS:
         model = model.with_effect(name) if EFFECTS[name].distance_law is None else model
     return model
 
 
-def test_on_the_beam_they_are_what_its_owner_named():
-    known = tolerances(with_all(load_rig_by_name("beam")), "pitch")
-    assert {name: known[name] for name in ON_THE_BEAM} == pytest.approx(ON_THE_BEAM, rel=1e-12)
+def test_tolerances_of_the_beam_are_those_of_its_owner():
+    values = tolerances(with_all(load_rig_by_name("beam")), "pitch")
+    assert {name: values[name] for name in ON_THE_BEAM} == pytest.approx(ON_THE_BEAM, rel=1e-12)
 
 
-def test_a_model_file_goes_first():
+def test_a_model_file_has_precedence():
     text = """
 [model]
 name = "stated"
@@ -59,7 +59,7 @@ x_m = 0.0
             "cog_offset.x_m": 0.0005 * 0.45 / 0.25,
         }
     )
-    stated = with_tolerances(model)
-    assert stated["coulomb_friction.torque_Nm"].tolerance == 0.07
-    assert stated["cog_offset.x_m"].tolerance == pytest.approx(0.0009)
-    assert stated["k"].tolerance is None
+    parameters = with_tolerances(model)
+    assert parameters["coulomb_friction.torque_Nm"].tolerance == 0.07
+    assert parameters["cog_offset.x_m"].tolerance == pytest.approx(0.0009)
+    assert parameters["k"].tolerance is None
