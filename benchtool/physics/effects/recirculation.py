@@ -29,13 +29,8 @@ EFFECT = Effect(
     law="factor 1 - s a (z/cR) exp(1 - z/cR), a the covered fraction of the disc",
     parameters=(
         number(
-            "share",
-            "1",
-            0.0,
-            "maximum relative loss s of thrust",
-            neutral=0.0,
-            within=(0.0, 0.5),  # recirculation never increases thrust
-            tolerance=0.01,
+            "share", "1", 0.0, "maximum relative loss s of thrust", neutral=0.0,
+            within=(0.0, 0.5), tolerance=0.01,  # recirculation never increases thrust
         ),
         number(
             "height", "1", 2.5, "z/R of the maximum loss c", within=(0.5, 10.0),

@@ -34,13 +34,8 @@ EFFECT = Effect(
     law="factor 1 - s sum_{j != i} exp(-(d_ij/2R - 1)/l), j over running rotors",
     parameters=(
         number(
-            "share",
-            "1",
-            0.0,
-            "relative thrust loss s per neighbour at zero tip clearance",
-            neutral=0.0,
-            within=(0.0, 0.2),  # tip vortices of a neighbour never increase thrust
-            tolerance=0.01,
+            "share", "1", 0.0, "relative thrust loss s per neighbour at zero tip clearance",
+            neutral=0.0, within=(0.0, 0.2), tolerance=0.01,  # tip vortices never increase thrust
         ),
         number(
             "reach", "1", 0.3, "decay length l of the loss over 2R", within=(0.05, 3.0),

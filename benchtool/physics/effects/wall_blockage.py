@@ -33,13 +33,8 @@ EFFECT = Effect(
     law="factor 1 - b (1 - a 1.22 exp(-z/(c R))), a the covered fraction of the disc",
     parameters=(
         number(
-            "share",
-            "1",
-            0.0,
-            "download b over thrust, out of ground effect",
-            neutral=0.0,
-            within=(0.0, 0.5),  # a download is never negative
-            tolerance=0.01,
+            "share", "1", 0.0, "download b over thrust, out of ground effect", neutral=0.0,
+            within=(0.0, 0.5), tolerance=0.01,  # a download is never negative
         ),
         number(
             "reach", "1", 1.0, "decay length c of the recovery over R",

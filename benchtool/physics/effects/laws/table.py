@@ -292,14 +292,8 @@ def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
         "multi-rotors (unibz, abstract)"
     ),
     number(
-        "Ca",
-        "1",
-        0.0,
-        "change of the ratio at z = 0; negative for a loss",
-        neutral=0.0,
-        within=(-0.9, 2.0),
-        tolerance=0.01,
-        source=ASSUMED,
+        "Ca", "1", 0.0, "change of the ratio at z = 0; negative for a loss", neutral=0.0,
+        within=(-0.9, 2.0), tolerance=0.01, source=ASSUMED,
     ),
     decay(1.0, ASSUMED), tested="nowhere", seen="no formula", surface="beside",
     acts_in_flight=False, free=True,
