@@ -96,7 +96,7 @@ def test_it_has_a_row_in_the_reference(member):
 
 
 def test_every_importer_is_registered():
-    """A reader that nobody registered reads nothing: each is in `FORMATS` or a fallback."""
+    """An unregistered reader is never used: each is in `FORMATS` or a fallback."""
     folder = Path(__file__).parents[2] / "benchtool" / "data" / "formats"
     signature = re.compile(
         r"^def (\w+)\(\s*data: bytes, where: str, provenance: Mapping\[str, str\], "

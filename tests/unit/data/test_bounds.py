@@ -1,4 +1,4 @@
-"""Rows, columns and bytes of a table have bounds, said in one sentence; wide ones take no time."""
+"""Bounds on rows, columns and bytes of a table; wide tables are rejected quickly."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_table_of_too_many_cells_is_refused(monkeypatch):
     assert MAX_CELLS > 1_000_000
 
 
-def ones(path: Path, rows: int, columns: int) -> None:
+def write_ones(path: Path, rows: int, columns: int) -> None:
     """Write a file of equal numbers, which takes next to nothing on the disk."""
     table = pa.table({f"c{k}": pa.array(np.ones(rows)) for k in range(columns)})
     pq.write_table(table, path, compression="zstd")
@@ -50,7 +50,7 @@ def ones(path: Path, rows: int, columns: int) -> None:
 
 def test_a_small_parquet_file_of_much_data_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "samples.parquet"
-    ones(path, 1_000_000, 8)
+    write_ones(path, 1_000_000, 8)
     assert path.stat().st_size < 200_000
     monkeypatch.setattr("benchtool.core.table_bounds.MAX_DECODED_BYTES", 50_000_000)
     with pytest.raises(FileFormatError, match=r"1,000,000 rows of 8 columns take 0\.1 GB when"):

@@ -47,7 +47,7 @@ def test_windows_text_is_read_with_words():
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("data", "message"),
     [
         (b"", "the file is empty"),
         (b"\n\n", "the file is empty"),
@@ -57,8 +57,8 @@ def test_windows_text_is_read_with_words():
         (b"a,b\n1,2,3\n", "line 2 has 3 cells, the header names 2 columns"),
     ],
 )
-def test_what_cannot_be_mended_is_refused(data, words):
-    with pytest.raises(FileFormatError, match=words):
+def test_what_cannot_be_mended_is_refused(data, message):
+    with pytest.raises(FileFormatError, match=message):
         parse_csv(data, "x.csv")
 
 

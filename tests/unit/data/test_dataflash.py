@@ -1,4 +1,4 @@
-"""ArduPilot logs: every number as DFReader gives it, and what a broken log still holds."""
+"""ArduPilot logs: numbers equal to those of DFReader, and recovery of corrupt logs."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ def messages(reader: DFReader) -> Iterator[Any]:
 
 def check_against_dfreader(read: ImportResult, reader: DFReader) -> None:
     """Compare every value of `SCALES` with what DFReader iterates over."""
-    wanted: dict[str, list[tuple[int, float]]] = {name: [] for name in SCALES}
+    selected: dict[str, list[tuple[int, float]]] = {name: [] for name in SCALES}
     for message in messages(reader):
         for name, (kind, field, sign, angle) in SCALES.items():
             if message.get_type() != kind or getattr(message, "I", 0) != 0:
                 continue
             value = getattr(message, field)
-            wanted[name].append((message.TimeUS, sign * (radians(value) if angle else value)))
+            selected[name].append((message.TimeUS, sign * (radians(value) if angle else value)))
     compared = 0
-    for name, pairs in wanted.items():
+    for name, pairs in selected.items():
         if not pairs:
             assert name not in read.recording
             continue

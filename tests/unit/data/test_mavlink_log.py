@@ -51,7 +51,7 @@ def hop() -> list[tuple[int, Any]]:
     return items
 
 
-def known(read: ImportResult, name: str) -> np.ndarray:
+def finite_values(read: ImportResult, name: str) -> np.ndarray:
     column = read.recording.column(name)
     return column[np.isfinite(column)]
 
@@ -65,16 +65,16 @@ def test_messages_become_channels_on_the_autopilots_clock(version):
     recording = read.recording
     rows = np.isfinite(recording.column("theta_rad"))
     np.testing.assert_allclose(recording.column("time_s")[rows], 0.1 * np.arange(100), atol=1e-9)
-    np.testing.assert_allclose(known(read, "theta_rad"), -0.001 * np.arange(100), rtol=1e-6)
-    assert set(known(read, "gyro_rad_s")) == {0.25}
+    np.testing.assert_allclose(finite_values(read, "theta_rad"), -0.001 * np.arange(100), rtol=1e-6)
+    assert set(finite_values(read, "gyro_rad_s")) == {0.25}
     at = np.isfinite(recording.column("pwm1_us"))
     np.testing.assert_allclose(
         recording.column("time_s")[at] - 7e-6, 0.1 * np.arange(100), atol=1e-9
     )
-    assert set(known(read, "pwm4_us")) == {1530.0}
-    assert set(known(read, "distance_m")) == {0.45}
+    assert set(finite_values(read, "pwm4_us")) == {1530.0}
+    assert set(finite_values(read, "distance_m")) == {0.45}
     if version == 2:
-        assert [set(known(read, f"rpm{n}")) for n in (1, 4)] == [{5000.0}, {5003.0}]
+        assert [set(finite_values(read, f"rpm{n}")) for n in (1, 4)] == [{5000.0}, {5003.0}]
 
 
 def test_a_cut_log_and_garbage_inside():

@@ -38,8 +38,8 @@ def test_what_was_written_comes_back(tmp_path, rows, extra, monkeypatch):
     write_mcap(tmp_path / "a.mcap", made)
     back = read_mcap(tmp_path / "a.mcap")
     assert back.values.tobytes() == made.values.tobytes()
-    assert [(one.name, one.unit) for one in back.channels] == [
-        (one.name, one.unit) for one in made.channels
+    assert [(message.name, message.unit) for message in back.channels] == [
+        (message.name, message.unit) for message in made.channels
     ]
     assert (back.provenance, back.simulated) == (made.provenance, True)
 
@@ -64,13 +64,13 @@ def test_the_format_s_own_reader_sees_messages_units_and_calibration(tmp_path, m
         assert b"cal-7" in summary.schemas[1].data
         messages = list(reader.iter_decoded_messages(topics=["/benchtool/recording"]))
     assert len(messages) == 100
-    for row, one in enumerate(messages):
-        assert one.message.log_time == start_ns + row * 1_000_000
-        seen = one.decoded_message
+    for row, message in enumerate(messages):
+        assert message.message.log_time == start_ns + row * 1_000_000
+        seen = message.decoded_message
         assert seen.rpm1 == made.values[row, 4]
         assert seen.thrust_N == pytest.approx(made.values[row, 3], abs=0.0, nan_ok=True)
-        shown = seen.DESCRIPTOR.fields_by_name["phase"].enum_type.values_by_number[seen.phase].name
-        assert shown == f"PHASE_{PHASES[row % len(PHASES)]}".upper()
+        label = seen.DESCRIPTOR.fields_by_name["phase"].enum_type.values_by_number[seen.phase].name
+        assert label == f"PHASE_{PHASES[row % len(PHASES)]}".upper()
     with path.open("rb") as file:
         between = make_reader(file).iter_messages(
             starting_at=start_ns + 50_000_000, ending_before=start_ns + 60_000_000

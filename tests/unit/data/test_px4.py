@@ -26,7 +26,7 @@ def path(request, reference_data):
     return reference_data / "logs" / request.param
 
 
-def known(read: ImportResult, name: str) -> np.ndarray:
+def finite(read: ImportResult, name: str) -> np.ndarray:
     column = read.recording.column(name)
     return column[np.isfinite(column)]
 
@@ -40,7 +40,7 @@ def test_numbers_are_pyulogs(path):
         if (topic, 0) not in topics or name not in read.recording:
             continue
         np.testing.assert_array_equal(
-            known(read, name), sign * topics[topic, 0][field].astype(float)
+            finite(read, name), sign * topics[topic, 0][field].astype(float)
         )
         compared += 1
     assert compared >= 4
@@ -48,5 +48,5 @@ def test_numbers_are_pyulogs(path):
     q = np.array([attitude[f"q[{i}]"].astype(float) for i in range(4)])
     q /= np.linalg.norm(q, axis=0)
     nose_up = [asin(2.0 * (w * y - z * x)) for w, x, y, z in q.T]
-    np.testing.assert_allclose(-known(read, "theta_rad"), nose_up, atol=1e-12)
+    np.testing.assert_allclose(-finite(read, "theta_rad"), nose_up, atol=1e-12)
     assert read.tally.total == sum(len(item.data["timestamp"]) for item in log.data_list)

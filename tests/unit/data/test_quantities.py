@@ -70,38 +70,38 @@ ERRORS = {
 }  # fmt: skip
 
 
-def found(recording: Recording, **known: object) -> dict[str, QuantityValues]:
-    """Return what is derived, by name."""
-    facts = measurement_context(PROPELLER, AIR) if not known else measurement_context(**known)  # type: ignore[arg-type]
-    return {one.name: one for one in derive_quantities(recording, facts)}
+def derive(recording: Recording, **inputs: object) -> dict[str, QuantityValues]:
+    """Return the derived quantities by name."""
+    facts = measurement_context(PROPELLER, AIR) if not inputs else measurement_context(**inputs)  # type: ignore[arg-type]
+    return {item.name: item for item in derive_quantities(recording, facts)}
 
 
 @pytest.mark.parametrize("name", BY_HAND)
 def test_a_quantity_is_what_a_hand_computes(name):
-    assert found(table(**ROW))[name].value[0] == pytest.approx(BY_HAND[name], rel=2e-5)
+    assert derive(table(**ROW))[name].value[0] == pytest.approx(BY_HAND[name], rel=2e-5)
 
 
 def test_every_quantity_of_the_table_is_checked_by_hand():
-    assert {one.name for one in QUANTITIES} == {*BY_HAND, "torque_Nm"}
+    assert {item.name for item in QUANTITIES} == {*BY_HAND, "torque_Nm"}
 
 
 def test_torque_of_a_data_sheet_is_the_winding_current_over_kv():
     motor = Motor(Kv_rpm_V=900.0, resistance_ohm=0.1, no_load_current_A=0.6)
     row = {key: value for key, value in ROW.items() if key != "torque_Nm"}
-    got = found(table(**row), propeller=PROPELLER, air=AIR, motor=motor)
+    got = derive(table(**row), propeller=PROPELLER, air=AIR, motor=motor)
     # (6.66667 + 0.1 I) I = 103.6 W has I = 13.00359 A;
     # (13.00359 - 0.6) A * 0.01061033 V s = 0.131606 N m.
     assert got["torque_Nm"].value[0] == pytest.approx(0.131606, rel=1e-5)
     assert got["mechanical_power_W"].value[0] == pytest.approx(0.131606 * RPM * pi / 30.0, rel=1e-5)
     assert "data sheet" in got["cp"].origin
     assert "data sheet" not in got["ct"].origin
-    kv = next(one for one in got["torque_Nm"].error_sources if one.name == "Kv of the motor")
+    kv = next(item for item in got["torque_Nm"].error_sources if item.name == "Kv of the motor")
     assert kv.sd == DATA_SHEET_SD * 900.0
     assert "data sheet" in kv.origin
 
 
 def test_own_errors_are_those_of_the_closed_formulae():
-    got = found(table(**ROW, **ERRORS))
+    got = derive(table(**ROW, **ERRORS))
     t, q, n = 0.02 / THRUST_N, 6e-4 / TORQUE_NM, 4.0 / RPM
     power = hypot(0.01 / VOLTAGE_V, 0.03 / CURRENT_A)
     relative = {
@@ -112,17 +112,17 @@ def test_own_errors_are_those_of_the_closed_formulae():
         "figure_of_merit": hypot(1.5 * t, q, n),
     }  # fmt: skip
     for name, expected in relative.items():
-        one = got[name]
-        assert one.standard_error[0] / one.value[0] == pytest.approx(expected, rel=1e-3), name
+        item = got[name]
+        assert item.standard_error[0] / item.value[0] == pytest.approx(expected, rel=1e-3), name
 
 
 def test_shared_errors_of_air_and_geometry_are_counted_once_in_each():
     loose = Propeller(name="loose", diameter_m=DIAMETER_M, chord_m=CHORD_M, diameter_sd=0.004)
-    got = found(table(**ROW, **ERRORS), propeller=loose, air=None)
+    got = derive(table(**ROW, **ERRORS), propeller=loose, air=None)
 
     def shares(name: str) -> dict[str, float]:
-        one = got[name]
-        return {s.name: abs(float(s.columns[0, 0])) / one.value[0] for s in one.error_sources}
+        item = got[name]
+        return {s.name: abs(float(s.columns[0, 0])) / item.value[0] for s in item.error_sources}
 
     d, rho = 0.004, UNMEASURED_DENSITY_SD
     assert shares("ct") == pytest.approx({"diameter": 4 * d, "air density": rho}, rel=2e-3)
@@ -133,13 +133,13 @@ def test_shared_errors_of_air_and_geometry_are_counted_once_in_each():
     )
     assert shares("power_W") == {}
     total = got["ct"].total_error[0] / got["ct"].value[0]
-    own = got["ct"].standard_error[0] / got["ct"].value[0]
-    assert total == pytest.approx(hypot(own, 4 * d, rho), rel=2e-3)
+    random_u = got["ct"].standard_error[0] / got["ct"].value[0]
+    assert total == pytest.approx(hypot(random_u, 4 * d, rho), rel=2e-3)
 
 
 def test_an_error_that_nobody_states_is_nan_and_no_small_number():
-    known = {key: value for key, value in ERRORS.items() if key != "current_se_A"}
-    got = found(table(**ROW, **known))
+    inputs = {key: value for key, value in ERRORS.items() if key != "current_se_A"}
+    got = derive(table(**ROW, **inputs))
     assert isnan(got["power_W"].total_error[0])
     assert isnan(got["efficiency_N_W"].total_error[0])
     assert np.isfinite(got["ct"].total_error[0])
@@ -147,7 +147,7 @@ def test_an_error_that_nobody_states_is_nan_and_no_small_number():
 
 def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out():
     row = {**ROW, "rpm1": 6000.0, "rpm2": 3000.0}
-    got = found(table(**row))
+    got = derive(table(**row))
     by_hand = THRUST_N / (RHO * (100.0**2 + 50.0**2) * DIAMETER_M**4)
     assert got["ct"].value[0] == pytest.approx(by_hand)
     assert got["tip_mach"].value[0] == pytest.approx(BY_HAND["tip_mach"], rel=2e-4)
@@ -155,7 +155,7 @@ def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out()
 
 
 def test_a_rotor_at_rest_has_no_coefficient_and_nothing_warns():
-    got = found(table(**{key: [value, 0.0] for key, value in ROW.items()}))
+    got = derive(table(**{key: [value, 0.0] for key, value in ROW.items()}))
     assert np.isfinite(got["ct"].value[0])
     assert isnan(got["ct"].value[1])
     assert isnan(got["efficiency_N_W"].value[1])
@@ -164,7 +164,7 @@ def test_a_rotor_at_rest_has_no_coefficient_and_nothing_warns():
 def test_means_of_visits_take_the_scatter_where_it_is_larger():
     columns = {key: [value] * 4 for key, value in {**ROW, **ERRORS}.items()}
     columns["thrust_N"] = [8.0, 8.4, 8.0, 8.002]
-    ct = found(table(**columns))["ct"]
+    ct = derive(table(**columns))["ct"]
     means = ct.averaged(np.array([1.0, 1.0, 2.0, 2.0]))
     assert means.value == pytest.approx([ct.value[:2].mean(), ct.value[2:].mean()])
     assert means.standard_error[0] == pytest.approx(ct.value[:2].std(ddof=1) / sqrt(2.0))
@@ -188,7 +188,7 @@ def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path):
     geometry = {"name": "9.4x5", "diameter_m": 0.24, "chord_m": 0.02}
     run = edited_run(tmp_path, rig={"propeller": geometry}, air={"measured": True})
     points = read_points(run, ["measure", "reference"])
-    got = {one.name: one for one in settings_quantities(run, points)}
+    got = {item.name: item for item in settings_quantities(run, points)}
     settings = aggregate(points)
     assert len(got["ct"].value) == len(settings)
     n2 = sum((settings.column(f"rpm{rotor}") / 60.0) ** 2 for rotor in range(1, 5))
@@ -196,19 +196,19 @@ def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path):
     assert got["ct"].value == pytest.approx(by_hand, rel=2e-4)  # a mean of quotients
     assert "reynolds_75" in got
     assert "cp" not in got  # four rotors
-    density = next(one for one in got["ct"].error_sources if one.name == "air density")
+    density = next(item for item in got["ct"].error_sources if item.name == "air density")
     assert density.origin == "measured air"
     assert density.sd == pytest.approx(1.2255 * relative_density_sd(15.0, 101325.0, 0.0), rel=1e-4)
 
 
 def test_a_calibration_takes_the_place_of_the_rig_s_scale():
-    known = {"id": "cal-1", "relative_sd": 0.004}
-    cell = {"thrust_N": Sensor(scale_sd=0.05)}
-    rig = replace(load_rig_by_name("pquad_single"), sensors=cell)
-    for calibration, sd in ((None, 0.05), (known, known["relative_sd"])):
+    cal = {"id": "cal-1", "relative_sd": 0.004}
+    rig = replace(load_rig_by_name("pquad_single"), sensors={"thrust_N": Sensor(scale_sd=0.05)})
+    for calibration, sd in ((None, 0.05), (cal, cal["relative_sd"])):
         got = measurement_context(PROPELLER, AIR, rig=rig, calibration=calibration)
-        ct = next(one for one in derive_quantities(table(**ROW, **ERRORS), got) if one.name == "ct")
-        scale = next(one for one in ct.error_sources if one.name == "thrust scale")
+        quantities = derive_quantities(table(**ROW, **ERRORS), got)
+        ct = next(item for item in quantities if item.name == "ct")
+        scale = next(item for item in ct.error_sources if item.name == "thrust scale")
         assert abs(scale.columns[0, 0]) / ct.value[0] == pytest.approx(sd)
 
 
@@ -216,8 +216,8 @@ def test_the_wander_of_the_zero_since_its_tare_is_in_the_error_of_thrust():
     cell = {"thrust_N": Sensor(walk=0.004)}
     rig = replace(load_rig_by_name("pquad_single"), sensors=cell)
     row = {**ROW, **ERRORS, "elapsed_s": 100.0}
-    known = measurement_context(PROPELLER, AIR, rig=rig)
-    ct = next(one for one in derive_quantities(table(**row), known) if one.name == "ct")
+    context = measurement_context(PROPELLER, AIR, rig=rig)
+    ct = next(item for item in derive_quantities(table(**row), context) if item.name == "ct")
     thrust = hypot(0.02, 0.004 * 10.0)  # a random walk of 4 mN after 1 s has 40 mN after 100 s
     expected = hypot(thrust / THRUST_N, 2.0 * 4.0 / RPM)
     assert ct.standard_error[0] / ct.value[0] == pytest.approx(expected, rel=1e-3)

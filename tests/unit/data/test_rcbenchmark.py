@@ -1,4 +1,4 @@
-"""Stand logs with every kind of dirt that real ones were seen with."""
+"""RCbenchmark logs with the faults of real logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of a flown ArduCopter 4.6.2 against what its simulator says was true."""
+"""Logs of a flown ArduCopter 4.6.2 against the ground truth of its simulator."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DECEIVED = {"gyro_bias_midair", "accel_bias"}
 def flights(reference_data):
     folder = reference_data.parent / "peers" / "flights"
     if not folder.is_dir():
-        pytest.skip("there are no recorded flights beside the reference data")
+        pytest.skip("there are no recorded flights in the reference data")
     return folder
 
 
@@ -40,7 +40,7 @@ def flown(folder: Path, name: str) -> tuple[bytes, ImportResult, dict[str, Any]]
     return data, import_bytes(data, f"{name}.BIN", ImportOptions()), truth
 
 
-def known(read: ImportResult, channel: str) -> tuple[np.ndarray, np.ndarray]:
+def finite(read: ImportResult, channel: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the times in seconds since boot and the values of a channel where it has any."""
     column = read.recording.column(channel)
     rows = np.isfinite(column)
@@ -51,10 +51,10 @@ def known(read: ImportResult, channel: str) -> tuple[np.ndarray, np.ndarray]:
 def test_a_flight_is_read_at_the_rate_it_was_logged(flights, name):
     data, read, truth = flown(flights, name)
     apart_deg = 1.0 if name in DECEIVED else 0.5
-    time_s, roll = known(read, "roll_rad")
-    gyro_s, gyro = known(read, "gyro_rad_s")
+    time_s, roll = finite(read, "roll_rad")
+    gyro_s, gyro = finite(read, "gyro_rad_s")
     # ATT came at 10 Hz; ANG comes with the gyro, at 50 or 100 Hz.
-    assert time_s.size == known(read, "theta_ref_rad")[1].size
+    assert time_s.size == finite(read, "theta_ref_rad")[1].size
     assert abs(time_s.size - gyro_s.size) <= 1  # the log ends between two messages of a step
     assert np.median(np.diff(time_s)) == pytest.approx(0.02 if "_esc" in name else 0.01, rel=0.03)
     assert time_s[-1] - time_s[0] == pytest.approx(truth["seconds"], abs=1.0)
@@ -69,12 +69,12 @@ def test_a_flight_is_read_at_the_rate_it_was_logged(flights, name):
     true_s, true_roll = 1e-6 * simulated.time_us, np.radians(simulated.numbers("Roll"))
     missed = roll - np.interp(time_s, true_s, true_roll)
     assert name in DECEIVED or float(np.degrees(np.sqrt(np.mean(missed**2)))) < apart_deg
-    # What the controller asks for is kept as fast as the gyro is, with pitch as theta counts it.
+    # Controller outputs have the rate of the gyro, and pitch the sign of theta.
     for axis in ("pitch", "roll", "yaw", "throttle"):
-        share = known(read, f"{axis}_command_share")[1]
+        share = finite(read, f"{axis}_command_share")[1]
         assert abs(share.size - gyro.size) <= 1
         assert float(np.abs(share).max()) <= 1.0
-    volts = known(read, "voltage_V")[1]
+    volts = finite(read, "voltage_V")[1]
     assert float(volts[0]) == pytest.approx(truth["volts"][0], abs=0.3)
 
 
@@ -86,7 +86,7 @@ def test_speeds_of_tachometers_come_from_each_sensor_in_good_health():
         items.append(("RPM", (at, 1, 6000.0 + tick, 0.9, 1)))
     read = import_bytes(dataflash(items), "log.bin", ImportOptions())
     np.testing.assert_array_equal(
-        known(read, "rpm1")[1], [5000.0 + tick for tick in range(10) if tick != 4]
+        finite(read, "rpm1")[1], [5000.0 + tick for tick in range(10) if tick != 4]
     )
-    np.testing.assert_array_equal(known(read, "rpm2")[1], 6000.0 + np.arange(10.0))
+    np.testing.assert_array_equal(finite(read, "rpm2")[1], 6000.0 + np.arange(10.0))
     assert {item.kind for item in found(read, "rpm")} == {"read as", "repaired"}

@@ -1,4 +1,4 @@
-"""Every measurement file of the reference data: kept, repaired in words, or refused by line."""
+"""All measurement files of the reference data: accepted, repaired, or rejected with a line."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ EXPECTED: dict[str, set[str]] = {
     "logs/uavlogviewer_vtol.tlog": {"lacks rpm", "repaired time starts anew"},
     "uiuc/apcff_4.2x4_static_0615rd.txt": {"doubt air density", "repaired line ends"},
 }  # fmt: skip
-"""What must be found; files that are not named here must import, too."""
+"""Expected findings; other files must import, too."""
 
 NO_MEASUREMENTS = {"rcbenchmark_1520/NAME_RULE.csv", "SOURCES.md", "pitch_bench/bench.json"}
 

@@ -28,7 +28,7 @@ def path(tmp_path):
 
 
 def test_columns_are_mapped_converted_and_filtered(path):
-    found = read_table(
+    recording = read_table(
         path,
         {
             "thrust_N": {"column": "Fz", "unit": "gf", "sign": -1},
@@ -37,17 +37,17 @@ def test_columns_are_mapped_converted_and_filtered(path):
         },
         ["series=Fz0"],
     )
-    assert found.names == ("thrust_N", "plate_z_m", "rpm1")
-    assert [channel.unit for channel in found.channels] == ["N", "m", "rpm"]
-    np.testing.assert_allclose(found.column("thrust_N"), [-9.80665, 4.903325], rtol=1e-12)
-    np.testing.assert_allclose(found.column("plate_z_m"), [0.1, 0.2], rtol=1e-12)
-    assert found.column("rpm1").tolist() == [6300.0, 6300.0]
-    assert found.provenance["where"] == "series=Fz0"
-    assert len(found.provenance["sha256"]) == 64
+    assert recording.names == ("thrust_N", "plate_z_m", "rpm1")
+    assert [channel.unit for channel in recording.channels] == ["N", "m", "rpm"]
+    np.testing.assert_allclose(recording.column("thrust_N"), [-9.80665, 4.903325], rtol=1e-12)
+    np.testing.assert_allclose(recording.column("plate_z_m"), [0.1, 0.2], rtol=1e-12)
+    assert recording.column("rpm1").tolist() == [6300.0, 6300.0]
+    assert recording.provenance["where"] == "series=Fz0"
+    assert len(recording.provenance["sha256"]) == 64
 
 
 @pytest.mark.parametrize(
-    ("columns", "where", "kind", "words"),
+    ("columns", "where", "kind", "message"),
     [
         ({"thrust_N": "Thrust"}, [], MissingColumn, r"\[columns\] names 'Thrust', which .* lacks"),
         ({"thrust_N": "note"}, [], FileFormatError, r"line 2: column 'note' contains 'first'"),
@@ -60,8 +60,8 @@ def test_columns_are_mapped_converted_and_filtered(path):
         ({"thrust_N": {"unit": "N"}}, [], BenchtoolError, "exactly one of them"),
     ],
 )
-def test_what_does_not_fit_is_refused(path, columns, where, kind, words):
-    with pytest.raises(kind, match=words):
+def test_what_does_not_fit_is_refused(path, columns, where, kind, message):
+    with pytest.raises(kind, match=message):
         read_table(path, columns, where)
 
 

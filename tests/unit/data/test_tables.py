@@ -1,4 +1,4 @@
-"""Tables that are no stand's: a column map, known names, a Crazyflie, a propeller."""
+"""Foreign tables: a column map, known names, a Crazyflie, a propeller."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_windows_are_marked_by_the_user():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ('thrust_N = { column = "Load", unit = "N" }', "lacks"),
         ('lift_N = "Load [ozf]"', "unknown channel"),
@@ -115,7 +115,7 @@ def test_windows_are_marked_by_the_user():
         ("thrust_N = ", "not valid TOML"),
     ],
 )
-def test_a_map_that_cannot_hold_is_refused(tmp_path, text, said):
+def test_a_map_that_cannot_hold_is_refused(tmp_path, text, message):
     (tmp_path / "map.toml").write_text(text)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         imported(FLIGHT_STAND, columns=tmp_path / "map.toml")

@@ -1,4 +1,4 @@
-"""Files are not to be trusted: whatever the bytes, an import ends in an account or a sentence."""
+"""Untrusted files: an import of arbitrary bytes ends in a result or an error message."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def check_import(data: bytes, name: str) -> ImportResult | None:
             data, name, ImportOptions(near_m=0.5) if name == "dataflash" else ImportOptions()
         )
     except InputError as error:
-        said = str(error)
+        message = str(error)
         read = None
     if read is None:
-        assert "\n" not in said
-        assert len(said) > 20
+        assert "\n" not in message
+        assert len(message) > 20
         return None
     assert read.tally.balanced
     assert read.tally.refused >= 0

@@ -32,7 +32,7 @@ def test_a_name_cannot_choose_the_place(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b"", "the file is empty"),
         (b"\x00\x01", "not a text file"),
@@ -40,9 +40,9 @@ def test_a_name_cannot_choose_the_place(tmp_path, name):
         (b"x" * 1001, r"0\.0 MB, and at most"),
     ],
 )
-def test_what_is_no_table_is_refused_and_not_written(tmp_path, monkeypatch, data, said):
+def test_what_is_no_table_is_refused_and_not_written(tmp_path, monkeypatch, data, message):
     if data == b"x" * 1001:
         monkeypatch.setattr(runs_folder, "MAX_UPLOAD_BYTES", 1000)
-    with pytest.raises(FileFormatError, match=said):
+    with pytest.raises(FileFormatError, match=message):
         store_table(RunsFolder(tmp_path / "runs"), "t.csv", data, "2026-01-02")
     assert not (tmp_path / "runs").exists()
