@@ -78,7 +78,7 @@ def test_a_file_that_may_not_grow_leaves_a_run_that_can_be_closed(tmp_path):
     assert "run cannot be written: file too large; zero was commanded" in said
     assert code == 10
     # No file may hold the whole run, so that only what was in memory is saved.
-    assert "what is not in run, and only that, is saved in run-rescued" in said
+    assert "only data missing in run are saved in run-rescued" in said
     begun = (tmp_path / "run/samples.csv").read_text()
     rest = (tmp_path / "run-rescued/samples.csv").read_text()
     assert begun.endswith("\n")

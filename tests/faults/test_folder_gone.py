@@ -72,8 +72,8 @@ def struck(folder: Path, strike: Callable[[Path], None]) -> tuple[Outcome, float
     [
         (delete, "it was deleted or moved", 5),
         (move, "it was deleted or moved", 5),
-        (replace, "another one was put in its place", 5),
-        (delete_samples, "is no longer the file that this run writes", 5),
+        (replace, "was replaced by another folder", 5),
+        (delete_samples, "samples.csv was deleted, moved or replaced", 5),
         (forbid, "was made read-only", 10),
     ],
     ids=["deleted", "moved", "replaced", "samples deleted", "read-only"],
@@ -85,7 +85,7 @@ def test_a_folder_that_goes_ends_the_run_and_is_rescued(tmp_path, strike, said, 
     assert zero_s - at_s < 0.15
     assert outcome.orders_to_turn_after(zero_s) == []
     assert said in outcome.last_line
-    assert "what was recorded is saved in run-rescued" in outcome.last_line
+    assert "the recorded data are saved in run-rescued" in outcome.last_line
     assert "resume with: benchtool sweep --resume run-rescued" in outcome.said
     saved = tmp_path / "run-rescued"
     facts = Run.open(saved).metadata

@@ -142,5 +142,7 @@ def test_a_run_that_is_being_measured_is_not_closed(tmp_path):
             said.append((tmp_path / "said").read_text())
 
     assert sweep(tmp_path, plan("1.36", 0.5), [], hooks=[close]).code == 0
-    assert said == ["2 another process measures or closes the run run now; wait until it has ended"]
+    assert said == [
+        "2 another process measures or closes the run run; wait until that process has ended"
+    ]
     require_closed(tmp_path / "run")

@@ -1,4 +1,4 @@
-"""Files of a run that grow: each append has left the process when the call returns."""
+"""Append-only files of a run, written without a buffer."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from benchtool.data.columns import SAMPLE_START
 
 
 class AppendFile:
-    """Append bytes without a buffer of our own; kill -9 after `write` loses nothing of it.
+    """Unbuffered append-only file; data survive kill -9 once `write` has returned.
 
-    A file whose last line was cut in an earlier process is cut back to its last whole line first;
-    `fragment` holds what stood behind it, for the event log. After a write that failed, that one
-    and all later ones stay in memory, for `copy_to`.
+    An incomplete last line of an earlier process is removed on opening; `fragment` is its text,
+    for the event log. After a failed write, its data and all later data stay in memory for
+    `copy_to`.
 
     Raises:
         InputError: another process has an exclusive file open.
     """
 
-    EXCLUSIVE = False  # Whether one process at a time may have the file open
+    EXCLUSIVE = False  # True: only one process at a time can open the file
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -45,23 +45,23 @@ class AppendFile:
         except OSError as error:
             if error.errno != errno.ELOOP:
                 raise
-            raise _no_file(path, "a symbolic link") from error
+            raise _file_type_error(path, "a symbolic link") from error
         if not stat.S_ISREG(os.fstat(self._handle).st_mode):
             os.close(self._handle)
-            raise _no_file(path, "no regular file")
+            raise _file_type_error(path, "not a regular file")
         try:
             if self.EXCLUSIVE:
                 self._lock()
-            # What another process is writing now is no line that was cut.
-            self._cut_back(self._handle)
+            # After the lock: another process may be writing the last line.
+            self._truncate_fragment(self._handle)
         except BaseException:
             self.close()
             raise
 
     def _lock(self) -> None:
-        """Keep other processes from opening the file, until it is closed or the process ends.
+        """Lock the file against other processes until it is closed or the process ends.
 
-        Where the system has no such locks (Windows, some network drives) nothing is locked.
+        No-op on systems without such locks (Windows, some network drives).
         """
         if sys.platform == "win32" or self._handle is None:
             return
@@ -71,14 +71,14 @@ class AppendFile:
             fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"another process measures or closes the run {self.path.parent} now; wait until "
-                f"it has ended"
+                f"another process measures or closes the run {self.path.parent}; wait until that "
+                f"process has ended"
             ) from None
         except OSError:
             pass
 
     def write(self, data: bytes) -> None:
-        """Hand all of `data` to the operating system, or, on a full disk, nothing of it."""
+        """Write all of `data` to the operating system or, if that fails, none of it."""
         if self._handle is None:
             raise ValueError(f"{self.path} is closed")
         if self._unwritten is not None:
@@ -91,42 +91,42 @@ class AppendFile:
         except OSError:
             self._unwritten = bytearray(data)
             if written := len(data) - len(view):
-                # What comes behind a line that was cut could never be read again.
+                # Rows appended to an incomplete line would be unreadable.
                 os.ftruncate(self._handle, os.lseek(self._handle, -written, os.SEEK_CUR))
             raise
 
     def sync(self) -> None:
-        """Force what was written to the disk."""
+        """Flush written data to the disk."""
         if self._handle is not None and self._unwritten is None:
             os.fsync(self._handle)
 
     def is_in_place(self) -> bool:
-        """Return whether the file is still found under its name."""
+        """Return whether the path still refers to the open file."""
         try:
-            there = os.stat(self.path, follow_symlinks=False)
+            status = os.stat(self.path, follow_symlinks=False)
         except OSError:
             return False
-        return self._handle is not None and os.path.samestat(there, os.fstat(self._handle))
+        return self._handle is not None and os.path.samestat(status, os.fstat(self._handle))
 
     def copy_to(self, path: Path, *, whole: bool) -> None:
-        """Write what the file holds, and what could not be written to it, into a new file.
+        """Write the contents of the file and the unwritten data to a new file.
 
-        This works for a file that was deleted or moved, too: the handle still leads to it.
+        Works for a deleted or moved file too, through the open handle.
 
         Args:
-            whole: with what the file holds, not only what could not be written to it.
+            whole: False writes only the unwritten data.
         """
         assert self._handle is not None
         with open(path, "xb") as copy:
             os.lseek(self._handle, 0, os.SEEK_SET)
-            while whole and (part := os.read(self._handle, 1 << 20)):
-                copy.write(part)
+            while whole and (block := os.read(self._handle, 1 << 20)):
+                copy.write(block)
             copy.write(self._unwritten or b"")
             copy.flush()
             os.fsync(copy.fileno())
 
     def close(self) -> None:
-        """Force to the disk and close; safe to call twice."""
+        """Flush to the disk and close; safe to call twice."""
         if self._handle is not None:
             handle, self._handle = self._handle, None
             try:
@@ -135,34 +135,34 @@ class AppendFile:
             finally:
                 os.close(handle)
 
-    def _cut_back(self, handle: int) -> None:
+    def _truncate_fragment(self, handle: int) -> None:
         size = os.lseek(handle, 0, os.SEEK_END)
         start, tail = size, b""
         while start > 0 and b"\n" not in tail:
             start = max(0, start - 4096)
             os.lseek(handle, start, os.SEEK_SET)
             tail = b"".join(iter(lambda: os.read(handle, 1 << 20), b""))
-        whole = start + tail.rfind(b"\n") + 1
-        if whole < size:
-            self.fragment = tail[whole - start :].decode("utf-8", "replace")
-            os.ftruncate(handle, whole)
-        os.lseek(handle, whole, os.SEEK_SET)
+        end = start + tail.rfind(b"\n") + 1
+        if end < size:
+            self.fragment = tail[end - start :].decode("utf-8", "replace")
+            os.ftruncate(handle, end)
+        os.lseek(handle, end, os.SEEK_SET)
 
 
-def _no_file(path: Path, what: str) -> FileFormatError:
+def _file_type_error(path: Path, file_type: str) -> FileFormatError:
     return FileFormatError(
-        str(path), f"this is {what}, and nothing is written through it; put the file itself there"
+        str(path), f"this is {file_type}; a run needs a regular file here, replace it with one"
     )
 
 
 class AppendTable(AppendFile):
-    """Append rows below a header; a new file gets it, an old one must have the same.
+    """Append-only table; writes the header of a new file, checks that of an existing one.
 
     Args:
-        advice: what an old file with other columns means, for people.
+        mismatch: error message for an existing file with other columns.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str], advice: str) -> None:
+    def __init__(self, path: Path, columns: Sequence[str], mismatch: str) -> None:
         super().__init__(path)
         header = ",".join(columns).encode() + b"\n"
         if path.stat().st_size == 0:
@@ -172,19 +172,19 @@ class AppendTable(AppendFile):
         with open_file(path, follow=False) as file:
             if file.readline() != header:
                 self.close()
-                raise FileFormatError(str(path), advice)
+                raise FileFormatError(str(path), mismatch)
 
 
 class SampleWriter(AppendTable):
-    """Append samples; a row has reached the operating system when `append` returns."""
+    """Writer of samples.csv; rows are passed to the operating system when `append` returns."""
 
     def __init__(self, path: Path, channels: tuple[Channel, ...]) -> None:
         names = (*SAMPLE_START, *(channel.name for channel in channels))
-        advice = (
-            "this bench streams other channels than the run has on disk; go on with the bench "
-            "that began it, or start a new run"
+        mismatch = (
+            "its columns differ from the channels of this bench; resume with the bench that "
+            "started the run, or start a new run"
         )
-        super().__init__(path, names, advice)
+        super().__init__(path, names, mismatch)
 
     def append(
         self, point: int, phase: str, time_s: Array, device_time_us: Array, values: Array
@@ -192,34 +192,34 @@ class SampleWriter(AppendTable):
         """Append samples.
 
         Args:
-            point: number of the visit they belong to, 0 for none.
-            phase: what the bench was doing, one of `columns.PHASES`.
-            time_s: (m,) host time since the run began.
+            point: number of their point, 0 for none.
+            phase: one of `columns.PHASES`.
+            time_s: (m,) host time since the start of the run.
             values: (m, c) in channel order; nan becomes an empty cell.
         """
-        middle = f",{point},{phase},"
+        point_cells = f",{point},{phase},"
         lines = [
-            "%.6f,%.0f%s%s\n" % (time, device, middle, ",".join(map(repr, row)))  # noqa: UP031
-            for time, device, row in zip(
+            "%.6f,%.0f%s%s\n" % (time, device_us, point_cells, ",".join(map(repr, row)))  # noqa: UP031
+            for time, device_us, row in zip(
                 time_s.tolist(), device_time_us.tolist(), values.tolist(), strict=True
             )
         ]
         self.write("".join(lines).replace("nan", "").encode("ascii"))
 
 
-ANNOTATION = "annotation"  # Name of the event that holds what the operator wrote
+ANNOTATION = "annotation"  # event name of an operator's note
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Say that something happened.
+    """Entry of events.jsonl.
 
     Attributes:
-        time_s: since the run began, on the bench's clock.
-        event: what, in one word ("settle_timeout", "tare", "stopped", "device").
-        text: one sentence for people.
-        point: number of the visit, 0 for none.
-        wall: date and time with the offset from UTC.
+        time_s: bench time since the start of the run.
+        event: name of the event ("settle_timeout", "tare", "stopped", "device").
+        text: message for the operator, one sentence.
+        point: number of the point, 0 for none.
+        wall: date and time with UTC offset.
     """
 
     time_s: float
@@ -230,15 +230,15 @@ class Event:
 
 
 class EventLog(AppendFile):
-    """Append events, a JSON object a line; each is on the disk when `append` returns.
+    """Writer of events.jsonl, one JSON object per line; flushed when `append` returns.
 
-    Whoever has it open is the one that measures or closes the run.
+    Its lock marks the process that measures or closes the run.
     """
 
     EXCLUSIVE = True
 
     def append(self, event: Event) -> None:
-        """Append one event, stamped with the wall clock."""
+        """Append one event with the wall time."""
         data = asdict(event)
         data["wall"] = event.wall or datetime.now(UTC).isoformat(timespec="milliseconds")
         self.write(json.dumps(data, ensure_ascii=False).encode() + b"\n")
@@ -246,7 +246,7 @@ class EventLog(AppendFile):
 
 
 def read_events(path: Path) -> tuple[Event, ...]:
-    """Return the events of a run, oldest first; a line that is no event is left out."""
+    """Return the events of a run, oldest first; invalid lines are ignored."""
     if not os.path.lexists(path):
         return ()
     events = []

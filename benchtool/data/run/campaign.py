@@ -1,4 +1,4 @@
-"""Tables of campaigns: one tidy Parquet file, written row group by row group as results come."""
+"""Campaign tables: one Parquet file, written in row groups while results arrive."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 
 from benchtool.core.errors import WouldOverwrite
 
-ROWS_AT_ONCE = 4096
+ROW_GROUP_SIZE = 4096
 
 
 def write_campaign(
     rows: Iterable[Mapping[str, float | str]], path: Path, metadata: Mapping[str, str]
 ) -> int:
-    """Write rows of equal columns to a new table as they come and return how many.
+    """Write rows of equal columns to a new table and return their number.
 
-    The file ends in `.part` until it is complete.
+    The file name ends in `.part` until the table is complete.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -25,9 +25,9 @@ def write_campaign(
         raise WouldOverwrite(str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
-    left, count, writer = iter(rows), 0, None
+    remaining, count, writer = iter(rows), 0, None
     try:
-        while group := [dict(row) for row in islice(left, ROWS_AT_ONCE)]:
+        while group := [dict(row) for row in islice(remaining, ROW_GROUP_SIZE)]:
             table = pa.Table.from_pylist(group)
             if writer is None:
                 schema = table.schema.with_metadata(dict(metadata))
@@ -43,12 +43,12 @@ def write_campaign(
 
 
 def campaign_means(path: Path, measure: str) -> dict[tuple[str, str], float]:
-    """Return the mean of a measure by gain set and controller, over the runs that have a value."""
+    """Return the mean of a measure by gain set and controller, over the finite values."""
     import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
     keys = ["gains", "controller"]
     table = pq.read_table(path, columns=[*keys, measure], read_dictionary=keys)
-    known = table.filter(pc.is_finite(table[measure]))
-    rows = known.group_by(keys).aggregate([(measure, "mean")]).to_pylist()
+    finite = table.filter(pc.is_finite(table[measure]))
+    rows = finite.group_by(keys).aggregate([(measure, "mean")]).to_pylist()
     return {(row["gains"], row["controller"]): row[f"{measure}_mean"] for row in rows}

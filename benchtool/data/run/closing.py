@@ -1,6 +1,6 @@
-"""Close a run: what a killed process left is mended, the tables made from its samples written.
+"""Closing of a run: repairs after a killed process, tables derived from points and samples.
 
-Every step is one that a second close finds done or does again, so a kill anywhere costs nothing.
+Every step is idempotent, so closing can be killed at any time and repeated.
 """
 
 from __future__ import annotations
@@ -29,35 +29,32 @@ from benchtool.data.run.settings import load_settings
 if TYPE_CHECKING:
     from benchtool.data.run.run import Run
 
-ENDED_UNEXPECTEDLY = (
-    "the program that measured it ended without a word (killed, or the power failed)"
-)
+ENDED_UNEXPECTEDLY = "the program that measured it ended unexpectedly (killed, or the power failed)"
 
-LEFTOVER_PATTERN = re.compile(r"\.[^/]+\.new")  # of a writer that was killed
+LEFTOVER_PATTERN = re.compile(r"\.[^/]+\.new")  # temporary files of a killed writer
 
 
-def close_run(run: Run, visits: int | None = None) -> bool:
-    """Write what a closed run has and return whether anything was missing.
+def close_run(run: Run, n_planned: int | None = None) -> bool:
+    """Write the files and metadata of a closed run; return whether anything was missing.
 
-    A run whose process died is `stopped`, and one that has every point is `ended`. settings.csv
-    is made from its points, samples.parquet from its samples, a batch at a time.
+    The state becomes `ended` if every point is measured, else `stopped` after an unexpected exit.
+    settings.csv is derived from points.csv, samples.parquet in batches from samples.csv.
 
     Args:
-        run: of any state, measured by nobody now.
-        visits: how many the plan has; as the metadata say where left out.
+        n_planned: number of points in the plan; default: from the metadata.
 
     Raises:
-        InputError: another process measures or closes it.
-        FileFormatError: a file of it cannot be read.
-        OSError: it cannot be written.
+        InputError: another process measures or closes the run.
+        FileFormatError: a file of the run cannot be read.
+        OSError: the run cannot be written.
     """
     run.check_in_place()
     missing = False
     with run.locked() as log:
         remove_leftovers(run.path)
         before = run.metadata
-        changes = _state(run, before, visits, log)
-        if _visits_done(run.path):
+        changes = _final_state(run, before, n_planned, log)
+        if _count_measured(run.path):
             settings = run.path / "settings.csv"
             missing = not settings.is_file()
             write_table(settings, load_settings(run.path))
@@ -72,20 +69,22 @@ def close_run(run: Run, visits: int | None = None) -> bool:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove files that a killed process was writing when it should have renamed them."""
+    """Remove temporary files of a killed process."""
     for path in folder.iterdir():
         if LEFTOVER_PATTERN.fullmatch(path.name) and not path.is_dir():
             path.unlink()
 
 
-def _state(run: Run, facts: dict[str, Any], visits: int | None, log: EventLog) -> dict[str, Any]:
-    """Return what the metadata must say of how the run ended, where they do not."""
-    state, planned = facts.get("state"), visits or facts.get("visits")
+def _final_state(
+    run: Run, metadata: dict[str, Any], n_planned: int | None, log: EventLog
+) -> dict[str, Any]:
+    """Return the changes of state and reason in the metadata; log them as an event."""
+    state, planned = metadata.get("state"), n_planned or metadata.get("visits")
     if state not in ("running", "stopped"):
         return {}
-    done = _visits_done(run.path)
-    if planned and done >= int(planned):
-        text = f"closed afterwards; all is measured: {pluralize(done, 'visit')}"
+    measured = _count_measured(run.path)
+    if planned and measured >= int(planned):
+        text = f"closed afterwards; all is measured: {pluralize(measured, 'visit')}"
         changes: dict[str, Any] = {"state": "ended"}
     elif state == "running":
         text, changes = (
@@ -100,24 +99,24 @@ def _state(run: Run, facts: dict[str, Any], visits: int | None, log: EventLog) -
     return changes
 
 
-def _visits_done(folder: Path) -> int:
+def _count_measured(folder: Path) -> int:
     if not has_rows(folder / "points.csv"):
         return 0
     points = read_points(folder, VALID_KINDS)
-    visited = points.column("kind") != word_to_code("kind", "tare")
-    return len(np.unique(points.column("point")[visited]))
+    measured = points.column("kind") != word_to_code("kind", "tare")
+    return len(np.unique(points.column("point")[measured]))
 
 
-def _seal(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
-    """Write samples.parquet where it is not that of the samples, and return the new hashes."""
+def _seal(folder: Path, metadata: dict[str, Any]) -> dict[str, Any]:
+    """Write samples.parquet unless it is up to date; return its new hashes, {} if unchanged."""
     csv, parquet = folder / "samples.csv", folder / "samples.parquet"
     if not has_rows(csv):
         return {}
-    stated, csv_hash = facts.get("samples") or {}, file_hash(csv, follow=False)
+    hashes, csv_hash = metadata.get("samples") or {}, file_hash(csv, follow=False)
     if (
-        stated.get("csv_sha256") == csv_hash
+        hashes.get("csv_sha256") == csv_hash
         and parquet.is_file()
-        and stated.get("parquet_sha256") == file_hash(parquet, follow=False)
+        and hashes.get("parquet_sha256") == file_hash(parquet, follow=False)
     ):
         return {}
     finalize_parquet(csv, parquet, csv_hash)
@@ -125,7 +124,7 @@ def _seal(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def has_rows(path: Path) -> bool:
-    """Return whether a table of a run has a whole row below its header."""
+    """Return whether a table has a complete row below its header."""
     if not path.is_file():
         return False
     with WholeLines(path) as lines:
@@ -137,33 +136,31 @@ _INTERRUPTED = b"interrupted"
 
 @dataclass(frozen=True, slots=True)
 class SampleScan:
-    """Say what samples.csv holds.
+    """Extent of samples.csv and its rows of interrupted points.
 
     Attributes:
-        last_s: largest time since the run began; 0 without a row.
-        from_byte: where the first row stands that belongs to no visit that is done and is not
-            marked yet; None where there is none.
+        last_s: latest time since the start of the run; 0 without rows.
+        measured: numbers of the measured points.
+        unmarked_offset: byte offset of the first row of an interrupted point that is not marked
+            yet; None if there is none.
     """
 
     rows: int
     last_s: float
-    done: frozenset[int]
-    from_byte: int | None
+    measured: frozenset[int]
+    unmarked_offset: int | None
 
 
-def scan_samples(path: Path, done: frozenset[int]) -> SampleScan:
-    """Return what the samples of a run hold, read line by line.
-
-    Args:
-        path: samples.csv; a last line that was cut is left out.
+def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
+    """Read samples.csv line by line and return its extent; ignore an incomplete last line.
 
     Raises:
-        FileFormatError: a line that no writer of ours has written.
+        FileFormatError: a line has another format than that of `SampleWriter`.
     """
-    rows, last_s, from_byte = 0, 0.0, None
-    finished = {b"0", *(str(point).encode() for point in done)}
+    rows, last_s, unmarked_offset = 0, 0.0, None
+    finished = {b"0", *(str(point).encode() for point in measured)}
     with open_file(path, follow=False) as file:
-        at = len(file.readline())
+        offset = len(file.readline())
         for number, line in enumerate(file, 2):
             if not line.endswith(b"\n"):
                 break
@@ -177,48 +174,47 @@ def scan_samples(path: Path, done: frozenset[int]) -> SampleScan:
             except (ValueError, IndexError):
                 raise FileFormatError(
                     f"{path}, line {number}",
-                    f"it begins with {line[:40].decode('utf-8', 'replace').strip()!r}, where a "
-                    f"finite time_s, the device's time, a visit and a phase must stand; mend or "
-                    f"delete that line",
+                    f"it starts with {line[:40].decode('utf-8', 'replace').strip()!r}; expected: "
+                    f"finite time_s, device time, point and phase; correct or delete that line",
                 ) from None
             rows += 1
             last_s = max(last_s, time_s)
-            if from_byte is None and point not in finished and phase != _INTERRUPTED:
-                from_byte = at
-            at += len(line)
-    return SampleScan(rows, last_s, done, from_byte)
+            if unmarked_offset is None and point not in finished and phase != _INTERRUPTED:
+                unmarked_offset = offset
+            offset += len(line)
+    return SampleScan(rows, last_s, measured, unmarked_offset)
 
 
-def write_marker(path: Path, found: SampleScan) -> None:
-    """Write beside the samples what they are with `interrupted` for visits without a point.
+def write_marked_samples(path: Path, scan: SampleScan) -> None:
+    """Write a copy of samples.csv in which rows of interrupted points have that phase.
 
-    `read_marker` puts it in their place. Nothing but the phase of those rows changes.
+    No other cell changes; `install_marked_samples` replaces the original with the copy.
 
     Args:
-        found: by `scan_samples`, in the file as it is.
+        scan: of the current file, by `scan_samples`.
     """
-    if found.from_byte is None:
+    if scan.unmarked_offset is None:
         return
-    finished = {b"0", *(str(point).encode() for point in found.done)}
-    with open_file(path, follow=False) as old, open(_marked(path), "xb") as new:
-        left = found.from_byte
-        while left and (part := old.read(min(left, 1 << 20))):
-            new.write(part)
-            left -= len(part)
+    finished = {b"0", *(str(point).encode() for point in scan.measured)}
+    with open_file(path, follow=False) as old, open(_marked_path(path), "xb") as new:
+        remaining = scan.unmarked_offset
+        while remaining and (block := old.read(min(remaining, 1 << 20))):
+            new.write(block)
+            remaining -= len(block)
         for line in old:
             cells = line.split(b",", 4)
-            marked = len(cells) == 5 and cells[2] not in finished and line.endswith(b"\n")
-            new.write(b",".join([*cells[:3], _INTERRUPTED, cells[4]]) if marked else line)
+            interrupted = len(cells) == 5 and cells[2] not in finished and line.endswith(b"\n")
+            new.write(b",".join([*cells[:3], _INTERRUPTED, cells[4]]) if interrupted else line)
         new.flush()
         os.fsync(new.fileno())
 
 
-def read_marker(path: Path) -> None:
-    """Put what `write_marker` wrote in place, in one step; nothing where it wrote nothing."""
+def install_marked_samples(path: Path) -> None:
+    """Replace samples.csv atomically with the copy of `write_marked_samples`, if there is one."""
     with suppress(FileNotFoundError):
-        os.replace(_marked(path), path)
+        os.replace(_marked_path(path), path)
         sync_folder(path.parent)
 
 
-def _marked(path: Path) -> Path:
+def _marked_path(path: Path) -> Path:
     return path.with_name(f".{path.name}.marked.new")

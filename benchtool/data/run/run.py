@@ -1,4 +1,4 @@
-"""A run folder: created once, never written over, appended to while a sweep runs, then closed."""
+"""Run folder: created once, never overwritten, appended to during a sweep, then closed."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from benchtool.data.run.closing import (
     has_rows,
     remove_leftovers,
     scan_samples,
-    write_marker,
+    write_marked_samples,
 )
 from benchtool.data.run.points import PointWriter, write_table
 from benchtool.data.run.read import changed_points, is_run
-from benchtool.data.run.read import read_settings as read_written_settings
+from benchtool.data.run.read import read_settings as read_settings_file
 from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.settings import load_settings
 
@@ -44,47 +44,45 @@ RUN_FORMAT = "benchtool-run-1"
 
 
 class Run:
-    """Own the files of one run folder.
+    """Run folder and its files.
 
-    While a run is measured (`watch`), plan and metadata are in memory too, and nothing is written
-    into another folder that came in place of the one that was opened.
+    After `watch`, plan and metadata are in memory too, and writing raises an error if the folder
+    was replaced.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._opened: os.stat_result | None = None
+        self._watched_status: os.stat_result | None = None
         self._plan_text = ""
-        self._facts: dict[str, Any] = {}
+        self._metadata: dict[str, Any] = {}
 
     @classmethod
     def create(cls, path: Path, plan_text: str, metadata: Mapping[str, Any]) -> Run:
-        """Make the folder with its plan and metadata.
+        """Create the folder with its plan and metadata.
 
         Raises:
-            WouldOverwrite: something of that name exists.
-            ResourceExhausted: there is no room or no right to make it; nothing is left of it.
+            WouldOverwrite: the path exists.
+            ResourceExhausted: no space or no permission; nothing is left behind.
         """
         check_not_existing(path)
-        beside = path.with_name(f".{path.name}.{os.getpid()}.new")
+        new_path = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
             make_folder(path.parent)
-            beside.mkdir()
-            replace_text(beside / "plan.toml", plan_text)
-            replace_json(beside / "metadata.json", {"format": RUN_FORMAT, **metadata})
+            new_path.mkdir()
+            replace_text(new_path / "plan.toml", plan_text)
+            replace_json(new_path / "metadata.json", {"format": RUN_FORMAT, **metadata})
             if path.is_dir():
                 shutil.rmtree(path)
-            os.rename(beside, path)
+            os.rename(new_path, path)
             sync_folder(path.parent)
         except OSError as error:
-            shutil.rmtree(beside, ignore_errors=True)
+            shutil.rmtree(new_path, ignore_errors=True)
             if error.errno == errno.ENOTEMPTY:
                 raise WouldOverwrite(str(path)) from None
-            subject = f"the run folder {path} cannot be made"
+            problem, remedy = f"the run folder {path} cannot be made", "use another path for --out"
             if not is_exhaustion(error):
-                raise InputError(
-                    f"{subject} ({error.strerror}); choose another place with --out"
-                ) from error
-            raise resource_error(error, subject, "choose another place with --out") from error
+                raise InputError(f"{problem} ({error.strerror}); {remedy}") from error
+            raise resource_error(error, problem, remedy) from error
         return cls(path)
 
     @classmethod
@@ -98,48 +96,45 @@ class Run:
 
     @property
     def plan_text(self) -> str:
-        """The plan as it was when the run began."""
+        """Plan at the start of the run."""
         return read_text(self.path / "plan.toml", follow=False)
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """The facts about the run."""
+        """Contents of metadata.json."""
         return read_metadata(self.path)
 
     def update_metadata(self, **facts: Any) -> None:
-        """Replace some facts; the file changes in one step."""
-        if self._opened is None:
+        """Replace keys of metadata.json; the file is written atomically."""
+        if self._watched_status is None:
             replace_json(self.path / "metadata.json", {**self.metadata, **facts})
             return
-        self._facts |= facts
+        self._metadata |= facts
         self.check_in_place()
-        replace_json(self.path / "metadata.json", self._facts)
+        replace_json(self.path / "metadata.json", self._metadata)
 
     def watch(self) -> None:
-        """Remember which folder this is, and its plan and metadata, from now on."""
-        self._plan_text, self._facts = self.plan_text, self.metadata
-        self._opened = os.stat(self.path)
+        """Store the identity of the folder, its plan and its metadata in memory."""
+        self._plan_text, self._metadata = self.plan_text, self.metadata
+        self._watched_status = os.stat(self.path)
 
     def check_in_place(self) -> None:
-        """Refuse a folder that is not the one that `watch` saw, or that may not be written.
+        """Raise if the folder is not the one of `watch` or is read-only; no-op before `watch`.
 
         Raises:
             RunInterrupted: it was deleted, moved or replaced.
             ResourceExhausted: it was made read-only.
         """
-        if self._opened is None:
+        if self._watched_status is None:
             return
         try:
-            there = os.stat(self.path)
+            status = os.stat(self.path)
         except (FileNotFoundError, NotADirectoryError):
             raise RunInterrupted(
-                f"the run folder {self.path} is not there any more: it was deleted or moved"
+                f"the run folder {self.path} is missing: it was deleted or moved"
             ) from None
-        if not os.path.samestat(there, self._opened):
-            raise RunInterrupted(
-                f"the run folder {self.path} is not the one that this run opened: another one was "
-                f"put in its place"
-            )
+        if not os.path.samestat(status, self._watched_status):
+            raise RunInterrupted(f"the run folder {self.path} was replaced by another folder")
         effective = os.access in os.supports_effective_ids
         if not os.access(self.path, os.W_OK | os.X_OK, effective_ids=effective):
             raise ResourceExhausted(f"the run folder {self.path} was made read-only")
@@ -147,28 +142,28 @@ class Run:
     def save_as(
         self, path: Path, facts: Mapping[str, Any], files: Sequence[AppendFile], *, whole: bool
     ) -> None:
-        """Write the run into a new folder, from memory and open files.
-
-        A whole run is owned there from then on.
+        """Write the run to a new folder, from memory and open files.
 
         Args:
-            files: that grow while the run is measured.
-            whole: with what they hold, not only what could not be written to them.
+            facts: replaced keys of metadata.json.
+            files: open append-only files of the run.
+            whole: write their whole contents, and use the new folder as the run's path from then
+                on; False writes only the unwritten data.
 
         Raises:
-            OSError: there is no room either; nothing is left there.
+            OSError: no space there; the new folder is removed.
         """
         path.mkdir()
         try:
             for file in files:
                 file.copy_to(path / file.path.name, whole=whole)
             replace_text(path / "plan.toml", self._plan_text)
-            replace_json(path / "metadata.json", {**self._facts, **facts})
+            replace_json(path / "metadata.json", {**self._metadata, **facts})
         except BaseException:
             shutil.rmtree(path, ignore_errors=True)
             raise
         if whole:
-            self.path, self._opened = path, None
+            self.path, self._watched_status = path, None
 
     def sample_writer(self, channels: tuple[Channel, ...]) -> SampleWriter:
         """Open samples.csv for appending."""
@@ -182,62 +177,62 @@ class Run:
         """Open events.jsonl for appending."""
         return EventLog(self.path / "events.jsonl")
 
-    def close(self, visits: int | None = None) -> bool:
+    def close(self, n_planned: int | None = None) -> bool:
         """Close the run and return whether anything was missing; see `closing.close_run`.
 
         Raises:
-            ResourceExhausted: it cannot be written.
+            ResourceExhausted: the run cannot be written.
         """
         try:
-            return close_run(self, visits)
+            return close_run(self, n_planned)
         except (OSError, MemoryError) as error:
             raise resource_error(
                 error, f"{self.path} cannot be closed", f"then: benchtool runs close {self.path}"
             ) from error
 
-    def ready_samples(self, done: frozenset[int]) -> SampleScan:
-        """Say what samples there are, and make ready to mark those of visits cut short.
+    def ready_samples(self, measured: frozenset[int]) -> SampleScan:
+        """Scan the samples and prepare a copy in which interrupted points are marked.
 
-        The run itself is as it was until a `RunWriter` goes on with it.
+        A `RunWriter` installs the copy when it resumes the run; until then nothing changes.
 
         Raises:
-            InputError: another process measures or closes it.
-            FileFormatError: its samples cannot be read.
-            ResourceExhausted: it cannot be written.
+            InputError: another process measures or closes the run.
+            FileFormatError: the samples cannot be read.
+            ResourceExhausted: the run cannot be written.
         """
         samples = self.path / "samples.csv"
         try:
             with self.locked():
                 remove_leftovers(self.path)
                 if not os.path.lexists(samples):
-                    return SampleScan(0, 0.0, done, None)
-                found = scan_samples(samples, done)
-                write_marker(samples, found)
-                return found
+                    return SampleScan(0, 0.0, measured, None)
+                scan = scan_samples(samples, measured)
+                write_marked_samples(samples, scan)
+                return scan
         except (OSError, MemoryError) as error:
-            raise resource_error(error, f"{self.path} cannot be gone on with") from error
+            raise resource_error(error, f"{self.path} cannot be resumed") from error
 
     def unseal(self) -> None:
-        """Take away what `close` made, before samples or points change."""
+        """Remove derived files and hashes before samples or points change."""
         for name in ("samples.parquet", "settings.csv"):
             (self.path / name).unlink(missing_ok=True)
-        # The hash of points that were changed by hand stays, so that they never match it.
+        # Manually edited points keep their old hash, so they never match it.
         keys = ("samples",) if changed_points(self.path) else ("samples", "points")
         if any(self.metadata.get(key) for key in keys):
             self.update_metadata(**{key: {} for key in keys})
 
     def write_points(self, points: Recording) -> None:
-        """Write points.csv in one step and state its hash."""
+        """Write points.csv atomically and store its hash."""
         path = self.path / "points.csv"
         write_table(path, points)
         self.update_metadata(points={"csv_sha256": file_hash(path)})
 
     @contextmanager
     def locked(self) -> Iterator[EventLog]:
-        """Keep other processes from measuring or closing the run; gives its event log.
+        """Lock the run against other processes that measure or close it; yield its event log.
 
         Raises:
-            InputError: another one does so now.
+            InputError: another process has the lock.
         """
         log = self.event_log()
         try:
@@ -247,22 +242,22 @@ class Run:
 
 
 def check_not_existing(path: Path) -> None:
-    """Refuse a path where something is, but for a run folder that was never begun.
+    """Raise if a path exists, unless it is an empty folder or a run without samples and points.
 
     Raises:
-        WouldOverwrite: something is there.
+        WouldOverwrite: the path exists.
     """
-    if os.path.lexists(path) and not _never_begun(path):
+    if os.path.lexists(path) and not _has_no_data(path):
         raise WouldOverwrite(str(path))
 
 
-def _never_begun(path: Path) -> bool:
-    """Return whether a folder is empty or holds a run that has neither a sample nor a point."""
+def _has_no_data(path: Path) -> bool:
+    """Return whether a folder is empty or an unlocked run without samples and points."""
     if path.is_symlink() or not path.is_dir():
         return False
     names = {item.name for item in path.iterdir() if not LEFTOVER_PATTERN.fullmatch(item.name)}
     if names and not is_run(path):
-        return False  # a plan that somebody wrote there is no run of ours
+        return False  # for example a user's plan
     if not names <= {"plan.toml", "metadata.json", "events.jsonl", "samples.csv", "points.csv"}:
         return False
     if any(has_rows(path / name) for name in ("samples.csv", "points.csv")):
@@ -277,9 +272,9 @@ def _never_begun(path: Path) -> bool:
 
 
 def read_settings(path: str | Path) -> Recording:
-    """Return the settings of a run folder, which is closed first where it must be, or of any file.
+    """Return the settings of a file or a run folder; close the run first if necessary.
 
-    A run that is being measured, or that cannot be written, is left as it is.
+    A run that is being measured or is not writable stays unchanged.
     """
     folder = Path(path)
     if is_run(folder) and not (folder / "settings.csv").is_file():
@@ -287,17 +282,17 @@ def read_settings(path: str | Path) -> Recording:
             Run.open(folder).close()
         except BenchtoolError:
             return load_settings(folder)
-    return read_written_settings(path)
+    return read_settings_file(path)
 
 
 def free_run_path(folder: Path, date: str, name: str) -> Path:
-    """Return FOLDER/DATE-NAME, with -2, -3 and so on behind it while that is taken."""
+    """Return FOLDER/DATE-NAME, with suffix -2, -3, ... if that path exists."""
     check_name("run", name, ascii_only=True)
     return free_path(folder / f"{date}-{name}")
 
 
 def free_path(path: Path) -> Path:
-    """Return a path, with -2, -3 and so on behind it while that is taken."""
+    """Return a path, with suffix -2, -3, ... if it exists."""
     free, count = path, 1
     while os.path.lexists(free):
         count += 1

@@ -11,10 +11,10 @@ from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.closing import (
     ENDED_UNEXPECTEDLY,
     has_rows,
-    read_marker,
+    install_marked_samples,
     remove_leftovers,
     scan_samples,
-    write_marker,
+    write_marked_samples,
 )
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.run import Run
@@ -173,17 +173,17 @@ def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path):
     path = tmp_path / "samples.csv"
     cut = "6,50,2,settle,6"
     path.write_text(HEAD + "".join(ROWS) + cut)
-    assert scan_samples(path, frozenset({1, 2})).from_byte is None
+    assert scan_samples(path, frozenset({1, 2})).unmarked_offset is None
     found = scan_samples(path, frozenset({1}))
     assert (found.rows, found.last_s) == (5, 9.0)
-    assert found.from_byte == len(HEAD + ROWS[0] + ROWS[1])
-    write_marker(path, found)
+    assert found.unmarked_offset == len(HEAD + ROWS[0] + ROWS[1])
+    write_marked_samples(path, found)
     assert path.read_text() == HEAD + "".join(ROWS) + cut
-    read_marker(path)
+    install_marked_samples(path)
     marked = ROWS[2].replace("settle", "interrupted")
     assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + ROWS[4] + cut
-    read_marker(path)  # nothing was written since
-    assert scan_samples(path, frozenset({1})).from_byte is None
+    install_marked_samples(path)  # nothing was written since
+    assert scan_samples(path, frozenset({1})).unmarked_offset is None
 
 
 @pytest.mark.parametrize(
@@ -196,5 +196,5 @@ def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path):
 def test_a_line_that_no_writer_has_written_is_named(tmp_path, line):
     path = tmp_path / "samples.csv"
     path.write_text(HEAD + ROWS[0] + line + "\n")
-    with pytest.raises(FileFormatError, match=r"samples\.csv, line 3: it begins with '"):
+    with pytest.raises(FileFormatError, match=r"samples\.csv, line 3: it starts with '"):
         scan_samples(path, frozenset())

@@ -12,7 +12,7 @@ from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, Wo
 from benchtool.data.atomic import data_hash, json_ready
 from benchtool.data.columns import KINDS, frame, word_to_code
 from benchtool.data.run.append import AppendFile, Event, EventLog, read_events
-from benchtool.data.run.closing import read_marker, scan_samples, write_marker
+from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
 from tests.unit.data.run_of import CHANNELS, point, small_run
@@ -130,7 +130,7 @@ def test_a_cut_point_is_said_and_taken_back(tmp_path):
 
 def test_another_bench_cannot_go_on_with_a_run(tmp_path):
     run = small_run(tmp_path / "run")
-    with pytest.raises(FileFormatError, match="streams other channels"):
+    with pytest.raises(FileFormatError, match="columns differ from the channels"):
         run.sample_writer(CHANNELS[:2])
     with pytest.raises(FileFormatError, match="a run with 4 rotors"):
         run.point_writer(4)
@@ -141,10 +141,10 @@ def test_interrupted_visits_keep_their_rows(tmp_path):
     before = read_samples(run.path)
     found = scan_samples(run.path / "samples.csv", frozenset())
     assert (found.rows, found.last_s) == (10, 0.045)
-    write_marker(run.path / "samples.csv", found)
+    write_marked_samples(run.path / "samples.csv", found)
     assert scan_samples(run.path / "samples.csv", frozenset()) == found
-    read_marker(run.path / "samples.csv")
-    assert scan_samples(run.path / "samples.csv", frozenset()).from_byte is None
+    install_marked_samples(run.path / "samples.csv")
+    assert scan_samples(run.path / "samples.csv", frozenset()).unmarked_offset is None
     after = read_samples(run.path)
     assert set(after.column("phase")) == {word_to_code("phase", "interrupted")}
     np.testing.assert_array_equal(after.column("thrust_N"), before.column("thrust_N"))

@@ -11,7 +11,7 @@ import pytest
 from benchtool.core.errors import FileFormatError
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.data.run.append import AppendFile, Event, EventLog
-from benchtool.data.run.closing import read_marker, scan_samples, write_marker
+from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
 from benchtool.data.run.run import Run
 from tests.unit.data.run_of import CHANNELS, small_run
 
@@ -20,8 +20,8 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="need
 
 def mark(run: Run) -> None:
     samples = run.path / "samples.csv"
-    write_marker(samples, scan_samples(samples, frozenset()))
-    read_marker(samples)
+    write_marked_samples(samples, scan_samples(samples, frozenset()))
+    install_marked_samples(samples)
 
 
 def log(run: Run) -> None:
@@ -80,8 +80,8 @@ def test_a_file_that_is_refused_is_closed(tmp_path):
     run = small_run(tmp_path / "run")
     os.mkfifo(run.path / "events.jsonl")
     before = os.listdir("/proc/self/fd")
-    with pytest.raises(FileFormatError, match="streams other channels"):
+    with pytest.raises(FileFormatError, match="columns differ from the channels"):
         run.sample_writer(CHANNELS[:2])
-    with pytest.raises(FileFormatError, match="no regular file"):
+    with pytest.raises(FileFormatError, match="not a regular file"):
         run.event_log()
     assert os.listdir("/proc/self/fd") == before
