@@ -36,6 +36,7 @@ SCREENING_STEPS = 1  # Gauss-Newton steps in the screening fit of a candidate
 MAX_REFINED = 4  # best candidates that are fitted further after screening
 MAX_COST_GAP = 60.0  # above the best cost; a search that cannot come closer stops
 MIN_PREDICTED_DECREASE = 2.0  # of the cost; candidates with a smaller one are not fitted
+RIDGE = 1e-9  # added to curvatures before inversion
 OTHER_LAW_SIZE = 10.0  # in tolerances of a law: as large as the effect at 10 %; assumed
 DRAWS_PER_TASK = 250  # bootstrap draws; takes just under 1 s
 MIN_PARALLEL_DRAWS = 2000  # draws; worker processes take 2 s to start
@@ -70,25 +71,19 @@ class Hypotheses:
     def __init__(self, evidence: Evidence) -> None:
         self.evidence = evidence
         parameters = evidence.parameters
-        self._limits = (
-            np.array([parameter.least for parameter in parameters]),
-            np.array([parameter.most for parameter in parameters]),
-        )
+        self._lower = np.array([parameter.least for parameter in parameters])
+        self._upper = np.array([parameter.most for parameter in parameters])
         self.effects = tuple(
             dict.fromkeys(parameter.effect for parameter in parameters if parameter.effect)
         )
         self.errors = SharedErrors(evidence)
         self.discrepancies = self.errors.discrepancies
+        self.n_rows = self.errors.n_rows
 
     @property
     def noise(self) -> Array:
         """Noise of each row over the stated noise (n_rows,), at least 1."""
         return self.errors.noise
-
-    @property
-    def n_rows(self) -> int:
-        """Number of residuals."""
-        return self.errors.n_rows
 
     def near(self, values: Array, amplitudes: Mapping[str, float]) -> Linearisation:
         """Return the linearisation at a point (n_parameters,), cached."""
@@ -100,25 +95,23 @@ class Hypotheses:
         parameters = self.evidence.parameters
         is_active = np.array([parameter.effect in names for parameter in parameters])
         is_known = np.array([parameter.held for parameter in parameters])
-        within = np.asarray(np.where(is_known, KNOWN_PARAMETER_BOUND, 1.0), float)
-        bound = np.asarray(np.where(is_active, np.inf, within), float)
+        half_width = np.where(is_known, KNOWN_PARAMETER_BOUND, 1.0)
+        half_width = np.where(is_active, np.inf, half_width)
+        penalty = np.where(is_known, 1.0, 1.0 / SMALL)
+        penalty = np.where(is_active, 1.0 / PRIOR_WIDTH_FACTOR, penalty)
         return BoundedRegion(
-            lower=np.asarray(np.maximum(self._limits[0], -bound), float),
-            upper=np.asarray(np.minimum(self._limits[1], bound), float),
-            penalty=np.asarray(
-                np.where(is_active, 1.0 / PRIOR_WIDTH_FACTOR, np.where(is_known, 1.0, 1.0 / SMALL)),
-                float,
-            ),
+            lower=np.asarray(np.maximum(self._lower, -half_width), float),
+            upper=np.asarray(np.minimum(self._upper, half_width), float),
+            penalty=np.asarray(penalty, float),
         )
 
     def missed(self, values: Array, active: Iterable[str]) -> tuple[Array, Array, Array]:
         """Return residuals of the linearised model (n_rows,), extrapolated to zero parameters.
 
-        Then the change by one prior standard deviation of each parameter (n_rows, n_parameters)
+        Also the changes by one prior standard deviation of each parameter (n_rows, n_parameters)
         and of each discrepancy column (n_rows, r). All are divided by the noise.
         """
-        upper = np.array([parameter.most for parameter in self.evidence.parameters])
-        rows, jacobian = slopes(self.evidence.residuals, values, upper)
+        rows, jacobian = slopes(self.evidence.residuals, values, self._upper)
         noise, penalty = self.errors.noise, self.region(active).penalty
         slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
         return (rows - jacobian @ values) / noise, slope, self.errors.columns({})
@@ -129,9 +122,7 @@ class Hypotheses:
         Laplace approximation at the best fit; exact for a linear model.
         """
         penalty = self.region(fit.active).penalty
-        curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
-        ridge = 1e-9 * np.eye(len(curvature))
-        _, log_determinant = np.linalg.slogdet(curvature + np.diag(penalty**2) + ridge)
+        _, log_determinant = np.linalg.slogdet(self._posterior_precision(fit, penalty))
         log_occam = np.sum(np.log(penalty)) - 0.5 * log_determinant
         log_noise = self.errors.log_root(fit.amplitudes)
         return float(-0.5 * fit.cost + log_occam - log_noise)
@@ -139,29 +130,29 @@ class Hypotheses:
     def spread(self, fit: Hypothesis) -> Array:
         """Return the posterior covariance (n_parameters, n_parameters), in scales.
 
-        From the curvature at the estimated noise, and the penalties. A parameter at its bound is
-        treated as free.
+        A parameter at its bound is treated as free.
         """
-        region = self.region(fit.active)
+        penalty = self.region(fit.active).penalty
+        return np.asarray(np.linalg.inv(self._posterior_precision(fit, penalty)), float)
+
+    def _posterior_precision(self, fit: Hypothesis, penalty: Array) -> Array:
+        """Return curvature at the estimated noise plus prior precision (a square matrix)."""
         curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
-        ridge = 1e-9 * np.eye(len(curvature))
-        return np.asarray(np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge), float)
+        precision: Array = curvature + np.diag(penalty**2) + RIDGE * np.eye(len(curvature))
+        return precision
 
     def unseen(self, fit: Hypothesis) -> dict[str, float]:
         """Return unjudged effects with their detection limits, in tolerances.
 
-        The limit is the tolerance plus three standard deviations of the best determined parameter;
-        those up to `MAX_DETECTION_LIMIT` are left out.
+        The limit is the tolerance plus three standard deviations of the best determined parameter.
+        Effects with a limit up to `MAX_DETECTION_LIMIT` are judged and not returned.
         """
-        curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
         limits = {}
         for name in self.effects:
             is_own = [parameter.effect == name for parameter in self.evidence.parameters]
-            penalty = np.where(
-                is_own, 0.0, self.region(fit.active).penalty
-            )  # the effect itself gets no prior
-            precision = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
-            sd = np.sqrt(np.diag(np.linalg.inv(precision)))
+            # The effect itself has no prior: only the data limit it.
+            penalty = np.where(is_own, 0.0, self.region(fit.active).penalty)
+            sd = np.sqrt(np.diag(np.linalg.inv(self._posterior_precision(fit, penalty))))
             limit = 1.0 + 3.0 * np.min(sd[is_own])
             if limit > MAX_DETECTION_LIMIT:
                 limits[name] = float(limit)
@@ -171,11 +162,11 @@ class Hypotheses:
         """Return the expected evidence against a rival effect if a hypothesis is true.
 
         Twice the expected log-likelihood ratio, from the Fisher information of the hypothesis. The
-        rival replaces the last effect, which is within its tolerance.
+        rival replaces the last effect, which stays within its tolerance.
         """
         region = self.region((*fit.active[:-1], rival))
-        matrix = self.near(fit.linearisation_point, fit.amplitudes).curvature
-        return evidence_against(matrix, fit.values, region.lower, region.upper)
+        information = self.near(fit.linearisation_point, fit.amplitudes).curvature
+        return evidence_against(information, fit.values, region.lower, region.upper)
 
     def null(self) -> Hypothesis:
         """Return the best fit of the null, started from the model as given."""
@@ -190,9 +181,8 @@ class Hypotheses:
         """Return the best fit of active effects from initial values (n_parameters,)."""
         region = self.region(active)
         linearisation = self.near(region.clipped(initial_values), amplitudes)
-        minimum = self.errors.search(amplitudes).minimum(
-            initial_values, region, known=linearisation
-        )
+        search = self.errors.search(amplitudes)
+        minimum = search.minimum(initial_values, region, known=linearisation)
         return _build_hypothesis(active, minimum, amplitudes)
 
     def without(self, fit: Hypothesis, name: str) -> Hypothesis:
@@ -206,19 +196,16 @@ class Hypotheses:
         return self.fitted(remaining, fit.values, amplitudes)
 
     def estimate_discrepancy(self, fit: Hypothesis, name: str) -> tuple[Array, Array]:
-        """Return the posterior mean of a discrepancy: in residuals and as a share of readings.
-
-        (n_rows,) each.
-        """
-        discrepancy, factor = self.discrepancies[name], fit.amplitudes.get(name, 1.0)
-        coefficients = factor**2 * (
-            discrepancy.columns.T @ self.errors.left(fit.values, fit.amplitudes)
-        )
+        """Return a discrepancy's posterior mean (n_rows,): in residuals, as a share of readings."""
+        discrepancy, amplitude = self.discrepancies[name], fit.amplitudes.get(name, 1.0)
+        weighted_residuals = self.errors.left(fit.values, fit.amplitudes)
+        coefficients = amplitude**2 * (discrepancy.columns.T @ weighted_residuals)
         return discrepancy.columns @ coefficients, discrepancy.shares @ coefficients
 
     def size(self, fit: Hypothesis) -> float:
         """Return the size of the last effect, in tolerances of its largest parameter."""
-        is_own = np.array([item.effect == fit.active[-1] for item in self.evidence.parameters])
+        effect, parameters = fit.active[-1], self.evidence.parameters
+        is_own = np.array([parameter.effect == effect for parameter in parameters])
         return float(np.max(np.abs(fit.values[is_own])))
 
     def contribution(self, fit: Hypothesis, names: Collection[str]) -> Array:
@@ -242,49 +229,34 @@ class Hypotheses:
                 continue
             minimum = search.minimum(base.values, region, known=near, most_steps=SCREENING_STEPS)
             candidates.append(_build_hypothesis(active, minimum, base.amplitudes, base.values))
-        candidates.sort(key=lambda item: item.cost)
+        candidates.sort(key=lambda candidate: candidate.cost)
         max_cost = np.inf
         for index, candidate in enumerate(candidates[:MAX_REFINED]):
             if not candidate.converged:
-                region = self.region(candidate.active)
-                minimum = search.minimum(candidate.values, region, above=max_cost)
-                candidates[index] = _build_hypothesis(
-                    candidate.active, minimum, base.amplitudes, base.values
-                )
+                active = candidate.active
+                minimum = search.minimum(candidate.values, self.region(active), above=max_cost)
+                candidates[index] = _build_hypothesis(active, minimum, base.amplitudes, base.values)
             max_cost = min(max_cost, candidates[index].cost + MAX_COST_GAP)
-        candidates += [
-            self._with_discrepancy(base, name)
-            for name in self.discrepancies
-            if name not in base.active
-        ]
+        names = [name for name in self.discrepancies if name not in base.active]
+        candidates += [self._with_discrepancy(base, name) for name in names]
         return sorted(candidates, key=self.log_evidence, reverse=True)
 
-    def add_law_discrepancies(self, tried: Sequence[Hypothesis]) -> list[Hypothesis]:
+    def add_law_discrepancies(self, fits: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Return hypotheses with a law discrepancy of their last effect.
 
         Its columns are smooth variations of the contribution of the effect.
         """
         laws = []
-        for fit in tried:
-            name = fit.active[-1]
-            law = f"{name}: law {self.errors.n_columns}"
-            changes = self.contribution(fit, [name]) * self.noise
-            self.errors.add(law, self.evidence.varied(changes) / self.noise[:, None])
+        for fit in fits:
+            effect = fit.active[-1]
+            law = f"{effect}: law {self.errors.n_columns}"
+            contribution = self.contribution(fit, [effect]) * self.noise
+            self.errors.add(law, self.evidence.varied(contribution) / self.noise[:, None])
             laws.append(law)
-        refitted = []
-        for fit, law in zip(tried, laws, strict=True):
-            amplitudes, region = {**fit.amplitudes, law: 1.0}, self.region(fit.active)
-            values, cost = self.near(fit.values, amplitudes).step(region)
-            refitted.append(
-                replace(
-                    fit,
-                    values=values,
-                    linearisation_point=fit.values,
-                    cost=cost,
-                    amplitudes=amplitudes,
-                )
-            )
-        return refitted
+        return [
+            self._take_linear_step(fit, {**fit.amplitudes, law: 1.0})
+            for fit, law in zip(fits, laws, strict=True)
+        ]
 
     def by_other_law(self, fit: Hypothesis) -> float:
         """Return the log evidence if the last effect follows a different law."""
@@ -306,10 +278,14 @@ class Hypotheses:
         amplitudes = {
             name: size for name, size in fit.amplitudes.items() if name in self.discrepancies
         }
-        values, cost = self.near(fit.values, amplitudes).step(self.region(fit.active))
-        return replace(
-            fit, values=values, linearisation_point=fit.values, cost=cost, amplitudes=amplitudes
-        )
+        return self._take_linear_step(fit, amplitudes)
+
+    def _take_linear_step(self, fit: Hypothesis, amplitudes: Mapping[str, float]) -> Hypothesis:
+        """Return a hypothesis with other amplitudes, refitted to the linearisation at its fit."""
+        point = fit.values
+        values, cost = self.near(point, amplitudes).step(self.region(fit.active))
+        fit = replace(fit, linearisation_point=point, amplitudes=amplitudes)
+        return replace(fit, values=values, cost=cost)
 
     def converge(self, fit: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted to convergence."""
@@ -317,56 +293,47 @@ class Hypotheses:
 
     def _with_discrepancy(self, base: Hypothesis, name: str) -> Hypothesis:
         """Return the base with a discrepancy beyond tolerance, at its most probable amplitude."""
-        region, tried = self.region(base.active), []
-        for factor in AMPLITUDES:
-            amplitudes = {**base.amplitudes, name: factor}
-            values, cost = self.near(base.values, amplitudes).step(region)
-            active = (*base.active, name)
-            tried.append(
-                replace(
-                    base,
-                    active=active,
-                    values=values,
-                    linearisation_point=base.values,
-                    cost=cost,
-                    amplitudes=amplitudes,
-                )
-            )
-        return max(tried, key=self.log_evidence)
+        start = replace(base, active=(*base.active, name))  # bounds as the base: no effect is added
+        candidates = [
+            self._take_linear_step(start, {**base.amplitudes, name: amplitude})
+            for amplitude in AMPLITUDES
+        ]
+        return max(candidates, key=self.log_evidence)
 
-    def refit(self, base: Hypothesis, others: Iterable[Hypothesis]) -> Hypothesis:
-        """Return the base refitted from others' optima, so that it is not above a feasible one.
+    def refit(self, base: Hypothesis, candidates: Iterable[Hypothesis]) -> Hypothesis:
+        """Return the base refitted from the optima of other hypotheses, if one is better.
 
-        A candidate whose optimum lies inside its tolerance is itself a point of the base; one
-        outside, moved back to the tolerance's edge, is a start that the base may not have seen.
+        An optimum outside the base's bounds is clipped to them. This prevents a local minimum of
+        the base from looking like evidence for a candidate.
         """
         region, search = self.region(base.active), self.errors.search(base.amplitudes)
         best = base
-        above = base.cost + MAX_COST_GAP
-        for other in others:
-            start = region.clipped(other.values)
+        max_cost = base.cost + MAX_COST_GAP
+        for candidate in candidates:
+            start = region.clipped(candidate.values)
             near = self.near(start, base.amplitudes)
-            found = search.minimum(start, region, known=near, above=above)
-            if found.cost < best.cost:
-                best = _build_hypothesis(base.active, found, base.amplitudes)
+            minimum = search.minimum(start, region, known=near, above=max_cost)
+            if minimum.cost < best.cost:
+                best = _build_hypothesis(base.active, minimum, base.amplitudes)
         return best
 
-    def null_gains(self, base: Hypothesis, draws: Bootstrap, rng: np.random.Generator) -> Array:
-        """Return the largest gain of any candidate (draws,) when the base is the truth.
+    def null_gains(self, base: Hypothesis, bootstrap: Bootstrap, rng: np.random.Generator) -> Array:
+        """Return the largest gain of any candidate in each bootstrap draw of the base (draws,).
 
-        Errors drawn about the base, the shared ones among them, move the gradient of its
-        neighbourhood; there every candidate's bounded problem is solved exactly.
+        A draw is a random gradient of the linearisation with the covariance of all errors, shared
+        ones included. The bounded problem of each candidate is solved exactly on it.
         """
         curvature = self.near(base.values, base.amplitudes).curvature
         regions = [self.region((*base.active, e)) for e in self.effects if e not in base.active]
-        drawn = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)
-        blocks = {
-            str(start): (int(rng.integers(2**63)), min(start + DRAWS_PER_TASK, draws.draws) - start)
-            for start in range(0, draws.draws, DRAWS_PER_TASK)
+        draw = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)
+        n = bootstrap.draws
+        tasks = {
+            str(first): (int(rng.integers(2**63)), min(first + DRAWS_PER_TASK, n) - first)
+            for first in range(0, n, DRAWS_PER_TASK)
         }
-        processes = None if draws.draws >= MIN_PARALLEL_DRAWS else 0
-        found = dict(run_tasks(drawn, blocks, cluster=draws.cluster, processes=processes))
-        return np.concatenate([found[name] for name in blocks])
+        processes = None if n >= MIN_PARALLEL_DRAWS else 0
+        gains = dict(run_tasks(draw, tasks, cluster=bootstrap.cluster, processes=processes))
+        return np.concatenate([gains[task] for task in tasks])
 
 
 def _draw_max_gains(
@@ -379,7 +346,7 @@ def _draw_max_gains(
     """Return the largest gain of each draw of a task (seed, number of draws)."""
     seed, draws = task
     rng = np.random.default_rng(seed)
-    factor = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
+    factor = np.linalg.cholesky(curvature + RIDGE * np.eye(len(curvature)))
     gains = []
     for _ in range(draws):
         sample = Linearisation(
