@@ -1,9 +1,9 @@
-"""Search for what must break its tolerance, effect or discrepancy, and weigh what was tried.
+"""Search for effects and discrepancies beyond their tolerances, by marginal likelihood.
 
-One marginal likelihood decides. An effect's size has a prior of two parts, within its tolerance
-and beyond; a discrepancy within its tolerance is part of every hypothesis, and beyond it is what
-has no name. What is worth having is added one after the other; then each place is tried with
-everything else in it, and what its likeliest member gains on the check recordings counts as well.
+An effect's size has a prior of two parts, within its tolerance and beyond. A discrepancy within its
+tolerance is part of every hypothesis; beyond it is an unnamed effect. Probable members are added
+one by one. Then all candidates are compared in place of each member, with the gain of the most
+probable ones on the validation recordings included.
 """
 
 from __future__ import annotations
@@ -21,40 +21,37 @@ from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Progress, Trial
 from benchtool.explain.engine.shared_errors import AMPLITUDES
-from benchtool.explain.engine.verdict import MOSTLY, Kind, UnnamedEffect
+from benchtool.explain.engine.verdict import EXCESS_ERROR, Kind, UnnamedEffect
 from benchtool.fit.identifiability import UNDETERMINED_HINT
 
 EFFECTS_MISSING = 0.3  # prior probability of an effect, shared among them; assumed
 UNNAMED = 0.1  # prior probability of a discrepancy, shared among them; assumed
-MAX_NAMED_EFFECTS = 5  # how many effects and discrepancies one explanation may have
-CONTENDERS, BEHIND = 4, 12.0  # of a place, tried on the check recordings; most log odds behind
+MAX_NAMED_EFFECTS = 5  # effects and discrepancies of one explanation
+MAX_CONTENDERS = 4  # candidates of a trial that are compared on the validation recordings
+MAX_LOG_ODDS_GAP = 12.0  # below the best candidate; those further behind are not compared
 
-MATTERS, NAMED_STILL = 2.0, 0.05
-"""What is left of an explanation on the check recordings, in floors, from which on something that
-matters is missing, whatever was named; and the part that names then keep of their probability."""
+UNEXPLAINED_ERROR = 2.0  # remaining error in noise floors above which an effect is missing; assumed
+UNEXPLAINED_FACTOR = 0.05  # on probabilities of names if the error is unexplained; assumed
+EXCESS_FACTOR = 0.9  # the same for a remaining error above EXCESS_ERROR; assumed
 
-MOSTLY_NAMED = 0.9  # the same part where more than MOSTLY floors are left; assumed
-LARGE = 4.0  # tolerances; from here on an effect competes with a different law; assumed
-DECISIVE = log(100.0)  # log evidence ratio (Jeffreys, Theory of Probability, 1961)
-OTHER_LAW = "different law"  # in log odds: what acts like the likeliest effect by another law
+OTHER_LAW = "different law"  # candidate similar to the most probable effect, by another law
+MIN_OTHER_LAW_SIZE = 4.0  # tolerances; a larger effect competes with a different law; assumed
+DECISIVE_EVIDENCE = log(100.0)  # log evidence ratio (Jeffreys, Theory of Probability, 1961)
 
+# Discrepancies of these stages do not affect named effects of others: thrust and torque are
+# predicted from measured speeds, and a reading error is not a force.
 SEPARATE_STAGES = ("pwm_to_rpm", "sensor")
-"""Stages whose departures leave the names of others alone: thrust and torques are predicted from
-speeds that were read, and a reading's error is no force."""
-
-CLASS_PROBABILITY = (
-    0.15  # an effect and a discrepancy likelier than this for one place make a class
-)
-UNNAMED_DOMINANCE = 0.2  # part of the squares of its names from which a stage is unknown; assumed
+CLASS_PROBABILITY = 0.15  # an effect and a discrepancy form a class if both exceed it
+UNNAMED_DOMINANCE = 0.2  # sum of squares over that of all named effects; above: unknown; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Posterior:
     """Result of a search by marginal likelihood."""
 
-    null: Hypothesis  # nothing beyond tolerance
-    best: Hypothesis  # the hypothesis whose members are all worth having; the null when none is
-    trials: tuple[Trial, ...]  # one for each of its members; one in all where there is none
+    null: Hypothesis
+    best: Hypothesis  # all members are more probable than not; the null if it has none
+    trials: tuple[Trial, ...]  # one for each member; a single one for the null
 
 
 def judge(
@@ -68,37 +65,37 @@ def judge(
     search = search_models(hypotheses, Hypotheses(subject.all_evidence), progress)
     trials = [_add_other_law(subject, hypotheses, trial) for trial in search.trials]
     search = replace(search, trials=tuple(trials))
-    unnamed = _unnamed(hypotheses, search)
+    unnamed = _find_unnamed(hypotheses, search)
     kind, members = _decide(hypotheses, search, unnamed)
-    alone = kind != "unknown" or len(search.trials) == 1
-    if alone and (rivals := _inseparable(hypotheses, search)) is not None:
-        index, effect, other = rivals
+    is_single = kind != "unknown" or len(search.trials) == 1
+    if is_single and (pair := _find_inseparable(hypotheses, search)) is not None:
+        index, effect, other = pair
         search = replace(search, best=hypotheses.converge(effect))
         kind, members = "class", [(index, effect.active[-1])]
         unnamed = [_describe(hypotheses, other, search.trials[index]), *unnamed]
     named = tuple(name for _, name in (members[:1] if kind == "class" else members))
     if members and set(search.best.active) != set(named):
-        # Predictions are those of what is named: nothing beside it goes on without a name.
+        # Predict with the named effects only.
         search = replace(search, best=hypotheses.fitted(named, search.best.values))
-    near = _nearest(subject, search, unnamed) if kind == "unknown" else None
-    fitted = search.best if members else near or search.null
-    progress("predicting the check recordings", 0.8)
-    held = ValidationScore.of(subject, hypotheses, search.null, fitted, rng, draws)
-    weights = [_weights(hypotheses, trial) for trial in search.trials]
-    left, unclosed = held.left
-    if (members and unclosed > MATTERS) or (kind == "none" and left > MATTERS):
+    nearest = _find_nearest(subject, search, unnamed) if kind == "unknown" else None
+    fit = search.best if members else nearest or search.null
+    progress("predicting validation recordings", 0.8)
+    score = ValidationScore.of(subject, hypotheses, search.null, fit, rng, draws)
+    weights = [_candidate_probabilities(hypotheses, trial) for trial in search.trials]
+    error, unclosed = score.left
+    if (members and unclosed > UNEXPLAINED_ERROR) or (kind == "none" and error > UNEXPLAINED_ERROR):
         kind, members = "unknown", []
-        weights = [_reduce_names(chances, NAMED_STILL) for chances in weights]
-    elif members and left > MOSTLY:
+        weights = [_reduce_names(by_name, UNEXPLAINED_FACTOR) for by_name in weights]
+    elif members and error > EXCESS_ERROR:
         kind = "class" if kind == "effect" else kind
-        weights = [_reduce_names(chances, MOSTLY_NAMED) for chances in weights]
-    unknown = [chances["unknown"] for chances in weights]
+        weights = [_reduce_names(by_name, EXCESS_FACTOR) for by_name in weights]
+    unknown = [by_name["unknown"] for by_name in weights]
     return Judgement(
         kind=kind,
         null=search.null,
         best=search.best,
-        shown=fitted,
-        held=held,
+        shown=fit,
+        held=score,
         trials=search.trials,
         weights=weights,
         members=members,
@@ -109,33 +106,34 @@ def judge(
 
 
 def _reduce_names(weights: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Return probabilities of a place with errors left: names keep a share of theirs."""
-    names = {name: factor * share for name, share in weights.items() if name != "unknown"}
+    """Return probabilities with those of all names multiplied by a factor, for a bad prediction."""
+    names = {name: factor * weight for name, weight in weights.items() if name != "unknown"}
     return {**names, "unknown": 1.0 - sum(names.values())}
 
 
 def _add_other_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Trial:
-    """Return a trial whose likeliest effect competes with one like it by a different law.
+    """Return a trial in which the most probable effect competes with a different law.
 
-    Only where it is large or nothing fixes the law; less than decisive evidence does not count.
+    Only if the effect is large or its law is not determined by the recordings, and unless the
+    evidence against the other law is decisive.
     """
     top = trial.log_odds[trial.name]
     if trial.name not in hypotheses.effects or top <= 0.0:
         return trial
     effect = trial.tried[0]
-    if hypotheses.size(effect) < LARGE and not subject.free_law:
+    if hypotheses.size(effect) < MIN_OTHER_LAW_SIZE and not subject.free_law:
         return trial
-    ahead = hypotheses.by_other_law(effect) - hypotheses.log_evidence(effect)
-    if ahead < -DECISIVE:
+    gain = hypotheses.by_other_law(effect) - hypotheses.log_evidence(effect)
+    if gain < -DECISIVE_EVIDENCE:
         return trial
-    return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(ahead, 0.0)})
+    return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(gain, 0.0)})
 
 
 def _other_effects(
     subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> list[tuple[str, float]]:
     """Return effects in other stages than the unnamed ones, with probabilities."""
-    stages = {departure.stage for departure in unnamed}
+    stages = {effect.stage for effect in unnamed}
     return [
         (trial.name, 1.0 - probabilities(trial)["none"])
         for trial in search.trials
@@ -146,54 +144,57 @@ def _other_effects(
 
 
 def probabilities(trial: Trial) -> dict[str, float]:
-    """Return the probability of each name in a place, and of "none"; they sum to 1."""
+    """Return the probability of each candidate of a trial, and of "none"; they sum to 1."""
     top = max(0.0, *trial.log_odds.values())
-    parts = {name: exp(max(odds - top, -700.0)) for name, odds in trial.log_odds.items()}
-    parts["none"] = exp(max(-top, -700.0))
-    total = sum(parts.values())
-    return {name: part / total for name, part in parts.items()}
+    weights = {name: exp(max(odds - top, -700.0)) for name, odds in trial.log_odds.items()}
+    weights["none"] = exp(max(-top, -700.0))
+    total = sum(weights.values())
+    return {name: weight / total for name, weight in weights.items()}
 
 
-def _unnamed(hypotheses: Hypotheses, search: Posterior) -> list[UnnamedEffect]:
-    """Return what departs beyond tolerance and has no name, the largest first."""
-    departures = [
+def _find_unnamed(hypotheses: Hypotheses, search: Posterior) -> list[UnnamedEffect]:
+    """Return discrepancies beyond tolerance, largest first."""
+    unnamed = [
         _describe(hypotheses, replace(search.best, active=(trial.name,)), trial)
         for trial in search.trials
         if trial.name in hypotheses.discrepancies and trial.name in search.best.active
     ]
-    return sorted(departures, key=lambda departure: -departure.weight)
+    return sorted(unnamed, key=lambda effect: -effect.weight)
 
 
 def _describe(hypotheses: Hypotheses, fit: Hypothesis, trial: Trial) -> UnnamedEffect:
-    """Describe the discrepancy that a hypothesis opens last."""
+    """Describe the last discrepancy of a hypothesis."""
     name = fit.active[-1]
     discrepancy = hypotheses.discrepancies[name]
     rows, shares = hypotheses.estimate_discrepancy(fit, name)
-    usual = np.sqrt(np.sum(discrepancy.shares**2, axis=1)) / SMALL
-    acts = usual > 0.0
+    tolerance = np.sqrt(np.sum(discrepancy.shares**2, axis=1)) / SMALL
+    has_effect = tolerance > 0.0
     return UnnamedEffect(
         name=name,
         stage=discrepancy.stage,
         phrase=discrepancy.phrase,
         probability=1.0 - probabilities(trial)["none"],
-        share=float(np.max(np.abs(shares[acts]))),
-        tolerances=float(np.max(np.abs(shares[acts]) / usual[acts])),
+        share=float(np.max(np.abs(shares[has_effect]))),
+        tolerances=float(np.max(np.abs(shares[has_effect]) / tolerance[has_effect])),
         weight=float(rows @ rows),
     )
 
 
-def _inseparable(
+def _find_inseparable(
     hypotheses: Hypotheses, search: Posterior
 ) -> tuple[int, Hypothesis, Hypothesis] | None:
-    """Return the place of the only effect, it, and the discrepancy that is about as likely."""
+    """Return the only probable effect and an about as probable discrepancy, with the trial index.
+
+    None if there is no such pair.
+    """
     if not search.best.active:
         return None
     candidates = []
     for index, trial in enumerate(search.trials):
-        chances = probabilities(trial)
-        likely = [fit for fit in trial.tried if chances[fit.active[-1]] > CLASS_PROBABILITY]
-        effects = [fit for fit in likely if fit.active[-1] in hypotheses.effects]
-        others = [fit for fit in likely if fit.active[-1] in hypotheses.discrepancies]
+        by_name = probabilities(trial)
+        probable = [fit for fit in trial.tried if by_name[fit.active[-1]] > CLASS_PROBABILITY]
+        effects = [fit for fit in probable if fit.active[-1] in hypotheses.effects]
+        others = [fit for fit in probable if fit.active[-1] in hypotheses.discrepancies]
         if effects:
             candidates.append((index, effects[0], others))
     if len(candidates) != 1 or not candidates[0][2]:
@@ -205,49 +206,49 @@ def _inseparable(
 def _decide(
     hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> tuple[Kind, list[tuple[int, str]]]:
-    """Return the kind of verdict and its members: (place, effect) each.
+    """Return the kind of verdict and its members, (index of trial, effect) each.
 
-    What has no name leaves the names of other stages alone; in the same stage it goes before them
-    where it is larger than all of them together. A class is what this data did not tell apart, and
-    such data could not be expected to.
+    The verdict is "unknown" if unnamed effects exceed `UNNAMED_DOMINANCE`; those of
+    `SEPARATE_STAGES` do not count. A class contains effects that the recordings do not separate,
+    and that such recordings are not expected to separate.
     """
     named = [
         (index, trial)
         for index, trial in enumerate(search.trials)
         if search.best.active and trial.name in hypotheses.effects
     ]
-    matters = [departure for departure in unnamed if departure.tolerances > 1.0]
+    unnamed = [effect for effect in unnamed if effect.tolerances > 1.0]
     if not named:
-        return ("unknown" if matters else "none"), []
-    fitted = hypotheses.contribution(search.best, [trial.name for _, trial in named])
-    main = [departure for departure in matters if departure.stage not in SEPARATE_STAGES]
-    if sum(departure.weight for departure in main) > UNNAMED_DOMINANCE * float(fitted @ fitted):
+        return ("unknown" if unnamed else "none"), []
+    contribution = hypotheses.contribution(search.best, [trial.name for _, trial in named])
+    max_weight = UNNAMED_DOMINANCE * float(contribution @ contribution)
+    if sum(effect.weight for effect in unnamed if effect.stage not in SEPARATE_STAGES) > max_weight:
         return "unknown", []
     if len(named) > 1:
         named.sort(key=lambda item: -item[1].log_odds[item[1].name])
         return "several", [(index, trial.name) for index, trial in named]
     ((index, trial),) = named
-    chances = probabilities(trial)
-    if (law := chances.get(OTHER_LAW, 0.0)) > 1.0 - CLASS_FROM:
+    by_name = probabilities(trial)
+    if (law := by_name.get(OTHER_LAW, 0.0)) > 1.0 - CLASS_FROM:
         return "unknown", []
-    total = sum(chances[name] for name in hypotheses.effects if name in chances)
-    truth = trial.tried[0]
+    total = sum(by_name[name] for name in hypotheses.effects if name in by_name)
+    best, *others = trial.tried
     members = [trial.name] + [
-        fit.active[-1]
-        for fit in trial.tried[1:]
-        if fit.active[-1] in hypotheses.effects
-        and chances[fit.active[-1]] > CLASS_FROM * total
-        and hypotheses.evidence_against(truth, fit.active[-1]) < UNDETERMINED_HINT
+        name
+        for name in (fit.active[-1] for fit in others)
+        if name in hypotheses.effects
+        and by_name[name] > CLASS_FROM * total
+        and hypotheses.evidence_against(best, name) < UNDETERMINED_HINT
     ]
-    alone = len(members) == 1 and not law
-    return "effect" if alone else "class", [(index, name) for name in members]
+    is_effect = len(members) == 1 and not law
+    return "effect" if is_effect else "class", [(index, name) for name in members]
 
 
-def _nearest(
+def _find_nearest(
     subject: Subject, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> Hypothesis | None:
-    """Return the likeliest effect in the stage of what has no name, if any is worth a mention."""
-    stages = {departure.stage == "pwm_to_rpm" for departure in unnamed} or {True, False}
+    """Return the most probable effect in the stage of the unnamed ones; None if none is likely."""
+    stages = {effect.stage == "pwm_to_rpm" for effect in unnamed} or {True, False}
     for trial in search.trials:
         for fit in trial.tried:
             name = fit.active[-1]
@@ -259,18 +260,17 @@ def _nearest(
     return None
 
 
-def _weights(hypotheses: Hypotheses, trial: Trial) -> dict[str, float]:
-    """Return probabilities for one place: of every effect, of "none" and of "unknown"; sum 1."""
-    chances = probabilities(trial)
-    unknown = sum(chances.pop(name, 0.0) for name in (OTHER_LAW, *hypotheses.discrepancies))
-    return {**chances, "unknown": unknown}
+def _candidate_probabilities(hypotheses: Hypotheses, trial: Trial) -> dict[str, float]:
+    """Return probabilities of every effect, of "none" and of "unknown"; they sum to 1."""
+    by_name = probabilities(trial)
+    unknown = sum(by_name.pop(name, 0.0) for name in (OTHER_LAW, *hypotheses.discrepancies))
+    return {**by_name, "unknown": unknown}
 
 
 def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progress) -> Posterior:
-    """Return what must break its tolerance.
+    """Return the members beyond their tolerances, with all candidates for each.
 
-    Args:
-        held_out: about those and the check recordings together.
+    `held_out` has the evidence of training and validation recordings together.
     """
     if not hypotheses.effects:
         raise EstimationError("no effect can be tried: the model has no candidates on this bench")
@@ -278,23 +278,23 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
     base, first = hypotheses.null(), None
     for index in range(MAX_NAMED_EFFECTS):
         progress(f"trying every effect, round {index + 1}", 0.1 + 0.08 * index)
-        trial = _trial(hypotheses, base)
+        trial = _try_candidates(hypotheses, base)
         first = first or trial
         if trial.log_odds[trial.name] <= 0.0:
             break
         base = hypotheses.converge(trial.tried[0])
     assert first is not None
     best = _prune(hypotheses, base) if base.active else first.base
-    progress("trying others in the place of each", 0.5)
+    progress("trying alternatives to each effect", 0.5)
     while True:
         trials = _build_trials(hypotheses, best, first)
-        trials = [_with_check(hypotheses, held_out, trial) for trial in trials]
-        lost = [trial for trial in trials if best.active and trial.log_odds[trial.name] <= 0.0]
-        if not lost:
+        trials = [_with_validation(hypotheses, held_out, trial) for trial in trials]
+        rejected = [trial for trial in trials if best.active and trial.log_odds[trial.name] <= 0.0]
+        if not rejected:
             break
-        worst = min(lost, key=lambda trial: trial.log_odds[trial.name])
-        gone = next(name for name in best.active if name not in worst.base.active)
-        best = hypotheses.without(best, gone)
+        worst = min(rejected, key=lambda trial: trial.log_odds[trial.name])
+        member = next(name for name in best.active if name not in worst.base.active)
+        best = hypotheses.without(best, member)
     if best.active:
         best = max((trial.tried[0] for trial in trials), key=hypotheses.log_evidence)
         best = hypotheses.converge(best)
@@ -302,64 +302,66 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
 
 
 def _build_trials(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> list[Trial]:
-    """Return a trial for each member of a hypothesis, the others taken for granted."""
+    """Return a trial for each member of a hypothesis, given the others."""
     if len(best.active) < 2:
         return [first]
-    return [_trial(hypotheses, hypotheses.without(best, name)) for name in best.active]
+    return [_try_candidates(hypotheses, hypotheses.without(best, name)) for name in best.active]
 
 
-def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
+def _try_candidates(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
     tried = hypotheses.add_candidates(base)
     effects = [fit for fit in tried if fit.active[-1] in hypotheses.effects]
     base = hypotheses.refit(base, effects[:2])
-    # A candidate is never above its base: the base is one of its points.
+    # A candidate contains its base, so its cost is not higher.
     tried = [
         replace(base, active=fit.active)
         if fit.amplitudes == base.amplitudes and fit.cost > base.cost
         else fit
         for fit in tried
     ]
-    least = hypotheses.log_evidence(tried[0]) - BEHIND
-    likely = [
+    min_evidence = hypotheses.log_evidence(tried[0]) - MAX_LOG_ODDS_GAP
+    probable = [
         fit
-        for fit in tried[:CONTENDERS]
-        if fit.active[-1] in hypotheses.effects and hypotheses.log_evidence(fit) > least
+        for fit in tried[:MAX_CONTENDERS]
+        if fit.active[-1] in hypotheses.effects and hypotheses.log_evidence(fit) > min_evidence
     ]
-    # A law is exact or off by its tolerance, each as likely before: the better of both stands.
-    rough = {fit.active[-1]: fit for fit in hypotheses.add_law_discrepancies(likely)}
-    tried = [max(fit, rough.get(fit.active[-1], fit), key=hypotheses.log_evidence) for fit in tried]
-    without = hypotheses.log_evidence(base)
-    odds = {
-        fit.active[-1]: hypotheses.log_evidence(fit) - without + prior(hypotheses, fit.active[-1])
-        for fit in tried
-    }
-    return _ordered(base, tried, odds)
+    # A law is exact or off by its tolerance, with equal priors; use the more probable of the two.
+    by_law = {fit.active[-1]: fit for fit in hypotheses.add_law_discrepancies(probable)}
+    tried = [
+        max(fit, by_law.get(fit.active[-1], fit), key=hypotheses.log_evidence) for fit in tried
+    ]
+    base_evidence = hypotheses.log_evidence(base)
+    odds = dict[str, float]()
+    for fit in tried:
+        name = fit.active[-1]
+        odds[name] = hypotheses.log_evidence(fit) - base_evidence + prior(hypotheses, name)
+    return _build_trial(base, tried, odds)
 
 
-def _ordered(base: Hypothesis, tried: list[Hypothesis], odds: dict[str, float]) -> Trial:
-    ordered = sorted(tried, key=lambda fit: odds[fit.active[-1]], reverse=True)
-    return Trial(base=base, tried=tuple(ordered), log_odds=odds)
+def _build_trial(base: Hypothesis, tried: Sequence[Hypothesis], odds: dict[str, float]) -> Trial:
+    tried = sorted(tried, key=lambda fit: odds[fit.active[-1]], reverse=True)
+    return Trial(base=base, tried=tuple(tried), log_odds=odds)
 
 
-def _with_check(hypotheses: Hypotheses, held_out: Hypotheses, trial: Trial) -> Trial:
-    """Return a trial whose odds count what its contenders gain on the check recordings, too."""
+def _with_validation(hypotheses: Hypotheses, held_out: Hypotheses, trial: Trial) -> Trial:
+    """Return a trial with the gain of its contenders on the validation recordings added."""
     top = trial.log_odds[trial.name]
     if top <= 0.0:
         return trial
 
-    def gained(one: Hypothesis) -> float:
-        """Return the log of the predictive density of the check recordings."""
-        return held_out.log_evidence(held_out.near_fit(one)) - hypotheses.log_evidence(one)
+    def log_density(fit: Hypothesis) -> float:
+        """Return the log of the predictive density of the validation recordings."""
+        return held_out.log_evidence(held_out.near_fit(fit)) - hypotheses.log_evidence(fit)
 
-    without, odds = gained(trial.base), dict(trial.log_odds)
-    for fit in trial.tried[:CONTENDERS]:
-        if odds[fit.active[-1]] > max(0.0, top - BEHIND):
-            odds[fit.active[-1]] += gained(fit) - without
-    return _ordered(trial.base, list(trial.tried), odds)
+    base_density, odds = log_density(trial.base), dict(trial.log_odds)
+    for fit in trial.tried[:MAX_CONTENDERS]:
+        if odds[fit.active[-1]] > max(0.0, top - MAX_LOG_ODDS_GAP):
+            odds[fit.active[-1]] += log_density(fit) - base_density
+    return _build_trial(trial.base, trial.tried, odds)
 
 
 def prior(hypotheses: Hypotheses, name: str) -> float:
-    """Return the log of the prior odds that a bench departs by one more name."""
+    """Return the log prior odds of one more effect or discrepancy."""
     if name in hypotheses.discrepancies:
         return log(UNNAMED / (len(hypotheses.discrepancies) * len(AMPLITUDES)))
     return log(EFFECTS_MISSING / len(hypotheses.effects))
@@ -368,8 +370,8 @@ def prior(hypotheses: Hypotheses, name: str) -> float:
 def _prune(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
     """Return the hypothesis without members that later ones made unnecessary."""
     for name in best.active[:-1]:
-        less = hypotheses.without(best, name)
-        gained = hypotheses.log_evidence(best) - hypotheses.log_evidence(less)
-        if gained + prior(hypotheses, name) <= 0.0:
-            return _prune(hypotheses, less)
+        smaller = hypotheses.without(best, name)
+        gain = hypotheses.log_evidence(best) - hypotheses.log_evidence(smaller)
+        if gain + prior(hypotheses, name) <= 0.0:
+            return _prune(hypotheses, smaller)
     return best

@@ -34,7 +34,7 @@ KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
 Unjudged = Literal["too_weak", "no_trace", "not_tried"]  # size: larger; none; no candidate
 EVERYWHERE = "everywhere"  # regime of a disagreement that is alike in all parts
 SURE, LIKELY = 0.9, 0.7  # probabilities of "lacks" and of "probably lacks"; assumed
-MOSTLY = 1.5  # floors left on the check recordings above which no answer is whole; assumed
+EXCESS_ERROR = 1.5  # in noise floors; a larger remaining error is reported; assumed
 MIN_DETECTABLE = 3.0  # tolerances; an effect that needs more to show makes the data blind for it
 UNDETECTABLE = 100.0  # tolerances; an effect that needs more leaves no trace
 DECISION_PROBABILITY = (
@@ -332,7 +332,7 @@ def _effects_sentence(verdict: Verdict) -> str:
 
 def _excess(verdict: Verdict) -> str:
     """Return a phrase for a remaining error above the noise floor."""
-    if verdict.left <= MOSTLY:
+    if verdict.left <= EXCESS_ERROR:
         return ""
     return f"; {verdict.left:.1f} times what noise explains is left"
 
@@ -340,7 +340,7 @@ def _excess(verdict: Verdict) -> str:
 def _class(verdict: Verdict) -> str:
     effect, *others = verdict.effects
     text = f"{_effect(effect)}, probability {_format_probability(effect.probability)}"
-    if not others and verdict.left > MOSTLY:
+    if not others and verdict.left > EXCESS_ERROR:
         return f"What the model lacks is mostly like {text}{_excess(verdict)}."
     if not others and not verdict.unnamed:
         return (
