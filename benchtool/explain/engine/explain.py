@@ -34,11 +34,9 @@ from benchtool.explain.engine.verdict import (
 from benchtool.explain.law_search.search import dependence
 from benchtool.physics.catalogue import never_tried
 
-NO_EFFECT = ("none", "unknown")  # explanations that name no effect
-
+NO_EFFECT = ("none", "unknown")  # candidates that are not effects
 NO_BOOTSTRAP = Bootstrap()
-
-CLOSES = 0.05  # the nearest effect is mentioned from this share of the gap on
+MIN_SHARE_CLOSED = 0.05  # of the gap by the nearest effect; with less it is not reported
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -46,14 +44,13 @@ class Explanation:
     """Verdict with its curves.
 
     Attributes:
-        floors: (draws,) by channel, what a true model misses on the check recordings, its numbers
-            known exactly.
-        floors_as_learned: the same, the truth as far from its numbers as the recordings to learn
-            from leave them uncertain.
+        floors: (draws,) by channel, errors of a true model with exactly known parameters on the
+            validation recordings.
+        floors_as_learned: the same, with parameters as uncertain as after the training recordings.
     """
 
     verdict: Verdict
-    overlays: tuple[Overlay, ...]  # by channel, on the check recordings
+    overlays: tuple[Overlay, ...]  # by channel, on the validation recordings
     disagreements: tuple[Disagreement, ...]  # by stage
     floors: Mapping[str, Array] = field(default_factory=dict)
     floors_as_learned: Mapping[str, Array] = field(default_factory=dict)
@@ -70,14 +67,13 @@ def explain(
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> Explanation:
-    """Return what is missing from a subject's model, and what the check recordings say to it.
+    """Return the missing effects of a model, validated, with the next experiment.
 
     Args:
-        draws: of the noise behind the floor, 100 at least for a report.
-        bootstrap: records drawn from the null for p-values; asymptotic ones when none.
-        propose: whether to design the next experiment, which takes as long as all the rest.
-        sure: probability of the answer from which no experiment is needed, but for an unknown.
-        minutes: that the next experiment may take; a usual time when None.
+        draws: noise draws for the floor; at least 100 for a report.
+        propose: design the next experiment, which doubles the computing time.
+        sure: probability of the verdict above which no experiment is designed, except for unknown.
+        minutes: longest duration of the next experiment; None for the default.
     """
     rng = np.random.default_rng(seed)
     evidence = subject.evidence
@@ -85,14 +81,13 @@ def explain(
     groups = evidence.groups()
     judgement = judge(subject, hypotheses, rng, draws, progress)
     kind, trials, weights = judgement.kind, judgement.trials, judgement.weights
-    null, final, held = judgement.null, judgement.shown, judgement.held
+    null, final, score = judgement.null, judgement.predicted, judgement.score
     before, after = evidence.residuals(np.vstack([null.values, final.values])).T
-    progress("drawing the answer", 0.9)
+    progress("evaluating the verdict", 0.9)
     effects = []
     for index, name in judgement.members:
         trial, effect = trials[index], effect_size(subject, name)
-        fit = next(tried for tried in trial.tried if tried.active[-1] == name)
-        with_law = fit
+        fit = with_law = next(tried for tried in trial.tried if tried.active[-1] == name)
         if not any(key.startswith(f"{name}: law") for key in fit.amplitudes):
             (with_law,) = hypotheses.add_law_discrepancies([fit])
         effects.append(
@@ -107,7 +102,7 @@ def explain(
                 p_value=p_value(hypotheses, trial.base, fit, bootstrap, rng),
             )
         )
-    gaps = held.gaps(rng)
+    gaps = score.gaps(rng)
     where = nearest = None
     if kind != "none":
         stage = effects[0].stage if effects else None
@@ -117,7 +112,7 @@ def explain(
     if kind == "unknown" and final is not null and final.active[-1] in hypotheses.effects:
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
         effect, share = effect_size(subject, final.active[-1]), max(0.0, worst.share_closed)
-        if share > CLOSES:
+        if share > MIN_SHARE_CLOSED:
             nearest = fitted_nearest(
                 NearestEffect(name=effect.name, phrase=effect.phrase, share_closed=share),
                 subject,
@@ -127,21 +122,17 @@ def explain(
                 {gap.channel: gap.after for gap in gaps},
             )
     depends = None
-    if kind == "unknown" and {departure.stage for departure in judgement.unnamed} != {"pwm_to_rpm"}:
-        progress("looking for what it depends on", 0.92)
-        missed = subject.missing_channels(null.values, [name for name, _ in judgement.beside])
-        depends = dependence(missed, evidence.model.rig.propulsion.radius_m)
+    if kind == "unknown" and {effect.stage for effect in judgement.unnamed} != {"pwm_to_rpm"}:
+        progress("searching for a law", 0.92)
+        others = [name for name, _ in judgement.other_effects]
+        summaries = subject.missing_channels(null.values, others)
+        depends = dependence(summaries, evidence.model.rig.propulsion.radius_m)
     best = judgement.best
     if not effects:
         after, best = before, null
-        gaps = tuple(
-            replace(
-                gap, after=gap.before, after_low=gap.before_low, after_high=gap.before_high
-            )
-            for gap in gaps
-        )  # fmt: skip
-    needed = subject.free_law if kind == "class" else ""
-    remarks = (*subject.remarks, needed) if needed else subject.remarks
+        gaps = tuple(gap.without_effects() for gap in gaps)
+    data_needed = subject.free_law if kind == "class" else ""
+    remarks = (*subject.remarks, data_needed) if data_needed else subject.remarks
     refused = where.stage if kind == "unknown" and where is not None else None
     verdict = Verdict(
         kind=kind,
@@ -166,9 +157,7 @@ def explain(
             for effect in never_tried(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
-        beside={
-            effect_size(subject, name).phrase: probability for name, probability in judgement.beside
-        },
+        beside={effect_size(subject, name).phrase: p for name, p in judgement.other_effects},
         depends=depends,
         remarks=remarks,
         next=None,
@@ -178,24 +167,26 @@ def explain(
     )
     if propose and (kind == "unknown" or not verdict.holds(sure)):
         progress("designing the next experiment", 0.95)
-        among = select_candidates(hypotheses, judgement)
-        verdict = replace(verdict, next=subject.next_experiment(among, rng, refused, minutes))
+        candidates = select_candidates(hypotheses, judgement)
+        verdict = replace(verdict, next=subject.next_experiment(candidates, rng, refused, minutes))
     progress("done", 1.0)
     return Explanation(
         verdict=verdict,
         overlays=subject.overlays(null.values, best.values),
         disagreements=disagreements(groups, before, after),
-        floors=held.floor,
-        floors_as_learned=held.doubt,
+        floors=score.floor,
+        floors_as_learned=score.uncertain_floor,
     )
 
 
 def _probabilities(judgement: Judgement) -> dict[str, float]:
-    """Return the probability of every explanation; where effects join, of each for its place."""
+    """Return the probability of every candidate: the largest of all trials."""
     weights = judgement.weights
-    named = dict.fromkeys(name for chances in weights for name in chances if name not in NO_EFFECT)
+    effects = dict.fromkeys(
+        name for by_name in weights for name in by_name if name not in NO_EFFECT
+    )
     return {
-        **{name: max(chances.get(name, 0.0) for chances in weights) for name in named},
-        "none": min(chances["none"] for chances in weights),
+        **{name: max(by_name.get(name, 0.0) for by_name in weights) for name in effects},
+        "none": min(by_name["none"] for by_name in weights),
         "unknown": judgement.unknown,
     }

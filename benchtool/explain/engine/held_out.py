@@ -1,4 +1,4 @@
-"""The gap on the check recordings: as given, before, after, and the floor of a true model."""
+"""Prediction errors on the validation recordings, with the noise floor of a true model."""
 
 from __future__ import annotations
 
@@ -12,102 +12,86 @@ from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.shared_errors import solve_covariance
 from benchtool.explain.engine.verdict import ChannelGap
 
-UPPER = 0.95  # quantile of the floor's draws that counts as the upper end of noise
-CLOSED = 0.8  # share of the gap above the floor that a right explanation closes; assumed
+UPPER = 0.95  # of the draws of the floor; upper end of the noise
+CLOSED_SHARE = 0.8  # of the gap above the floor that a correct explanation closes; assumed
 RESAMPLES = 1000  # draws of the block bootstrap
-FLOOR_DRAWS = 64  # draws of a floor with uncertain numbers
+FLOOR_DRAWS = 64  # draws of a floor with uncertain parameters
 
 
-class Learned:
-    """Predict departures within tolerance where they were not learned from.
+class LearnedDiscrepancies:
+    """Prediction of discrepancies within tolerance on the validation recordings.
 
-    In the basis of all recordings, which the learned ones alone need not share: roots of a
-    covariance are cut off, and predictions of speed feel where.
-
-    Args:
-        every: those and the check recordings, theirs last.
+    Uses the basis of training and validation recordings together (`evidence`, validation rows
+    last): a basis of training rows alone is truncated elsewhere, which changes predicted speeds.
     """
 
-    def __init__(self, hypotheses: Hypotheses, every: Evidence) -> None:
+    def __init__(self, hypotheses: Hypotheses, evidence: Evidence) -> None:
         self._errors = hypotheses.errors
-        self._parts = [part for part in every.discrepancies() if part.readings is not None]
-        self._learned = hypotheses.n_rows
+        self._discrepancies = [d for d in evidence.discrepancies() if d.readings is not None]
+        self._n_training = hypotheses.n_rows
 
     def mean(self, fit: Hypothesis) -> Array:
-        """Return by what readings of the check recordings are expected to be changed (n_rows,).
-
-        Each departure as far as its tolerance, without what is beyond.
-        """
-        draws = self._columns(fit).T @ self._left(fit)
+        """Return the expected changes (n_validation,) of validation readings, within tolerance."""
+        coefficients = self._columns(fit).T @ self._weighted_residuals(fit)
         total, first = np.zeros(1), 0
-        for part in self._parts:
-            assert part.readings is not None
-            readings = part.readings[self._learned :]
+        for discrepancy in self._discrepancies:
+            assert discrepancy.readings is not None
+            readings = discrepancy.readings[self._n_training :]
             last = first + readings.shape[1]
-            if part.name not in fit.amplitudes:
+            if discrepancy.name not in fit.amplitudes:
                 limit = np.sqrt(np.sum(readings**2, axis=1)) / SMALL
-                total = total + np.clip(readings @ draws[first:last], -limit, limit)
+                total = total + np.clip(readings @ coefficients[first:last], -limit, limit)
             first = last
         return total
 
-    def drawn(self, fit: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
-        """Return changes (n_rows, draws) as uncertain as they are, about the expected ones."""
+    def draw(self, fit: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
+        """Return random deviations (n_validation, draws) from the expected changes."""
         columns = self._columns(fit) / self._errors.noise[:, None]
-        precision = columns.T @ solve_covariance(self._every(fit), columns)
-        size, axes = np.linalg.eigh(np.eye(len(precision)) - precision)
-        root = axes * np.sqrt(np.maximum(size, 0.0)) @ axes.T  # the one that rounding leaves alone
-        drawn: Array = self._readings(fit) @ (root @ rng.standard_normal((len(size), draws)))
-        return drawn
+        precision = columns.T @ solve_covariance(self._all_columns(fit), columns)
+        variances, axes = np.linalg.eigh(np.eye(len(precision)) - precision)
+        root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T  # symmetric: robust to rounding
+        changes: Array = self._readings(fit) @ (root @ rng.standard_normal((len(root), draws)))
+        return changes
 
-    def _every(self, fit: Hypothesis) -> Array:
-        """Return the columns of all that is there over the noise, laws of effects among them."""
+    def _all_columns(self, fit: Hypothesis) -> Array:
+        """Return all columns over the noise, with those of effect laws."""
         laws = [self._errors.law(name) for name in fit.amplitudes if ": law" in name]
         return np.hstack([self._columns(fit) / self._errors.noise[:, None], *laws])
 
-    def _left(self, fit: Hypothesis) -> Array:
-        """Return V^-1 r (n_learned,) of what a hypothesis leaves."""
-        return (
-            solve_covariance(self._every(fit), self._errors.rows(fit.values)[:, 0])
-            / self._errors.noise
-        )
+    def _weighted_residuals(self, fit: Hypothesis) -> Array:
+        """Return V^-1 r (n_training,) of the residuals r of a hypothesis."""
+        rows = self._errors.rows(fit.values)[:, 0]
+        return solve_covariance(self._all_columns(fit), rows) / self._errors.noise
 
-    def _factors(self, fit: Hypothesis) -> list[float]:
-        return [fit.amplitudes.get(part.name, float(part.always)) for part in self._parts]
+    def _amplitudes(self, fit: Hypothesis) -> list[float]:
+        return [fit.amplitudes.get(d.name, float(d.always)) for d in self._discrepancies]
 
     def _columns(self, fit: Hypothesis) -> Array:
-        """Return columns (n_learned, r) as large as the hypothesis has them."""
-        parts = [
-            factor * part.columns[: self._learned]
-            for factor, part in zip(self._factors(fit), self._parts, strict=True)
-        ]
-        return np.hstack([np.empty((self._learned, 0)), *parts])
+        """Return columns (n_training, r) scaled by amplitude."""
+        pairs = zip(self._amplitudes(fit), self._discrepancies, strict=True)
+        columns = [amplitude * d.columns[: self._n_training] for amplitude, d in pairs]
+        return np.hstack([np.empty((self._n_training, 0)), *columns])
 
     def _readings(self, fit: Hypothesis) -> Array:
-        """Return changes of readings (n_check_rows, r), 0 for what is beyond tolerance."""
-        if not self._parts:
+        """Return changes of readings (n_validation, r); 0 for discrepancies beyond tolerance."""
+        if not self._discrepancies:
             return np.empty((1, 0))
         return np.hstack(
             [
-                (0.0 if part.name in fit.amplitudes else factor) * part.readings[self._learned :]
-                for factor, part in zip(self._factors(fit), self._parts, strict=True)
-                if part.readings is not None
+                (0.0 if d.name in fit.amplitudes else amplitude) * d.readings[self._n_training :]
+                for amplitude, d in zip(self._amplitudes(fit), self._discrepancies, strict=True)
+                if d.readings is not None
             ]
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ValidationScore:
-    """Errors on the validation recordings.
+    """Errors on the validation recordings, by channel."""
 
-    Attributes:
-        errors: by channel; columns are the model as given, before, after.
-        floor: (draws,) by channel, of the model with the named effects taken for true.
-        doubt: the same, the model's numbers as uncertain as they are.
-    """
-
-    errors: dict[str, ChannelErrors]
-    floor: dict[str, Array]
-    doubt: dict[str, Array]
+    errors: dict[str, ChannelErrors]  # columns: model as given, before, after
+    floor: dict[str, Array]  # (draws,) if the model with the named effects is true
+    uncertain_floor: dict[str, Array]  # the same, with uncertain parameters
 
     @classmethod
     def of(
@@ -119,44 +103,44 @@ class ValidationScore:
         rng: np.random.Generator,
         draws: int,
     ) -> ValidationScore:
-        """Predict with the numbers before (`null`) and after (`best`)."""
-        training = Learned(hypotheses, subject.all_evidence)
+        """Predict before (`null`) and after (`best`) the explanation."""
+        learned = LearnedDiscrepancies(hypotheses, subject.all_evidence)
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
-        before = training.mean(null)
-        changes = np.stack([np.zeros_like(before), before, training.mean(best)], axis=1)
+        before = learned.mean(null)
+        changes = np.stack([np.zeros_like(before), before, learned.mean(best)], axis=1)
 
-        drawn = training.drawn(best, rng, FLOOR_DRAWS)
+        drawn = learned.draw(best, rng, FLOOR_DRAWS)
         return cls(
             errors=dict(subject.errors(sets, changes)),
-            doubt=dict(subject.floor(best.values, drawn, rng, hypotheses.spread(best))),
-            floor=dict(subject.floor(best.values, training.drawn(best, rng, draws), rng)),
+            uncertain_floor=dict(subject.floor(best.values, drawn, rng, hypotheses.spread(best))),
+            floor=dict(subject.floor(best.values, learned.draw(best, rng, draws), rng)),
         )
 
     @property
-    def left(self) -> tuple[float, float]:
-        """The largest error over the median of its floor: of all channels, of those hardly gained.
+    def remaining_errors(self) -> tuple[float, float]:
+        """The largest error over its median floor: of all channels, and of the unclosed ones.
 
-        A channel hardly gains where less than `CLOSED` of its gap above the floor is closed.
+        A channel is unclosed if less than `CLOSED_SHARE` of its gap above the floor is closed.
         """
         ratios, unclosed = [0.0], [0.0]
         for name, channel in self.errors.items():
             _, before, after = np.mean(channel.squares, axis=0)
             floor = float(np.median(self.floor[name])) ** 2
             ratios.append(float(np.sqrt(after / floor)))
-            if before - after < CLOSED * (before - floor):
+            if before - after < CLOSED_SHARE * (before - floor):
                 unclosed.append(float(np.sqrt(min(before, after) / floor)))
         return max(ratios), max(unclosed)
 
     def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
         """Return the gap of each channel."""
-        out = []
+        gaps = []
         for name, channel in self.errors.items():
             roots = np.sqrt(np.mean(channel.squares, axis=0))
             blocks = rng.integers(len(channel.squares), size=(RESAMPLES, len(channel.squares)))
             drawn = np.sqrt(np.mean(channel.squares[blocks], axis=1))
             low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
             floor = self.floor[name]
-            out.append(
+            gaps.append(
                 ChannelGap(
                     channel=name,
                     unit=channel.unit,
@@ -172,4 +156,4 @@ class ValidationScore:
                     after_high=float(high[2]),
                 )
             )
-        return tuple(out)
+        return tuple(gaps)

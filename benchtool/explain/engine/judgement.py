@@ -39,22 +39,16 @@ class CandidateEffect:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Judgement:
-    """Result of the search, with probabilities.
-
-    Attributes:
-        weights: for each trial, probabilities of every effect, of "none" and of "unknown".
-        members: (index of trial, name) of each named effect.
-        shown: hypothesis for the predictions: of the named effects or of the nearest.
-    """
+    """Result of the search, with probabilities."""
 
     kind: Kind
     null: Hypothesis
     best: Hypothesis
-    shown: Hypothesis
-    held: ValidationScore
+    predicted: Hypothesis  # for predictions: named effects, else the nearest one or the null
+    score: ValidationScore
     trials: Sequence[Trial]
-    weights: Sequence[Mapping[str, float]]
-    members: Sequence[tuple[int, str]]
+    weights: Sequence[Mapping[str, float]]  # of each trial: all effects, "none", "unknown"
+    members: Sequence[tuple[int, str]]  # index of trial, name; of each named effect
     unknown: float  # probability of an unnamed effect
     unnamed: Sequence[UnnamedEffect] = ()
-    beside: Sequence[tuple[str, float]] = ()  # effects in other stages, with probabilities
+    other_effects: Sequence[tuple[str, float]] = ()  # effects in other stages, with probabilities

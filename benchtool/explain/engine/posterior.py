@@ -82,7 +82,7 @@ def judge(
     progress("predicting validation recordings", 0.8)
     score = ValidationScore.of(subject, hypotheses, search.null, fit, rng, draws)
     weights = [_candidate_probabilities(hypotheses, trial) for trial in search.trials]
-    error, unclosed = score.left
+    error, unclosed = score.remaining_errors
     if (members and unclosed > UNEXPLAINED_ERROR) or (kind == "none" and error > UNEXPLAINED_ERROR):
         kind, members = "unknown", []
         weights = [_reduce_names(by_name, UNEXPLAINED_FACTOR) for by_name in weights]
@@ -94,14 +94,16 @@ def judge(
         kind=kind,
         null=search.null,
         best=search.best,
-        shown=fit,
-        held=score,
+        predicted=fit,
+        score=score,
         trials=search.trials,
         weights=weights,
         members=members,
         unknown=max(unknown) if kind == "unknown" else min(unknown),
         unnamed=unnamed,
-        beside=_other_effects(subject, hypotheses, search, unnamed) if kind == "unknown" else (),
+        other_effects=_other_effects(subject, hypotheses, search, unnamed)
+        if kind == "unknown"
+        else (),
     )
 
 

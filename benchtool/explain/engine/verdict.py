@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Literal
 
@@ -121,9 +121,14 @@ class ChannelGap:
     after_low: float
     after_high: float
 
+    def without_effects(self) -> ChannelGap:
+        """Return the gap with the errors after set to those before, if no effect is named."""
+        low, high = self.before_low, self.before_high
+        return replace(self, after=self.before, after_low=low, after_high=high)
+
     @property
     def share_closed(self) -> float:
-        """Part of the gap above the floor that the named effects close; 0 where none was."""
+        """Part of the gap above the floor that the named effects close; 0 without a gap."""
         total = self.before**2 - self.floor**2
         if total <= 0.0:
             return 0.0
