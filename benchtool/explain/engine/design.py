@@ -1,9 +1,8 @@
 """Expected log evidence ratios of an experiment between candidates.
 
-Each rival predicts the readings of an experiment from its own numbers and from how uncertain the
-recordings so far leave them: a Gaussian whose covariance has the noise, what rows share, and the
-discrepancies of all recordings together. The log evidence ratio of one rival over another that the
-experiment is expected to bring, were the first one true, is the divergence between two of these
+Each candidate predicts the readings of an experiment as a Gaussian. Its covariance has the noise,
+the parameter uncertainty after the recordings so far, and the discrepancies. The expected log
+evidence ratio of a true candidate over another one is the divergence between their Gaussians
 (Kullback and Leibler, Ann. Math. Stat. 22, 1951).
 """
 
@@ -28,92 +27,86 @@ from benchtool.physics.effects.effect import Subsystem
 
 NONE = "nothing beyond tolerance"
 
-ESC_MODE = (  # for what is unknown between pulse and speed
-    "speed at a pulse answers to the pulse, the plate and the supply, which pulses near and far "
-    "separate; write down the ESC's mode as well: governed, it holds the speed against plate and "
-    "supply; else it sets a voltage, and the speed gives"
+ESC_MODE = (  # for an unnamed effect between pulse width and speed
+    "speed at a pulse width depends on pulse width, plate and supply, which pulse widths near to "
+    "and far from the plate separate; record the ESC mode as well: a governor holds the speed "
+    "against plate and supply, otherwise the ESC sets a voltage and the speed varies"
 )
 
-MAX_CANDIDATES = 6  # so many explanations an experiment is designed for at most
-MIN_PROBABILITY = 0.01  # what a rival counts as at least, once it is one
-CLEAR = 0.01  # prospect confusion at which nothing more is added to a design; assumed
-WORTH = 0.01  # least decrease of the log of the expected confusion; assumed
-DRAWS = 64  # simulated experiments behind what is stated of the chosen one
-SHOWN = 100.0  # a larger expected log evidence ratio is not stated: it rests on few draws far out
-MIN_DURATION_S = 20.0  # time that an addition counts as at least; assumed
+MAX_CANDIDATES = 6  # candidates that an experiment is designed to separate
+MIN_PROBABILITY = 0.01  # of a candidate in a design
+MAX_CONFUSION = 0.01  # expected confusion below which a design is complete; assumed
+MIN_LOG_DECREASE = 0.01  # of the expected confusion by an addition; assumed
+DRAWS = 64  # simulated experiments for the expected outcome of the selected design
+MAX_REPORTED_RATIO = 100.0  # larger expected log evidence ratios depend on a few extreme draws
+MIN_DURATION_S = 20.0  # of an addition, in its gain per time; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CandidatePrediction:
-    """Prediction of new rows by one candidate: mean + slopes u, u of a known precision."""
+    """Prediction of new rows by one candidate: mean + slopes u, with a Gaussian u."""
 
     mean: Array  # (n,) over the noise
     slopes: Array  # (n, q)
-    known: Array  # (q, q) precision of u, from the recordings so far
-    room: tuple[Array, Array]  # how far the first of u may go, down and up: what bounds leave
+    precision: Array  # (q, q) of u, from the recordings so far
+    bounds: tuple[Array, Array]  # lower and upper, of the first elements of u
 
-    def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Return rows (n, count) as they may come out, were this rival true."""
-        u = np.linalg.solve(
-            np.linalg.cholesky(self.known).T, rng.standard_normal((len(self.known), count))
-        )
-        free = len(self.room[0])
-        u[:free] = np.clip(u[:free], *(side[:, None] for side in self.room))
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Return random rows (n, count) if this candidate is true."""
+        normal = rng.standard_normal((len(self.precision), count))
+        u = np.linalg.solve(np.linalg.cholesky(self.precision).T, normal)
+        n = len(self.bounds[0])
+        u[:n] = np.clip(u[:n], *(bound[:, None] for bound in self.bounds))
         noise = rng.standard_normal((len(self.mean), count))
         return np.asarray(self.mean[:, None] + self.slopes @ u + noise, float)
 
-    def gains(self, rows: Array) -> Array:
-        """Return the log evidence (count,) that rows (n, count) add, less what all rivals share."""
-        free = len(self.room[0])
-        missed = rows - self.mean[:, None]
-        after, seen = self.known + self.slopes.T @ self.slopes, self.slopes.T @ missed
-        taken = np.linalg.solve(
-            after[free:, free:], np.column_stack([seen, after[:, :free]])[free:]
-        )
-        curvature = after[:free, :free] - after[:free, free:] @ taken[:, rows.shape[1] :]
-        gradient = after[:free, free:] @ taken[:, : rows.shape[1]] - seen[:free]
-        cost = np.sum(missed**2, axis=0) - np.sum(seen[free:] * taken[:, : rows.shape[1]], axis=0)
-        at, within = (
-            np.zeros(free),
-            BoundedRegion(lower=self.room[0], upper=self.room[1], penalty=np.zeros(free)),
-        )
+    def log_evidence(self, rows: Array) -> Array:
+        """Return the log evidence (count,) of rows (n, count), up to a common constant."""
+        n, count = len(self.bounds[0]), rows.shape[1]
+        residuals, square = rows - self.mean[:, None], self.slopes.T @ self.slopes
+        precision, projected = self.precision + square, self.slopes.T @ residuals
+        stacked = np.column_stack([projected, precision[:, :n]])[n:]
+        solved = np.linalg.solve(precision[n:, n:], stacked)
+        curvature = precision[:n, :n] - precision[:n, n:] @ solved[:, count:]
+        gradient = precision[:n, n:] @ solved[:, :count] - projected[:n]
+        cost = np.sum(residuals**2, axis=0) - np.sum(projected[n:] * solved[:, :count], axis=0)
+        region = BoundedRegion(lower=self.bounds[0], upper=self.bounds[1], penalty=np.zeros(n))
         costs = [
-            Linearisation(at, constant, slope, curvature).step(within)[1]
+            Linearisation(np.zeros(n), constant, slope, curvature).step(region)[1]
             for constant, slope in zip(cost, gradient.T, strict=True)
         ]
-        return -0.5 * np.array(costs) - 0.5 * self._log_determinant(self.slopes.T @ self.slopes)
+        return -0.5 * np.array(costs) - 0.5 * self._log_determinant(square)
 
-    def over(self, other: CandidatePrediction, rng: np.random.Generator | None) -> float:
-        """Return the expected log evidence ratio over another one, were this one true."""
+    def log_ratio(self, other: CandidatePrediction, rng: np.random.Generator | None) -> float:
+        """Return the expected log evidence ratio over another candidate if this one is true."""
         if rng is None:
             return self._divergence(other)
-        rows = self.drawn(DRAWS, rng)
-        return float(np.mean(self.gains(rows) - other.gains(rows)))
+        rows = self.draw(DRAWS, rng)
+        return float(np.mean(self.log_evidence(rows) - other.log_evidence(rows)))
 
     def _divergence(self, other: CandidatePrediction) -> float:
-        missed, a, b = self.mean - other.mean, self.slopes, other.slopes
-        after = other.known + b.T @ b
-        seen, cross, own = b.T @ missed, b.T @ a, a.T @ a
-        spread = np.linalg.inv(self.known)
-        square = missed @ missed - seen @ np.linalg.solve(after, seen)
-        wider = np.trace(spread @ own) - np.trace(
-            np.linalg.solve(after, after - other.known + cross @ spread @ cross.T)
-        )
-        return float(
-            0.5 * (square + wider + other._log_determinant(b.T @ b) - self._log_determinant(own))
-        )
+        difference, a, b = self.mean - other.mean, self.slopes, other.slopes
+        precision = other.precision + b.T @ b
+        projected, cross, square = b.T @ difference, b.T @ a, a.T @ a
+        covariance = np.linalg.inv(self.precision)
+        distance = difference @ difference - projected @ np.linalg.solve(precision, projected)
+        inner = precision - other.precision + cross @ covariance @ cross.T
+        trace = np.trace(covariance @ square) - np.trace(np.linalg.solve(precision, inner))
+        log_determinant = other._log_determinant(b.T @ b)
+        return float(0.5 * (distance + trace + log_determinant - self._log_determinant(square)))
 
-    def _log_determinant(self, seen: Array) -> float:
+    def _log_determinant(self, square: Array) -> float:
         """Return the log determinant of the covariance of the new rows."""
-        return float(np.linalg.slogdet(self.known + seen)[1] - np.linalg.slogdet(self.known)[1])
+        before = np.linalg.slogdet(self.precision)[1]
+        return float(np.linalg.slogdet(self.precision + square)[1] - before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedOutcome:
     """Expected outcome between the most probable candidate and each other."""
 
-    ratios: Mapping[str, float]  # log evidence ratios by the other, on average over which is true
-    confusion: float  # bound on the probability that the likeliest afterwards is not the true one
+    ratios: Mapping[str, float]  # log evidence ratios, averaged over which of the two is true
+    confusion: float  # bound on the probability that the most probable candidate is not the truth
 
 
 D = TypeVar("D")
@@ -126,51 +119,56 @@ def select_design(
     seconds: Callable[[D], float],
     most_s: float,
 ) -> D:
-    """Return the design that lowers the expected confusion most for its time, step by step."""
+    """Return the design with the largest decrease of confusion per time, extended greedily.
+
+    Args:
+        more: returns the extended designs by name of the addition.
+        weighed: returns the expected outcome.
+        seconds: returns the duration, at most `most_s`.
+    """
     best, expected, rates = first, weighed(first), dict[str, float]()
-    while expected.confusion > CLEAR:
-        options = {what: option for what, option in more(best).items() if seconds(option) <= most_s}
-        fresh = dict[str, ExpectedOutcome]()
-        what = ""
-        while options and what not in fresh:
-            # What a thing gains shrinks with what is there already: old rates bound new ones.
-            what = max(options, key=lambda option: rates.get(option, inf))
-            if what not in fresh:
-                fresh[what] = weighed(options[what])
-                gained = log(expected.confusion / fresh[what].confusion)
-                taken_s = max(MIN_DURATION_S, seconds(options[what]) - seconds(best))
-                rates[what] = gained / taken_s if gained > WORTH else 0.0
-                what = max(options, key=lambda option: rates.get(option, inf))
-        if not options or rates[what] <= 0.0:
+    while expected.confusion > MAX_CONFUSION:
+        options = {name: option for name, option in more(best).items() if seconds(option) <= most_s}
+        outcomes = dict[str, ExpectedOutcome]()
+        name = ""
+        while options and name not in outcomes:
+            # The gain of an addition decreases as the design grows: old rates bound new ones.
+            name = max(options, key=lambda option: rates.get(option, inf))
+            if name not in outcomes:
+                outcomes[name] = weighed(options[name])
+                decrease = log(expected.confusion / outcomes[name].confusion)
+                added_s = max(MIN_DURATION_S, seconds(options[name]) - seconds(best))
+                rates[name] = decrease / added_s if decrease > MIN_LOG_DECREASE else 0.0
+                name = max(options, key=lambda option: rates.get(option, inf))
+        if not options or rates[name] <= 0.0:
             break
-        best, expected = options[what], fresh[what]
+        best, expected = options[name], outcomes[name]
     return best
 
 
 def select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[CandidateEffect]:
-    """Return the explanations that an experiment should separate, likeliest first.
+    """Return the candidates that an experiment should separate, most probable first.
 
-    Those that leave less than 5 % to others, in the place that is least sure; two at least.
+    At least two, with a joint probability of 95 %, of the least certain trial.
     """
-    index = min(
-        range(len(judgement.trials)),
-        key=lambda trial_index: max(judgement.weights[trial_index].values()),
-    )
-    trial = judgement.trials[index]
-    chances = probabilities(trial) if trial.log_odds else judgement.weights[index]
+    pairs = zip(judgement.trials, judgement.weights, strict=True)
+    trial, by_name = min(pairs, key=lambda pair: max(pair[1].values()))
+    if trial.log_odds:
+        by_name = probabilities(trial)
     phrases = {effect.name: effect.phrase for effect in hypotheses.evidence.model.effects}
     phrases |= {name: part.phrase for name, part in hypotheses.discrepancies.items()}
+    fits = {"none": trial.base, **{fit.active[-1]: fit for fit in trial.tried}}
+    phrases["none"] = NONE
     rivals = [
-        CandidateEffect(name="none", phrase=NONE, fit=trial.base, probability=chances["none"])
+        CandidateEffect(
+            name=name, phrase=phrases[name], fit=fit, probability=by_name.get(name, 0.0)
+        )
+        for name, fit in fits.items()
     ]
-    for fit in trial.tried:
-        name = fit.active[-1]
-        chance = chances.get(name, 0.0)
-        rivals.append(CandidateEffect(name=name, phrase=phrases[name], fit=fit, probability=chance))
     rivals.sort(key=lambda rival: -rival.probability)
-    count, left = 0, 1.0
-    while count < MAX_CANDIDATES and (count < 2 or left > CLASS_FROM) and count < len(rivals):
-        left -= rivals[count].probability
+    count, remaining = 0, 1.0
+    while count < MAX_CANDIDATES and (count < 2 or remaining > CLASS_FROM) and count < len(rivals):
+        remaining -= rivals[count].probability
         count += 1
     rivals = [
         replace(rival, probability=max(rival.probability, MIN_PROBABILITY))
@@ -183,7 +181,7 @@ def select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[Cand
 
 
 def proposal(
-    among: Sequence[CandidateEffect],
+    candidates: Sequence[CandidateEffect],
     expected: ExpectedOutcome,
     title: str,
     seconds: float,
@@ -192,27 +190,27 @@ def proposal(
     schedule: Schedule | None = None,
     plan_toml: str = "",
 ) -> NextExperiment:
-    """Return an experiment in words, with what it is expected to say.
+    """Return an experiment with its expected outcome as text.
 
-    Args:
-        refused: the stage in which nothing in the library explains what is there.
+    `refused` is the stage of an unnamed effect, or None.
     """
-    by_name = {rival.name: rival for rival in reversed(among)}
-    first = among[0].name
+    phrases = {rival.name: rival.phrase for rival in reversed(candidates)}
     ratios = expected.ratios
-    apart = [name for name, ratio in ratios.items() if ratio >= DECISION_PROBABILITY]
-    other = next(iter(apart or ratios))
-    size = "above 100" if ratios[other] > SHOWN else f"of {ratios[other]:.1f}"
+    separated = [name for name, ratio in ratios.items() if ratio >= DECISION_PROBABILITY]
+    other = next(iter(separated or ratios))
+    ratio = ratios[other]
+    size = "above 100" if ratio > MAX_REPORTED_RATIO else f"of {ratio:.1f}"
     reason = (
-        f"expected to separate {by_name[first].phrase} from {by_name[other].phrase} by a log "
+        f"expected to separate {phrases[candidates[0].name]} from {phrases[other]} by a log "
         f"evidence ratio {size}"
     )
-    if apart and (beyond := [by_name[name].phrase for name in ratios if name not in apart]):
-        reason = f"{reason}, but not from {', '.join(beyond)}"
+    others = [phrases[name] for name in ratios if name not in separated]
+    if separated and others:
+        reason = f"{reason}, but not from {', '.join(others)}"
     if refused == "pwm_to_rpm":
         reason = f"{ESC_MODE}; {reason}"
     return NextExperiment(
-        candidates=tuple(dict.fromkeys(rival.name for rival in among)),
+        candidates=tuple(dict.fromkeys(rival.name for rival in candidates)),
         title=title,
         reason=reason,
         schedule=schedule,
@@ -226,62 +224,55 @@ class Forecast:
     """Expected outcomes of experiments, given all recordings so far."""
 
     def __init__(self, evidence: Evidence, rivals: Sequence[CandidateEffect]) -> None:
-        self._about = Hypotheses(evidence)
-        self._evidence = evidence
-        about, self._upper = (
-            self._about,
-            np.array([parameter.most for parameter in evidence.parameters]),
-        )
-        fits = [about.near_fit(rival.fit) for rival in rivals]
-        fits = [about.fitted(fit.active, fit.values, fit.amplitudes) for fit in fits]
+        self._hypotheses = hypotheses = Hypotheses(evidence)
+        self._upper = np.array([parameter.most for parameter in evidence.parameters])
+        fits = [hypotheses.near_fit(rival.fit) for rival in rivals]
+        fits = [hypotheses.fitted(fit.active, fit.values, fit.amplitudes) for fit in fits]
         self.rivals = [replace(rival, fit=fit) for rival, fit in zip(rivals, fits, strict=True)]
         self._before = [slopes(evidence.residuals, fit.values, self._upper) for fit in fits]
         masks = evidence.groups().stages
-        self._noise = {stage: float(about.noise[mask][0]) for stage, mask in masks.items()}
+        self._noise = {stage: float(hypotheses.noise[mask][0]) for stage, mask in masks.items()}
 
     def expected(
         self, new: Evidence, both: Evidence, rng: np.random.Generator | None = None
     ) -> ExpectedOutcome:
-        """Return what an experiment is expected to say.
+        """Return the expected outcome of an experiment.
 
         Args:
-            new, both: as of `outlooks`.
-            rng: of simulated experiments, each weighed within bounds; without it rivals are taken
-                for Gaussians without bounds, which is quick and good enough to compare designs.
+            new: evidence of the simulated experiment, without noise.
+            both: evidence of the recordings so far, then of the experiment.
+            rng: for simulated outcomes with bounded parameters; None for Gaussians without bounds,
+                which are quick and sufficient to compare designs.
         """
-        first, *others = zip(self.rivals, self.outlooks(new, both), strict=True)
-        a, of_a = first
+        first, *others = zip(self.rivals, self._predict(new, both), strict=True)
+        a, a_rows = first
         ratios, confusion = dict[str, float](), 0.0
-        for b, of_b in others:
-            if a.name == b.name:  # both without a name
+        for b, b_rows in others:
+            if a.name == b.name:  # both unnamed
                 continue
-            ratio = (
-                a.probability * of_a.over(of_b, rng) + b.probability * of_b.over(of_a, rng)
-            ) / (a.probability + b.probability)
+            ratio = a.probability * a_rows.log_ratio(b_rows, rng)
+            ratio += b.probability * b_rows.log_ratio(a_rows, rng)
+            ratio /= a.probability + b.probability
             ratios[b.name] = min(ratio, ratios.get(b.name, inf))
             confusion += sqrt(a.probability * b.probability) * exp(-0.25 * ratio)
         return ExpectedOutcome(ratios, confusion)
 
-    def outlooks(self, new: Evidence, both: Evidence) -> list[CandidatePrediction]:
-        """Return what each rival predicts of an experiment.
-
-        Args:
-            new: of the experiment, read without noise as any one bench would.
-            both: of the recordings so far and, behind them, of the experiment.
-        """
+    def _predict(self, new: Evidence, both: Evidence) -> list[CandidatePrediction]:
+        """Return the prediction of an experiment by each candidate."""
         masks = new.groups().stages
         noise = np.ones(len(next(iter(masks.values()))))
         for stage, mask in masks.items():
             noise[mask] = self._noise.get(stage, 1.0)
-        noise = np.concatenate([self._about.noise, noise])
+        noise = np.concatenate([self._hypotheses.noise, noise])
         columns = {part.name: part.columns for part in both.discrepancies()}
-        return [
-            self._outlook(rival.fit, before, slopes(new.residuals, rival.fit.values, self._upper),
-                          both, columns, noise)
-            for rival, before in zip(self.rivals, self._before, strict=True)
-        ]  # fmt: skip
+        predictions = []
+        for rival, before in zip(self.rivals, self._before, strict=True):
+            after = slopes(new.residuals, rival.fit.values, self._upper)
+            prediction = self._predict_by(rival.fit, before, after, both, columns, noise)
+            predictions.append(prediction)
+        return predictions
 
-    def _outlook(
+    def _predict_by(
         self,
         fit: Hypothesis,
         before: tuple[Array, Array],
@@ -290,31 +281,30 @@ class Forecast:
         columns: Mapping[str, Array],
         noise: Array,
     ) -> CandidatePrediction:
-        """Return what a rival predicts, from residuals and their slopes before and in the new."""
-        region = self._about.region(fit.active)
-        free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
+        """Return the prediction of a hypothesis from (residuals, slopes), so far and new."""
+        region = self._hypotheses.region(fit.active)
+        is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
         rows, jacobian = (np.concatenate(pair) for pair in zip(before, new, strict=True))
-        factors = self._about.errors.factors(fit.amplitudes)
+        factors = self._hypotheses.errors.factors(fit.amplitudes)
         shared = [factor * columns[name] for name, factor in factors.items()]
         for name in fit.active:
-            if name in self._about.effects and columns:
-                own = np.array([parameter.effect == name for parameter in both.parameters])
-                both_ways = np.vstack([fit.values, np.where(own, 0.0, fit.values)])
-                done = both.residuals(both_ways)
-                shared.append(both.varied(done[:, 0] - done[:, 1]))
-        n_before = len(before[0])
-        every = np.hstack([-jacobian[:, free], *shared]) / noise[:, None]
+            if name in self._hypotheses.effects and columns:
+                is_own = np.array([parameter.effect == name for parameter in both.parameters])
+                sets = np.vstack([fit.values, np.where(is_own, 0.0, fit.values)])
+                residuals = both.residuals(sets)
+                shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
+        n_before, n_free = len(before[0]), int(is_free.sum())
+        design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
         rows = rows / noise
-        prior = np.concatenate([region.penalty[free] ** 2, np.ones(every.shape[1] - free.sum())])
-        precision = every[:n_before].T @ every[:n_before] + np.diag(prior + 1e-9)
-        # Numbers are at their best; what discrepancies take up follows from what is left of rows.
-        taken = slice(int(free.sum()), None)
-        weights = np.linalg.solve(
-            precision[taken, taken], every[:n_before, taken].T @ rows[:n_before]
-        )
+        prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(design.shape[1] - n_free)])
+        precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)
+        # Parameters are at the best fit; discrepancies are estimated from the residuals.
+        projected = design[:n_before, n_free:].T @ rows[:n_before]
+        coefficients = np.linalg.solve(precision[n_free:, n_free:], projected)
+        lower, upper = region.lower - fit.values, region.upper - fit.values
         return CandidatePrediction(
-            mean=every[n_before:, taken] @ weights - rows[n_before:],
-            slopes=every[n_before:],
-            known=precision,
-            room=((region.lower - fit.values)[free], (region.upper - fit.values)[free]),
+            mean=design[n_before:, n_free:] @ coefficients - rows[n_before:],
+            slopes=design[n_before:],
+            precision=precision,
+            bounds=(lower[is_free], upper[is_free]),
         )

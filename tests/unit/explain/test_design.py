@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from benchtool.core.array_type import Array
 from benchtool.explain.engine.design import (
-    CLEAR,
+    MAX_CONFUSION,
     CandidatePrediction,
     ExpectedOutcome,
     select_design,
@@ -24,23 +24,23 @@ def outlook(rng: np.random.Generator, room: Array = FAR) -> CandidatePrediction:
     return CandidatePrediction(
         mean=rng.standard_normal(ROWS),
         slopes=0.5 * rng.standard_normal((ROWS, NUMBERS)),
-        known=root @ root.T + np.eye(NUMBERS),
-        room=(-room, room),
+        precision=root @ root.T + np.eye(NUMBERS),
+        bounds=(-room, room),
     )
 
 
 def density(one: CandidatePrediction) -> multivariate_normal:
     """Return the same as a dense Gaussian."""
-    spread = one.slopes @ np.linalg.inv(one.known) @ one.slopes.T
+    spread = one.slopes @ np.linalg.inv(one.precision) @ one.slopes.T
     return multivariate_normal(one.mean, np.eye(ROWS) + spread)
 
 
 def test_gains_are_differences_of_log_densities():
     rng = np.random.default_rng(0)
     one, other = outlook(rng), outlook(rng)
-    rows = one.drawn(5, rng)
+    rows = one.draw(5, rng)
     expected = density(one).logpdf(rows.T) - density(other).logpdf(rows.T)
-    assert one.gains(rows) - other.gains(rows) == pytest.approx(expected, rel=1e-9)
+    assert one.log_evidence(rows) - other.log_evidence(rows) == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_quick_figure_is_the_divergence_of_dense_gaussians():
@@ -50,7 +50,7 @@ def test_the_quick_figure_is_the_divergence_of_dense_gaussians():
     inverse, missed = np.linalg.inv(b.cov), a.mean - b.mean
     dense = np.trace(inverse @ a.cov) - ROWS + missed @ inverse @ missed
     dense += np.linalg.slogdet(b.cov)[1] - np.linalg.slogdet(a.cov)[1]
-    assert one.over(other, None) == pytest.approx(0.5 * dense, rel=1e-9)
+    assert one.log_ratio(other, None) == pytest.approx(0.5 * dense, rel=1e-9)
 
 
 def test_a_rival_at_its_bound_cannot_follow():
@@ -59,11 +59,11 @@ def test_a_rival_at_its_bound_cannot_follow():
     one = outlook(rng)
     free, held = (
         CandidatePrediction(
-            mean=one.mean + 3.0, slopes=one.slopes, known=one.known, room=(-room, room)
+            mean=one.mean + 3.0, slopes=one.slopes, precision=one.precision, bounds=(-room, room)
         )
         for room in (FAR, 0.01 * np.ones(NUMBERS - 1))
     )
-    assert one.over(held, rng) > one.over(free, rng) > 0.0
+    assert one.log_ratio(held, rng) > one.log_ratio(free, rng) > 0.0
 
 
 def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it():
@@ -81,4 +81,7 @@ def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it():
 
     assert select_design("", more, weighed, seconds, 100.0) == "ba"
     assert set(select_design("", more, weighed, seconds, 1000.0)) == {"a", "b", "c"}
-    assert select_design("", more, lambda design: ExpectedOutcome({}, CLEAR), seconds, 1000.0) == ""
+    assert (
+        select_design("", more, lambda design: ExpectedOutcome({}, MAX_CONFUSION), seconds, 1000.0)
+        == ""
+    )
