@@ -31,7 +31,7 @@ def test_a_header_suggests_columns_and_units_of_the_same_kind(table):
 
 def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
     wrong = {"thrust_N": ColumnSource(column="note"), "rpm1": ColumnSource(constant=1.0)}
-    with pytest.raises(FileFormatError, match=r"line 2: column 'note' holds 'a'"):
+    with pytest.raises(FileFormatError, match=r"line 2: column 'note' contains 'a'"):
         store_columns(table.parent, "lab.csv", wrong)
     with pytest.raises(MissingColumn, match=r"names 'x', which .*lab\.csv lacks"):
         store_columns(table.parent, "lab.csv", {"thrust_N": ColumnSource(column="x")})
