@@ -11,7 +11,7 @@ from benchtool.core.inputs import InputField, items
 
 HEAD = """# Commands
 
-Options of all commands, with allowed values and defaults in brackets. Written by
+This page lists the options of all commands, with allowed values and defaults in brackets. Written by
 `python docs/reference/write_commands.py`.
 """
 MIN_SHARED = 4  # a section with so many entries of an earlier one refers to it

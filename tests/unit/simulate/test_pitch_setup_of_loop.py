@@ -43,7 +43,7 @@ def test_any_effect_may_lag_but_only_one():
     usual = with_effect(EFFECTS["motor_lag"], tau_s=0.05)
     first, second = (simulate_pitch(job(bench), sampled(0.1)).log for bench in (slow, usual))
     np.testing.assert_array_equal(first, second)
-    with pytest.raises(InputError, match="'motor_lag' and 'sluggish' of model 'single' both have the hook lag_s"):
+    with pytest.raises(InputError, match="'sluggish' of model 'single' both have the hook lag_s"):
         PitchBench.of(usual.model.with_effect(SLUGGISH), sensors={})
 
 
