@@ -89,7 +89,9 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
     """
     if basis != "equal_rpm2" and model.is_torque_driven:
         drags = [model.drag_factors(flow, values) for flow in (near, far)]
-        reference_speeds = _at_equal_pulse if basis == "equal_pwm" else _at_equal_power
+        reference_speeds = (
+            _speeds_at_equal_pulse if basis == "equal_pwm" else _speeds_at_equal_power
+        )
         far = far._replace(speed_rad_s=reference_speeds(model, near, *drags))
     return model.reading_N(near, values) / model.reading_N(far, values)
 
@@ -107,14 +109,14 @@ def speed_factors(model: Model, flow: Flow, values: Any) -> list[Array]:
     The ratio is 1 for rotors at standstill.
     """
     free = [1.0] * len(flow.height_m)
-    far = _at_equal_pulse(model, flow, model.drag_factors(flow, values), free)
+    far = _speeds_at_equal_pulse(model, flow, model.drag_factors(flow, values), free)
     return [
         np.divide(speed, far_speed, out=np.ones_like(far_speed), where=far_speed > 0.0)
         for speed, far_speed in zip(flow.speed_rad_s, far, strict=True)
     ]
 
 
-def _at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
+def _speeds_at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
     """Return the speed of each disc at the reference with the pulse widths of the point."""
     slope, c = model.motor_slope_Nm_s, model.rig.propulsion.drag_coefficient_Nm_s2
     if slope is None:
@@ -129,7 +131,7 @@ def _at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[
     return speeds
 
 
-def _at_equal_power(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
+def _speeds_at_equal_power(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[Quantity]:
     """Return the speeds at the reference with the power of the point; one factor for all discs."""
     target_W, scale = _power_W(model, near, drag), 1.0
     for _ in range(POWER_STEPS):

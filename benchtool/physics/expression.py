@@ -267,13 +267,13 @@ def compiled_closure(function: Function, key: str) -> Function:
 
     machine_code: Any = numba.njit(error_model="numpy", nogil=True)(function)
     try:
-        machine_code._cache = _cache_under(key)(function)  # noqa: SLF001
+        machine_code._cache = _build_cache_class(key)(function)  # noqa: SLF001
     except (ImportError, AttributeError, TypeError, OSError, RuntimeError, IndexError):
         pass  # no writable folder, or an incompatible numba: compile in every process
     return machine_code  # type: ignore[no-any-return]
 
 
-def _cache_under(key: str) -> Any:
+def _build_cache_class(key: str) -> Any:
     """Return numba's function cache in `compiled_folder`, with an additional key in its index.
 
     numba's folder setting is global for the process and therefore not safe with several threads

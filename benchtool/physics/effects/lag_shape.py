@@ -17,8 +17,8 @@ from benchtool.physics.rig_scaling import half_throttle_speed
 def followed_speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed after a short step, with a lag that depends on speed: rad/s."""
     change = speed_rad_s - flow.speed_rad_s[i]
-    faster = flow.speed_rad_s[i] / p.middle_rad_s - 1.0
-    return speed_rad_s + change * (p.with_speed * faster - p.rising * np.sign(change))
+    relative_speed = flow.speed_rad_s[i] / p.middle_rad_s - 1.0
+    return speed_rad_s + change * (p.with_speed * relative_speed - p.rising * np.sign(change))
 
 
 def rig_values(rig: Rig) -> Mapping[str, float]:

@@ -11,7 +11,7 @@ from benchtool.core.parameter import Prior
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
-KNOWN = Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler")
+POSITION_PRIOR = Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler")
 
 CHORD_POWER = 0.35  # sine of a chord's half angle is (4 a (1 - a))^0.35 within 0.03; fitted
 
@@ -43,7 +43,7 @@ EFFECT = Effect(
     parameters=(
         number(
             "dx_m", "m", 0.0, "true minus read lateral position", neutral=0.0, within=(-0.02, 0.02),
-            prior=KNOWN, tolerance=0.0015,
+            prior=POSITION_PRIOR, tolerance=0.0015,
         ),
         number(
             "disc_radius_m", "m", 0.12,

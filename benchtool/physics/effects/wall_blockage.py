@@ -11,7 +11,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 RECOVERY = 1.22  # Leishman 2006, eq. (6.36): download ratio 1 - 1.22 exp(-z/R)
 
-REACH_KNOWN = Prior("normal", 1.0, 0.05, "assumed: a curve read off a figure holds to 5 %")
+REACH_PRIOR = Prior("normal", 1.0, 0.05, "assumed: curve read from a figure, accurate to 5 %")
 
 
 @expression
@@ -38,7 +38,7 @@ EFFECT = Effect(
         ),
         number(
             "reach", "1", 1.0, "decay length c of the recovery over R",
-            within=(0.5, 2.0), prior=REACH_KNOWN, source="1: Leishman 2006, eq. (6.36)",
+            within=(0.5, 2.0), prior=REACH_PRIOR, source="1: Leishman 2006, eq. (6.36)",
         ),
     ),
     hooks=Hooks(factor=factor),
