@@ -7,11 +7,11 @@
 
 #include "text.h"
 
-#define LARGEST 1e6 /* keeps every text shorter than its room */
+#define LARGEST 1e6 /* limits the length of texts */
 
 char answer[LONGEST_ANSWER];
-static const char *number; /* of the command in hand, as it came */
-static uint32_t now_us;    /* when it was taken; its answer says so, too */
+static const char *number; /* of the current command, as received */
+static uint32_t now_us;    /* its time, part of the answer */
 
 void answer_to(const char *number_of_command, uint32_t time_us)
 {

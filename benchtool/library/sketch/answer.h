@@ -1,4 +1,4 @@
-/* The one answer to the command in hand. */
+/* Answer to the current command. */
 #pragma once
 
 #include <avr/pgmspace.h>
@@ -9,16 +9,16 @@
 
 extern char answer[LONGEST_ANSWER];
 
-/* Take note of the command in hand: its number as it came, and when it was taken. */
+/* Store the number of the current command, as received, and its time. */
 void answer_to(const char *number_of_command, uint32_t time_us);
 uint32_t answer_time_us(void);
 
 /* Begin an answer: 'A' accepted, 'N' refused. */
 void answer_begin(char letter);
 
-/* Refuse the command in hand; false, so that it can be returned. */
+/* Reject the current command; returns false. */
 bool refuse_P(PGM_P reason);
 #define refuse(reason) refuse_P(PSTR(reason))
 
-/* Read fields as finite numbers; refuses another count of them. */
+/* Parse fields as finite numbers; rejects any other number of fields. */
 bool numbers(char **fields, uint8_t count, float *values, uint8_t wanted);

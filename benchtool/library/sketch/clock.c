@@ -16,7 +16,7 @@ static volatile uint32_t period_start_us;
 
 void clock_start(void)
 {
-    /* Fast PWM up to ICR1 (mode 14): the hardware makes the pulses, whatever the program does. */
+    /* Fast PWM up to ICR1 (mode 14): hardware pulses, independent of the program. */
     TCCR1A |= _BV(WGM11);
     ICR1 = PERIOD_TICKS - 1;
     TCNT1 = 0;
@@ -32,14 +32,14 @@ uint32_t clock_us(void)
     {
         start_us = period_start_us;
         ticks = TCNT1;
-        /* The period may have ended with its interrupt still waiting. */
+        /* The period may have ended with its interrupt pending. */
         if ((TIFR1 & _BV(TOV1)) && ticks < PERIOD_TICKS / 2)
             start_us += PULSE_PERIOD_US;
     }
     return start_us + ticks / TICKS_PER_US;
 }
 
-/* The watchdog sits here, where no sensor and no line that never ends can hold it up. */
+/* Watchdog, here independent of sensors and of incomplete lines. */
 ISR(TIMER1_OVF_vect)
 {
     period_start_us += PULSE_PERIOD_US;

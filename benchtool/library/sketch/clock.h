@@ -1,13 +1,13 @@
-/* Device time, and the timer behind it. */
+/* Device time and its timer. */
 #pragma once
 
 #include <stdint.h>
 
-/* Timer 1 runs through one ESC pulse period in steps of 0.5 us: F_CPU / 8. */
+/* Timer 1 counts one ESC pulse period in steps of 0.5 us: F_CPU / 8. */
 #define TICKS_PER_US 2
 #define PERIOD_TICKS ((uint16_t)(PULSE_PERIOD_US * TICKS_PER_US))
 
-/* Start timer 1; the ESC outputs join it in motors_start(). */
+/* Start timer 1; motors_start() connects the ESC outputs. */
 void clock_start(void);
 
 /* Microseconds since power-on; wraps after 71.6 minutes. May be called from interrupts. */

@@ -20,11 +20,11 @@
 #define MOST_FIELDS 3
 #define LEAST_RATE_HZ 0.1f
 
-static char last_answer[LONGEST_ANSWER]; /* to the last order in time, should it come again */
-static uint32_t number;                  /* of the command in hand */
-static bool armed;                       /* pulses above stop are obeyed */
+static char last_answer[LONGEST_ANSWER]; /* to the last timely command, for a retry */
+static uint32_t number;                  /* of the current command */
+static bool armed;                       /* pulses above stop are accepted */
 
-/* What was ordered before a stop is late from now on, and nothing turns until armed anew. */
+/* Treat commands from before a stop as late, and require arming again. */
 static bool stop(char **fields, uint8_t count)
 {
     (void)fields, (void)count;
@@ -180,7 +180,7 @@ static const struct {
 };
 #define COMMANDS (sizeof commands / sizeof *commands)
 
-/* Cut a text at its commas, in place; returns how many fields it has, also when fewer fit. */
+/* Split a text at its commas, in place; returns the number of fields, even if fewer fit. */
 static uint8_t split(char *text, char **fields, uint8_t most)
 {
     uint8_t count = 0;
@@ -212,11 +212,11 @@ static void carry_out(const char *name, char **fields, uint8_t count)
 
 void commands_take(char *payload)
 {
-    /* Number, name, time; a hello has its version in the place of the time. */
+    /* Number, name, time; a hello has its version in place of the time. */
     char *fields[4 + MOST_FIELDS];
     uint8_t count = split(payload, fields, 4 + MOST_FIELDS);
     guard_hear();
-    /* Heartbeats come all the time: the counter has not gone round since the stop. */
+    /* With regular heartbeats the counter has not wrapped since the stop. */
     uint32_t now_us = clock_us();
     late_forget(now_us);
     if (count < 3 || fields[0][0] != 'C' || fields[0][1] || !whole_number(fields[1], &number))
@@ -224,7 +224,7 @@ void commands_take(char *payload)
     answer_to(fields[1], now_us);
     const char *name = fields[2];
     bool greeting = !strcmp_P(name, PSTR("hello"));
-    /* These turn nothing and are obeyed whenever they come. */
+    /* These start no motor and are accepted at any time. */
     bool any_time = greeting || !strcmp_P(name, PSTR("stop")) || !strcmp_P(name, PSTR("where"));
     if (!any_time && number == late_last_number() && last_answer[0]) {
         line_send(last_answer);

@@ -1,5 +1,5 @@
-/* What the host may ask for, each number carried out once. */
+/* Commands of the host; each number is executed once. */
 #pragma once
 
-/* Take one valid payload. */
+/* Process one valid payload. */
 void commands_take(char *payload);

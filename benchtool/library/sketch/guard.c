@@ -11,16 +11,16 @@
 #include "text.h"
 
 #define REMIND_US 1000000UL
-#define CELL_SILENT_US 300000UL /* three readings of an HX711 that runs at 10 Hz */
+#define CELL_SILENT_US 300000UL /* three readings of an HX711 at 10 Hz */
 
 enum limit { PWM, THRUST, RPM, VOLTAGE_MIN };
 static const char names[LIMITS][16] PROGMEM = {"pwm_us", "thrust_N", "rpm", "voltage_min_V"};
 static float limits[LIMITS] = {LIMIT_PWM_US, LIMIT_THRUST_N, LIMIT_RPM, LIMIT_VOLTAGE_MIN_V};
 
 static volatile uint32_t heard_us;
-static volatile bool latched;       /* pulses above stop are refused */
-static volatile uint32_t silent_us; /* set by the interrupt; the loop makes its text */
-static char why[80];                /* kind and text with a comma between, as the event has them */
+static volatile bool latched;       /* pulses above stop are rejected */
+static volatile uint32_t silent_us; /* set by the interrupt; the loop formats the text */
+static char why[80];                /* "kind,text" as in the event */
 static uint32_t told_us;
 
 void guard_hear(void)
@@ -47,7 +47,7 @@ static void report(void)
     told_us = clock_us();
 }
 
-/* Stop for a broken limit. The first reason stays. */
+/* Stop for an exceeded limit; keeps the first reason. */
 static void latch(PGM_P what, float value, float limit)
 {
     if (latched)
@@ -113,7 +113,7 @@ void guard_report(void)
 bool guard_set_motors(const float *pulses_us)
 {
     bool set = false;
-    /* The interrupt may latch at any time: look and set in one go. */
+    /* The interrupt may latch at any time: check and set atomically. */
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         if (!latched) {

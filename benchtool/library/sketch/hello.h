@@ -1,7 +1,7 @@
-/* What the device says of itself. */
+/* Device information. */
 #pragma once
 
 #include <stdint.h>
 
-/* Send the lines of the hello, and append their count and the CRC over them to its answer. */
+/* Send the lines of the hello; append their number and CRC to its answer. */
 void hello_send(char *answer);

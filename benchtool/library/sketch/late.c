@@ -12,7 +12,7 @@
 #define OLDEST_US 500000UL /* the host waits 5 x 100 ms for an answer, then commands a stop */
 
 static uint32_t last_number;
-static bool stopped_lately; /* so that an order may be older than the stop */
+static bool stopped_lately; /* a command can be older than the stop */
 static uint32_t stopped_us;
 
 uint32_t late_last_number(void)

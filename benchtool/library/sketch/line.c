@@ -8,13 +8,13 @@
 #include "text.h"
 #include "uart.h"
 
-#define LONGEST 100 /* commands have fewer bytes; a longer line is thrown away */
+#define LONGEST 100 /* commands are shorter; longer lines are discarded */
 #define WRAPPING 7  /* $, *, four digits, line end */
 
 static char line[LONGEST + 1];
 static uint8_t length;
 
-/* Of 123456789 it is 29B1. */
+/* Check value for 123456789: 29B1. */
 uint16_t crc_over(uint16_t crc, const char *text)
 {
     while (*text)
@@ -40,7 +40,7 @@ bool line_send_if_room(const char *payload)
     return true;
 }
 
-/* Check a line in place: returns its payload, or NULL when it is not one. */
+/* Check a line in place; returns its payload, or NULL for an invalid line. */
 static char *checked(char *text)
 {
     char *start = strrchr(text, '$'), *star = start ? strrchr(start, '*') : NULL, *end;
@@ -56,7 +56,7 @@ char *line_take(void)
     int16_t byte;
     while ((byte = uart_take()) >= 0) {
         if (byte != '\n') {
-            /* Nothing is kept of a line that is too long: its end alone is no valid line. */
+            /* A line that is too long is discarded; its end alone is invalid. */
             if (length < LONGEST)
                 line[length++] = (char)byte;
             continue;

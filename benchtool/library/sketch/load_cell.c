@@ -13,16 +13,16 @@
 
 static int32_t recent[TARE_READINGS];
 static uint8_t position, known;
-static float zero_counts = NAN; /* an HX711 has any offset: no thrust before a tare */
+static float zero_counts = NAN; /* the offset of an HX711 is arbitrary: no thrust before a tare */
 static uint32_t read_us;
 
 void cell_start(void)
 {
     CELL_DDR |= _BV(CELL_CLOCK);
-    CELL_PORT |= _BV(CELL_DATA); /* pulled up: without an amplifier there is never a value */
+    CELL_PORT |= _BV(CELL_DATA); /* pull-up: no values without an amplifier */
 }
 
-/* One clock pulse. More than 60 us high would switch the HX711 off: no interrupt in between. */
+/* One clock pulse, without interrupts: more than 60 us high switches the HX711 off. */
 static bool next_bit(void)
 {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
@@ -42,13 +42,13 @@ bool cell_poll(void)
     uint32_t counts = 0;
     for (uint8_t bit = 0; bit < 24; bit++)
         counts = counts << 1 | next_bit();
-    next_bit(); /* the 25th pulse keeps channel A at gain 128 */
+    next_bit(); /* 25th pulse: channel A, gain 128 */
     if (counts & 0x800000)
         counts |= 0xFF000000;
     position = (position + 1) % TARE_READINGS;
     recent[position] = (int32_t)counts;
     if (known < TARE_READINGS && ++known == TARE_READINGS && isnan(zero_counts))
-        cell_tare(); /* the first by itself, 0.2 s after power-on */
+        cell_tare(); /* automatic first tare, 0.2 s after power-on */
     read_us = clock_us();
     return true;
 }

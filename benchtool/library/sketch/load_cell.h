@@ -1,4 +1,4 @@
-/* The HX711: counts as it has them, newtons since the tare. */
+/* HX711: raw counts, and thrust since the tare. */
 #pragma once
 
 #include <stdbool.h>
@@ -6,17 +6,17 @@
 
 void cell_start(void);
 
-/* Read the amplifier when it has a new value, without waiting; tells whether it had. */
+/* Read a new value of the amplifier without waiting; returns true if there was one. */
 bool cell_poll(void);
 
-/* The last reading: counts, never tared. */
+/* Last reading: counts, without tare. */
 int32_t cell_counts(void);
 
-/* The last reading since the tare: N; nan before the first. */
+/* Last reading since the tare: N; nan before the first. */
 float cell_thrust_N(void);
 
-/* When the last reading came: device time in us. */
+/* Device time of the last reading: us. */
 uint32_t cell_time_us(void);
 
-/* Take the mean of the last readings as zero thrust; refused before the first reading. */
+/* Tare to the mean of the last readings; rejected before the first reading. */
 bool cell_tare(void);

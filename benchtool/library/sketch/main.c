@@ -1,7 +1,7 @@
-/* A rotor bench on one microcontroller: ESC, load cell, speed sensor, and the bench protocol.
+/* Rotor bench on one microcontroller: ESC, load cell, speed sensor and bench protocol.
 
-   The loop reads lines, answers commands, measures. Motors stop without it: the host's silence is
-   watched by the timer interrupt (guard.c), a program that hangs by the chip's own watchdog. */
+   The loop reads lines, answers commands and measures. Independent of it, the timer interrupt stops
+   the motors on host timeout (guard.c), and the watchdog of the chip on a hang of the program. */
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -22,7 +22,7 @@
 
 static uint8_t reset_cause __attribute__((section(".noinit")));
 
-/* After its reset the chip's watchdog runs on with 15 ms: switch it off before anything else. */
+/* After a reset the watchdog of the chip continues with 15 ms: disable it first. */
 void disarm(void) __attribute__((naked, used, section(".init3")));
 void disarm(void)
 {

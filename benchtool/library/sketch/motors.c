@@ -12,7 +12,7 @@
 
 static volatile uint16_t pulse_ticks[MOTORS];
 
-/* The timer takes a new length over between two pulses, so that none is cut. */
+/* The timer applies a new width between two pulses. */
 static void apply(void)
 {
     OCR1A = pulse_ticks[0] - 1;

@@ -1,20 +1,20 @@
-/* ESC pulses, made by timer 1. */
+/* ESC pulses of timer 1. */
 #pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Put the stop pulse on every ESC output. */
+/* Start all ESC outputs with the stop pulse. */
 void motors_start(void);
 
-/* Set every motor's pulse; with interrupts off. The caller has checked the range. */
+/* Set all pulse widths; with interrupts off. The caller checks the range. */
 void motors_set(const float *pulses_us);
 
-/* Put every motor at the stop pulse, from the next pulse on. May be called from interrupts. */
+/* Set all motors to the stop pulse, from the next pulse on. May be called from interrupts. */
 void motors_zero(void);
 
-/* Whether any pulse is above the stop pulse. May be called from interrupts. */
+/* Return true if a pulse is above the stop pulse. May be called from interrupts. */
 bool motors_run(void);
 
-/* The pulse that a motor is told: us. */
+/* Commanded pulse width of a motor: us. */
 float motor_us(uint8_t motor);

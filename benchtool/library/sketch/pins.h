@@ -1,14 +1,14 @@
-/* Where everything is wired: the only file that knows a pin. Arduino names in the comments. */
+/* Pin assignment; the only file with pins. Arduino names in the comments. */
 #pragma once
 
 #include <avr/io.h>
 
-/* ESC signals leave timer 1, so these two cannot be moved. */
+/* ESC signals are outputs of timer 1; these two pins are fixed. */
 #define ESC_DDR DDRB
 #define ESC_1 PB1 /* D9,  OC1A: ESC of motor 1 */
 #define ESC_2 PB2 /* D10, OC1B: ESC of motor 2 */
 
-/* Speed sensors need the external interrupts, so these two cannot be moved. */
+/* Speed sensors need the external interrupts; these two pins are fixed. */
 #define RPM_PORT PORTD
 #define RPM_1 PD2 /* D2, INT0: speed sensor of rotor 1 */
 #define RPM_2 PD3 /* D3, INT1: speed sensor of rotor 2 */

@@ -10,11 +10,11 @@
 #include "clock.h"
 #include "pins.h"
 
-#define REST_US 300000UL /* no edge for so long: the rotor stands */
-#define NOISE_US 50      /* edges nearer than this are noise on the wire */
+#define REST_US 300000UL /* no edge within this time: standstill */
+#define NOISE_US 50      /* closer edges are noise */
 
 struct edges {
-    uint32_t from_us, last_us; /* first edge that counts, and the newest */
+    uint32_t from_us, last_us; /* first and last counted edge */
     uint16_t count;            /* edges after the first */
     bool turning;
 };
@@ -22,7 +22,7 @@ static volatile struct edges rotors[MOTORS];
 
 void rpm_start(void)
 {
-    RPM_PORT |= _BV(RPM_1) | _BV(RPM_2); /* pulled up, as open-collector sensors need */
+    RPM_PORT |= _BV(RPM_1) | _BV(RPM_2); /* pull-up for open-collector sensors */
     EICRA = _BV(ISC01) | _BV(ISC11);     /* falling edges */
     EIFR = _BV(INTF0) | _BV(INTF1);
     EIMSK = MOTORS == 2 ? _BV(INT0) | _BV(INT1) : _BV(INT0);

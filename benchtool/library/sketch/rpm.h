@@ -1,9 +1,9 @@
-/* Rotor speeds from the edges of a sensor, each edge with its time. */
+/* Rotor speeds from timed edges of a sensor. */
 #pragma once
 
 #include <stdint.h>
 
 void rpm_start(void);
 
-/* The mean speed since the last call: rpm; 0 at rest, nan when no edge came since. */
+/* Mean speed since the last call: rpm; 0 at standstill, nan without a new edge. */
 float rpm_take(uint8_t rotor);

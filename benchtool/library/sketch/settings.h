@@ -1,17 +1,17 @@
-/* What this bench is: name, sensors, limits. Written by benchtool firmware; edit it to fit. */
+/* Bench settings: name, sensors, limits. Written by benchtool firmware; edit as needed. */
 #pragma once
 
-#define DEVICE_NAME "@DEVICE@" /* never changes; runs and calibrations are kept under it */
+#define DEVICE_NAME "@DEVICE@" /* do not change; identifies runs and calibrations */
 #define FIRMWARE "benchtool @BOARD@ @VERSION@"
-#define SIMULATED 0 /* 1 where no motor turns: every recording then says so */
+#define SIMULATED 0 /* 1 without real motors; marked in every recording */
 
 #define MOTORS @MOTORS@          /* 1 or 2 */
-#define PULSES_PER_TURN 2 /* edges of the speed sensor in one turn: 2 for a two-blade rotor */
-#define HAS_VOLTAGE 1     /* 0 without a divider at the battery */
+#define PULSES_PER_TURN 2 /* sensor edges per revolution: 2 for a two-blade rotor */
+#define HAS_VOLTAGE 1     /* 0 without a battery divider */
 
 /* From the rig @RIG@. The host can make limits narrower, never wider. */
 #define PWM_STOP_US @PWM_STOP@
-#define PWM_IDLE_US @PWM_IDLE@ /* up to here the plate may move */
+#define PWM_IDLE_US @PWM_IDLE@ /* plate movement is allowed up to this pulse */
 #define LIMIT_PWM_US @LIMIT_PWM@
 #define LIMIT_THRUST_N @LIMIT_THRUST@ /* either sign */
 #define LIMIT_RPM @LIMIT_RPM@
@@ -26,7 +26,7 @@
 #define VOLT_PER_COUNT 0.01687f
 
 #define BAUD 500000           /* exact on a 16 MHz clock */
-#define RATE_HZ 100           /* samples a second that the device proposes */
-#define MOST_RATE_HZ 200      /* the fastest stream it has time for */
-#define PULSE_PERIOD_US 10000 /* 100 pulses a second to the ESC */
-#define WATCHDOG_MS 250       /* silence of the host after which motors stop */
+#define RATE_HZ 100           /* proposed samples per second */
+#define MOST_RATE_HZ 200      /* maximum stream rate */
+#define PULSE_PERIOD_US 10000 /* 100 ESC pulses per second */
+#define WATCHDOG_MS 250       /* host timeout, then motors stop */

@@ -1,2 +1,2 @@
-// The program is in the .c files beside this one; main.c is the place to start.
+// The program is in the .c files of this folder; main.c is the entry point.
 // Pins: pins.h. Limits and sensors: settings.h.

@@ -14,7 +14,7 @@
 #include "text.h"
 #include "voltage.h"
 
-#define UNASKED_US 10000UL /* limits are checked so often while nobody wants samples */
+#define UNASKED_US 10000UL /* interval of limit checks without a stream */
 #define TELL_US 1000000UL
 #define TEXT_(value) #value
 #define TEXT(value) TEXT_(value)
@@ -50,7 +50,7 @@ uint16_t stream_hash(void)
     for (uint8_t index = 0; index < stream_channels(); index++) {
         char line[sizeof *channels + 1];
         strcpy_P(line, channels[index]);
-        strcpy(strrchr(line, ','), "\n"); /* without its rate */
+        strcpy(strrchr(line, ','), "\n"); /* without the rate */
         crc = crc_over(crc, line);
     }
     return crc;
@@ -71,7 +71,7 @@ static void add_field(char *payload, float value, uint8_t decimals)
         add_number(payload, value, decimals);
 }
 
-/* Measure everything once; the payload is that of the sample. */
+/* Measure all channels once; returns the payload of the sample. */
 static void measure(char *payload, uint32_t now_us)
 {
     add_words(payload, "S,");
@@ -99,7 +99,7 @@ static void measure(char *payload, uint32_t now_us)
 
 void stream_poll(void)
 {
-    /* A limit on thrust waits for no sample. */
+    /* The thrust limit is checked for every reading. */
     if (cell_poll()) {
         fresh_cell = true;
         guard_thrust(cell_thrust_N());
@@ -109,7 +109,7 @@ void stream_poll(void)
     if ((int32_t)(now_us - due_us) < 0)
         return;
     for (due_us += step_us; (int32_t)(now_us - due_us) >= 0; due_us += step_us) {
-        /* The loop was late: this one is missing and the count shows it. */
+        /* The loop was late: the sample is lost and its number is skipped. */
         sequence++;
         dropped++;
     }

@@ -5,7 +5,7 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
-/* Positions are single bytes: they wrap by themselves and change in one instruction. */
+/* Single-byte positions wrap automatically and change atomically. */
 static volatile uint8_t in[128], out[256];
 static volatile uint8_t in_head, in_tail, out_head, out_tail;
 
@@ -21,7 +21,7 @@ ISR(USART_RX_vect)
 {
     uint8_t byte = UDR0;
     uint8_t next = (in_head + 1) % sizeof in;
-    /* A full ring drops the byte: its line fails the checksum and the host says it again. */
+    /* A full buffer drops the byte: the checksum of its line fails and the host retries. */
     if (next != in_tail) {
         in[in_head] = byte;
         in_head = next;

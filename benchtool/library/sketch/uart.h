@@ -1,15 +1,15 @@
-/* The serial port: bytes in and out through rings, so that nobody waits for the wire. */
+/* Serial port with ring buffers for both directions. */
 #pragma once
 
 #include <stdint.h>
 
 void uart_start(void);
 
-/* Take the next byte that came, or -1. */
+/* Return the next received byte, or -1. */
 int16_t uart_take(void);
 
-/* How many bytes fit into the ring at present. */
+/* Free bytes in the transmit buffer. */
 uint8_t uart_room(void);
 
-/* Send a text; waits while the ring is full, 5 ms at most for a whole ring. */
+/* Send a text; waits while the buffer is full, at most 5 ms for a whole buffer. */
 void uart_send(const char *text);

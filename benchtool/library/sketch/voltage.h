@@ -1,9 +1,9 @@
-/* The battery, through a divider and the ADC. */
+/* Battery voltage from a divider and the ADC. */
 #pragma once
 
 #include <stdbool.h>
 
 void voltage_start(void);
 
-/* The last conversion: V. Starts the next one, so that nobody waits for it. */
+/* Last conversion: V. Starts the next one, without waiting. */
 float voltage_take(void);
