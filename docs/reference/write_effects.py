@@ -25,8 +25,8 @@ its priors and never name it ("adjusted"). "Similar" lists the data that separat
 Changes within the tolerance are irrelevant. Parameters with a tolerance are neutral at 0 unless
 noted. A model file can override tolerances. The defaults scale with the vehicle: torques with
 m g L, forces with m g, the centre of gravity with the arm, the plate distance with the rotor
-radius. Values below are for a pitch bench of the rig `beam` and a sweep of the rig `pquad`; use
-`--rig RIG` for another rig.
+radius. Values below, in the unit of the parameter's name, are for a pitch bench of the rig `beam`
+and a sweep of the rig `pquad`; use `--rig RIG` for another rig.
 """
 
 LAWS_HEAD = """
@@ -43,6 +43,7 @@ without a verified source are free by default. "Checked" names the source that w
 |---|---|---|---|---|---|
 """
 
+ADJUSTED = " Every explanation adjusts it within its prior."  # also stated as the role
 RIGS: dict[BenchKind, str] = {"pitch": "beam", "sweep": "pquad"}  # rigs of the tolerances
 
 
@@ -88,10 +89,11 @@ def law_section(effect: Effect) -> str:
 
 def section(effect: Effect) -> str:
     """Return the section of another effect."""
+    description = effect.description.removesuffix(ADJUSTED)
     lines = [
         f"## {effect.name}",
         "",
-        f"{effect.title} (`{effect.subsystem}`; {role(effect)}). {effect.description}",
+        f"{effect.title} (`{effect.subsystem}`; {role(effect)}). {description}",
         "",
         f"- law: `{effect.law}`",
         f"- visible in: {effect.shows}",
@@ -128,7 +130,6 @@ def parameter_lines(effect: Effect) -> Iterator[str]:
 def parameter_line(effect: Effect, first: Parameter, last: Parameter) -> str:
     """Return the line of a parameter, or of several from the first to the last."""
     name = f"`{first.name}`" if first is last else f"`{first.name}` to `{last.name}`"
-    unit = "" if first.unit == "1" else f" [{first.unit}]"
     parts = [first.description]
     if first.description != last.description:
         parts[0] += f" to {last.description.rpartition(' ')[2]}"
@@ -136,12 +137,13 @@ def parameter_line(effect: Effect, first: Parameter, last: Parameter) -> str:
         parts.append(f"neutral {first.neutral:.4g}")
     tolerances = {bench: tolerance(effect, first.name, bench) for bench in BENCH_KINDS}
     values = {bench: value for bench, value in tolerances.items() if value}
-    if len(set(values.values())) == 1 and len(values) == len(BENCH_KINDS):
-        parts.append(f"tolerance {values['pitch']}")
+    benches = effect.benches or effect.adjusted_on or frozenset(BENCH_KINDS)
+    if len(set(values.values())) == 1 and set(values) == benches:
+        parts.append(f"tolerance {next(iter(values.values()))}")
     elif values:
         text = " or ".join(f"{value} ({bench})" for bench, value in values.items())
         parts.append(f"tolerance {text}")
-    return f"- {name}{unit}: {'; '.join(parts)}"
+    return f"- {name}: {'; '.join(parts)}"
 
 
 def tolerance(effect: Effect, name: str, bench: BenchKind) -> str:
