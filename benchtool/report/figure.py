@@ -1,4 +1,4 @@
-"""The registry of figures, and the pages that show them."""
+"""Registry of figures, and the report pages that show them."""
 
 from __future__ import annotations
 
@@ -14,45 +14,47 @@ from benchtool.report.page import Block, Commands, FigureBlock, Report, Section
 from benchtool.report.style import WIDTH_IN, look, new_figure
 
 Draw = TypeVar("Draw", bound=Callable[..., None])
-Text = str | Callable[..., str]  # "{0.name}": an attribute of the subject; or a function of it
+Text = (
+    str | Callable[..., str]
+)  # format string, "{0.name}": attribute of the subject; or a function
 Size = float | Callable[..., float]
 
 
 def is_simulated(subject: Any) -> bool:
-    """Return whether a subject, or any of several, states that it is simulated."""
+    """Return whether a subject, or any of several subjects, is simulated."""
     if hasattr(subject, "simulated"):
         return bool(subject.simulated)
-    several = subject.values() if isinstance(subject, Mapping) else subject
-    return any(is_simulated(one) for one in several)
+    items = subject.values() if isinstance(subject, Mapping) else subject
+    return any(is_simulated(item) for item in items)
 
 
 @dataclass(slots=True, kw_only=True)
 class FigureEntry:
-    """Register a function ``draw(figure, subject)`` that fills an empty figure of a page."""
+    """Registered figure of a page: a function ``draw(figure, subject)`` fills an empty figure."""
 
     caption: Text
     title: Text
-    page: str = ""  # default: folder of its module, which the part before a point is
-    name: str = ""  # of its file and section; default: that of the function
-    when: Callable[[Any], bool] = lambda subject: True  # has anything to draw
-    each: Callable[[Any], Mapping[str, Any]] | None = None  # one figure, ``name_key``, per item
+    page: str = ""  # default: folder of the module; for "folder.part", the text before the dot
+    name: str = ""  # file name; default: name of the function
+    when: Callable[[Any], bool] = lambda subject: True  # False: nothing to draw
+    each: Callable[[Any], Mapping[str, Any]] | None = None  # a figure ``name_key`` per item
     height_in: Size = 4.5
     width_in: Size = WIDTH_IN
     simulated: bool | Callable[[Any], bool] = is_simulated
-    layout: Literal["constrained"] | None = "constrained"  # None: places its axes itself
+    layout: Literal["constrained"] | None = "constrained"  # None: `draw` positions the axes
     draw: Callable[..., None] = field(init=False)
 
     def __call__(self, draw: Draw) -> Draw:
         self.page = self.page or draw.__module__.rpartition(".")[0].rpartition(".")[2]
         self.name = self.name or draw.__name__
         if (self.page, self.name) in _FIGURES:
-            raise ValueError(f"page {self.page} has a figure {self.name} already; rename one")
+            raise ValueError(f"duplicate figure name {self.name} on page {self.page}; rename one")
         self.draw = draw
         _FIGURES[self.page, self.name] = self
         return draw
 
     def blocks(self, subject: Any) -> Iterator[tuple[str, FigureBlock]]:
-        """Draw it, once for each item where it has several; give file name and block."""
+        """Draw the figure, once per item of `each`; yield pairs of file name and block."""
         if not self.when(subject):
             return
         items = {"": ()} if self.each is None else {k: (v,) for k, v in self.each(subject).items()}
@@ -74,11 +76,11 @@ figure = FigureEntry  # the decorator of a figure
 _FIGURES: dict[tuple[str, str], FigureEntry] = {}
 
 
-def _value(given: Any, *subject: Any) -> Any:
-    """Return a text with the subject's attributes in it, what a function returns, or a number."""
-    if isinstance(given, str):
-        return given.format(*subject)
-    return given(*subject) if callable(given) else given
+def _value(value: Any, *subject: Any) -> Any:
+    """Return a formatted text, the result of a function, or the value unchanged."""
+    if isinstance(value, str):
+        return value.format(*subject)
+    return value(*subject) if callable(value) else value
 
 
 @cache
@@ -91,7 +93,7 @@ def _load(folder: str) -> None:
 def registered_figures(page: str) -> dict[str, FigureEntry]:
     """Return the figures registered for a page, by name."""
     _load(page.partition(".")[0])
-    return {name: entry for (own, name), entry in _FIGURES.items() if own == page}
+    return {name: entry for (entry_page, name), entry in _FIGURES.items() if entry_page == page}
 
 
 def all_figures() -> list[FigureEntry]:
@@ -103,14 +105,14 @@ def all_figures() -> list[FigureEntry]:
 
 
 def render_figures(page: str, subject: Any, names: Iterable[str] = ()) -> dict[str, FigureBlock]:
-    """Return the figures that a subject allows by their files' names; these, or all of the page."""
-    known = registered_figures(page)
-    found: dict[str, FigureBlock] = {}
-    for name in names or known:
-        if name not in known:
-            raise UnknownChoice(f"figure of the page {page}", name, known)
-        found |= known[name].blocks(subject)
-    return found
+    """Return drawable figures of a subject by file name; `names` default to all of the page."""
+    registered = registered_figures(page)
+    blocks: dict[str, FigureBlock] = {}
+    for name in names or registered:
+        if name not in registered:
+            raise UnknownChoice(f"figure of the page {page}", name, registered)
+        blocks |= registered[name].blocks(subject)
+    return blocks
 
 
 def captions(page: str) -> dict[str, str]:
@@ -120,12 +122,12 @@ def captions(page: str) -> dict[str, str]:
 
 
 Part = str | Callable[[Any], Block | Sequence[Block] | None]  # a name or a block
-PAGES: dict[str, Page] = {}  # every page of the modules that were imported, by name
+PAGES: dict[str, Page] = {}  # pages of all imported modules, by name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Page:
-    """Titles and parts of a page's sections, or functions of them; empty sections are left out."""
+    """Report page: section titles with their parts, or functions that return sections."""
 
     name: str
     layout: Sequence[tuple[Text, Sequence[Part]] | Callable[[Any], Sequence[Section]]]
@@ -144,18 +146,18 @@ class Page:
     def sections(
         self, subject: Any, figures: Mapping[str, FigureBlock] | None = None
     ) -> list[Section]:
-        """Return the sections of a subject, with figures drawn before or drawn now."""
-        shown = render_figures(self.name, subject, self.figures) if figures is None else figures
-        made: list[Section] = []
+        """Return the non-empty sections of a subject; without `figures`, draw them now."""
+        drawn = render_figures(self.name, subject, self.figures) if figures is None else figures
+        sections: list[Section] = []
         for item in self.layout:
             if not isinstance(item, tuple):
-                made += item(subject)
+                sections += item(subject)
                 continue
             title, parts = item
-            blocks = [block for part in parts for block in _blocks(part, subject, shown)]
+            blocks = [block for part in parts for block in _blocks(part, subject, drawn)]
             if blocks:
-                made.append(Section(_value(title, subject), blocks))
-        return made
+                sections.append(Section(_value(title, subject), blocks))
+        return sections
 
     def report(
         self,
@@ -172,8 +174,10 @@ class Page:
         )
 
 
-def _blocks(part: Part, subject: Any, shown: Mapping[str, FigureBlock]) -> Sequence[Block]:
+def _blocks(part: Part, subject: Any, figures: Mapping[str, FigureBlock]) -> Sequence[Block]:
     if isinstance(part, str):
-        return [block for key, block in shown.items() if key == part or key.startswith(f"{part}_")]
-    found = part(subject)
-    return found if isinstance(found, Sequence) else [] if found is None else [found]
+        return [
+            result for key, result in figures.items() if key == part or key.startswith(f"{part}_")
+        ]
+    result = part(subject)
+    return result if isinstance(result, Sequence) else [] if result is None else [result]

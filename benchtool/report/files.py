@@ -1,4 +1,4 @@
-"""Figures to files: the same figure gives the same bytes, and nothing is overwritten unasked."""
+"""Figure files with reproducible bytes; files are overwritten only on request."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from benchtool.report.style import look
 
 Format = Literal["svg", "png", "pdf"]
 
-# Neither dates nor versions: the bytes depend on the data and the library alone.
+# No dates and versions: the bytes depend only on the data and the library.
 _METADATA: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": None, "Format": None, "Type": None},
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
-# What is rasterised inside a vector file (the traces of a sampler) needs less than a whole png.
+# Rasterised parts of a vector file (sampler traces) need less resolution than a whole png.
 _RASTER_DPI = {"svg": 110, "png": 160, "pdf": 160}
 
 
 def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
-    """Return the figure as the contents of a file of that format."""
+    """Return the contents of a figure file."""
     if file_format not in _METADATA:
         raise UnknownChoice("figure format", file_format, _METADATA)
     buffer = BytesIO()
@@ -44,25 +44,28 @@ def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
 
 
 def figure_axes(figure: Figure) -> str:
-    """Return boxes (shares of the figure from left and top), limits and labels of axes as JSON."""
-    found = []
+    """Return axes as JSON: boxes (fractions of the figure from left and top), limits, labels."""
+    boxes = []
     for axes in figure.axes:
         scales = (axes.get_xscale(), axes.get_yscale())
         if not axes.axison or not set(scales) <= {"linear", "log"}:
             continue
-        place = axes.get_position()
-        # Only the lowest of several axes may have the label below them.
+        position = axes.get_position()
+        # Of several stacked axes only the lowest may have an x label.
         siblings = (axes, *axes.get_shared_x_axes().get_siblings(axes))
-        label = next((one.get_xlabel() for one in siblings if one.get_xlabel()), "")
-        found.append(
+        label = next((sibling.get_xlabel() for sibling in siblings if sibling.get_xlabel()), "")
+        boxes.append(
             {
-                "box": [round(at, 4) for at in (place.x0, 1 - place.y1, place.x1, 1 - place.y0)],
+                "box": [
+                    round(edge, 4)
+                    for edge in (position.x0, 1 - position.y1, position.x1, 1 - position.y0)
+                ],
                 "x": [*axes.get_xlim(), scales[0]],
                 "y": [*axes.get_ylim(), scales[1]],
                 "labels": [_plain(label), _plain(axes.get_ylabel())],
             }
         )
-    return json.dumps(found)
+    return json.dumps(boxes)
 
 
 def _plain(label: str) -> str:
@@ -84,13 +87,13 @@ def save_figure(
 
 
 def check_not_existing(paths: Sequence[Path] | dict[Path, bytes]) -> None:
-    """Refuse to go on when one of the files exists already."""
+    """Raise WouldOverwrite if one of the files exists."""
     for path in paths:
         if path.exists():
             raise WouldOverwrite(str(path))
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that a reader finds the old contents or the new, never half."""
+    """Write a file atomically; create its folder."""
     make_folder(path.parent)
     replace_bytes(path, content)

@@ -1,4 +1,4 @@
-"""A report as one self-contained HTML page: figures inline, nothing fetched from anywhere."""
+"""Report as one self-contained HTML page: inline figures, no external resources."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchtool.core.errors import show_controls
 from benchtool.report.files import check_not_existing, figure_bytes, write_whole
 from benchtool.report.page import FigureBlock, Report
 
-LARGEST = 1.25  # a figure fills its column up to this many times its printed size
+MAX_SCALE = 1.25  # figures fill their column up to this multiple of their printed size
 _PROLOGUE = re.compile(r"^.*?(?=<svg\b)", re.DOTALL)
 _NAMESPACES = re.compile(r'\s+xmlns(?::\w+)?="[^"]*"')
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
@@ -26,7 +26,7 @@ _STYLE = "report.css"
 
 
 def render_report(report: Report) -> str:
-    """Return the page; the same report gives the same text."""
+    """Return the page; the text is reproducible for equal reports."""
     texts = files("benchtool.report") / "templates"
     environment = Environment(
         loader=DictLoader({_PAGE: (texts / _PAGE).read_text("utf-8")}),
@@ -53,7 +53,7 @@ def render_report(report: Report) -> str:
 
 
 def write_report(path: Path, report: Report, *, replace: bool = False) -> Path:
-    """Write the page and return its path; refuse to overwrite unless `replace`."""
+    """Write the page and return its path; overwrite only with `replace`."""
     if not replace:
         check_not_existing([path])
     write_whole(path, render_report(report).encode("utf-8"))
@@ -61,7 +61,7 @@ def write_report(path: Path, report: Report, *, replace: bool = False) -> Path:
 
 
 def _anchors(titles: list[str]) -> list[str]:
-    """Make a name for each heading from its words; equal headings are numbered."""
+    """Return an anchor for each heading, made from its words; equal headings are numbered."""
     anchors: list[str] = []
     for title in titles:
         stem = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-") or "section"
@@ -73,16 +73,16 @@ def _anchors(titles: list[str]) -> list[str]:
 
 
 def inline_svg(figure: Figure, prefix: str) -> str:
-    """Return the figure as an <svg> element for an HTML page, its ids behind a prefix."""
+    """Return the figure as an <svg> element; ids get a prefix, unique within the HTML page."""
     text = figure_bytes(figure, "svg").decode("utf-8")
     text = _PROLOGUE.sub("", text, count=1)
     text = _METADATA.sub("", text)
-    head, rest = text.split(">", 1)
-    # HTML knows the namespaces by itself; without them the page names no address at all.
+    head, body = text.split(">", 1)
+    # HTML implies the namespaces; without them the page contains no address.
     head = _NAMESPACES.sub("", head)
     head = _SIZE.sub(
-        lambda match: f'{match[1]}{match[3]} style="max-width:{LARGEST * float(match[2]):.0f}pt"',
+        lambda match: f'{match[1]}{match[3]} style="max-width:{MAX_SCALE * float(match[2]):.0f}pt"',
         head + ">",
     )
-    rest = rest.replace("xlink:href=", "href=")
-    return _REFERENCES.sub(lambda match: match[1] + prefix + "-", head + rest).strip()
+    body = body.replace("xlink:href=", "href=")
+    return _REFERENCES.sub(lambda match: match[1] + prefix + "-", head + body).strip()

@@ -1,4 +1,4 @@
-"""Numbers for people: a value with as many digits as its uncertainty allows."""
+"""Number formats: values rounded to the digits that their uncertainty supports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def decimal_exponent(value: float, sd: float) -> int:
-    """Return the power of ten to take out: 0 unless the number is awkward to read without."""
+    """Return the exponent of the common power of ten; 0 from 1e-3 up to below 1e5."""
     size = max(abs(value), abs(sd) if isfinite(sd) else 0.0)
     if size == 0.0 or not isfinite(size):
         return 0
@@ -18,7 +18,7 @@ def decimal_exponent(value: float, sd: float) -> int:
 
 
 def decimals_for(sd: float) -> int:
-    """Return how many decimals show two significant digits of a standard deviation."""
+    """Return the number of decimals that shows two significant digits of a standard deviation."""
     if not isfinite(sd) or sd <= 0.0:
         return 4
     return min(12, max(0, 1 - floor(log10(float(f"{sd:.1e}")))))
@@ -30,7 +30,7 @@ def power_of_ten(exponent: int) -> str:
 
 
 def display_unit(symbol: str) -> str:
-    """Return a unit with its powers raised ("N/(rad/s)²"), unbroken over lines; "–" for a ratio."""
+    """Return a unit with superscripts ("N/(rad/s)²") and no-break spaces; "–" for a ratio."""
     if symbol == "1":
         return "–"
     raised = re.sub(r"(?<=[a-z)])[23]\b", lambda match: match[0].translate(_SUPERSCRIPTS), symbol)
@@ -38,24 +38,24 @@ def display_unit(symbol: str) -> str:
 
 
 def with_unit(text: str, symbol: str) -> str:
-    """Return a number with its unit behind it; a ratio has none."""
+    """Return a number followed by its unit; a ratio has none."""
     return text if symbol == "1" else f"{text} {display_unit(symbol)}"
 
 
 def format_number(value: float, form: str) -> str:
-    """Return a number in one of Python's forms (".2f"), with a true minus sign; "–" for none."""
+    """Return a number in a Python format (".2f") with a true minus sign; "–" if not finite."""
     return f"{value:{form}}".replace("-", "−") if isfinite(value) else "–"
 
 
 def scaled(value: float, exponent: int, decimals: int) -> str:
-    """Return value / 10**exponent with that many decimals, with a true minus sign."""
+    """Return value / 10**exponent with fixed decimals and a true minus sign."""
     return format_number(value / 10.0**exponent, f".{decimals}f")
 
 
 def with_statistical(value: float, sd: float, statistical: float, symbol: str = "1") -> str:
-    """Return "0.808 ± 0.075 (statistical 0.016)", the statistical part with two digits of its own.
+    """Return "0.808 ± 0.075 (statistical 0.016)"; the statistical part has two digits.
 
-    An `sd` of nan is no budget; the error is then the statistical: "0.808 ± 0.016 (statistical)".
+    If `sd` is nan (no budget), the statistical error is used: "0.808 ± 0.016 (statistical)".
     """
     if not isfinite(sd):
         text = with_unit(value_with_sd(value, statistical), symbol)
@@ -67,7 +67,7 @@ def with_statistical(value: float, sd: float, statistical: float, symbol: str = 
 
 
 def value_with_sd(value: float, sd: float) -> str:
-    """Return "1.974 ± 0.021", a common power of ten taken out of awkward numbers; no sd, no ±."""
+    """Return "1.974 ± 0.021", with a common power of ten if needed; without sd, no ±."""
     exponent = decimal_exponent(value, sd)
     if not isfinite(sd):
         text = format_number(value / 10.0**exponent, ".6g")

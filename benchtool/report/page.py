@@ -1,4 +1,4 @@
-"""What a report page holds: sections of blocks, as values; `html` makes the page of them."""
+"""Data model of a report page: sections of blocks. `html` renders it."""
 
 from __future__ import annotations
 
@@ -12,42 +12,42 @@ from benchtool.core.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Paragraph:
-    """Say something in plain text."""
+    """Plain text."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Begin a part within a section; it does not stand in the contents."""
+    """Subheading within a section; not listed in the table of contents."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class FactTable:
-    """List names with their values: rig, conditions, versions, hashes."""
+    """Names with values: rig, conditions, versions, hashes."""
 
     items: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
 class Warnings:
-    """List what the reader must know before using a number; nothing shows when there is none."""
+    """Warnings to read before using a number; an empty list shows nothing."""
 
     sentences: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """List the commands that made this, as they were typed."""
+    """Commands that made this report, as typed."""
 
     lines: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Quote a small text file as it stands (a plan)."""
+    """Small text file, quoted verbatim (a plan)."""
 
     caption: str
     text: str
@@ -55,19 +55,19 @@ class Listing:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Show rows of cells, already formatted."""
+    """Table of formatted cells."""
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    text_columns: int = 1  # on the left; the others are aligned as numbers
+    text_columns: int = 1  # number of left-aligned columns; the others are aligned as numbers
 
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.header):
                 raise InputError(
-                    f"the table {self.caption!r} has {len(self.header)} columns, but a row of "
-                    f"{len(row)} cells: {', '.join(row)}"
+                    f"table {self.caption!r}: row with {len(row)} cells ({', '.join(row)}); "
+                    f"required: {len(self.header)} cells"
                 )
 
     def narrowed(self, columns: Sequence[int], caption: str = "", text_columns: int = 0) -> Table:
@@ -81,7 +81,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FigureBlock:
-    """Show a figure, which says in its caption what is to be seen."""
+    """Figure with caption."""
 
     figure: Figure
     caption: str
@@ -92,7 +92,7 @@ Block = Paragraph | Heading | FactTable | Warnings | Commands | Listing | Table 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """Hold blocks under a heading."""
+    """Blocks under a heading."""
 
     title: str
     blocks: Sequence[Block]
@@ -100,10 +100,10 @@ class Section:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """Hold a whole page."""
+    """Report page."""
 
     title: str
     summary: str
     sections: Sequence[Section]
     simulated: bool
-    highlights: Mapping[str, str] = field(default_factory=dict)  # shown large
+    highlights: Mapping[str, str] = field(default_factory=dict)  # large figures at the top

@@ -1,7 +1,7 @@
-"""Colours by meaning: one role has one colour and one marker in every figure of the project.
+"""Palette: each role has the same colour and marker in every figure.
 
-The colours are those of Okabe and Ito, "Color Universal Design" (2008), which stay apart under the
-common colour-vision deficiencies; markers and dashes repeat the difference without colour.
+Colours from Okabe and Ito, "Color Universal Design" (2008), distinguishable under the
+common colour-vision deficiencies; markers and dashes repeat the distinction without colour.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PALE = "#d7dbe0"
 
 @dataclass(frozen=True, slots=True)
 class SeriesStyle:
-    """Give the colour and the marker of one role."""
+    """Colour and marker of one role."""
 
     color: str
     marker: str

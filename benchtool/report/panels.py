@@ -1,4 +1,4 @@
-"""Parts that recur in figures: points with errors, shaded spans, thinned lines, legends, z/R."""
+"""Common figure elements: error bars, shaded spans, decimated lines, legends, z/R axis."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.units import from_si
 from benchtool.report.palette import CYCLE, GREY, PALE
 
-OVER = "#bfe3c8"  # background while a rotor is over a surface, from the paper's figures 26 to 28
+OVER = "#bfe3c8"  # background while a rotor is over a surface; paper, figures 26 to 28
 DASHED = (0, (5, 2.2))
 DOTTED = (0, (1.5, 1.5))
 
@@ -25,7 +25,7 @@ DOTTED = (0, (1.5, 1.5))
 def rows_of(
     figure: Figure, heights: Sequence[float], *, sharex: bool = True, sharey: bool = False
 ) -> list[Axes]:
-    """Return panels one above the other, of these relative heights, on a common x axis."""
+    """Return stacked panels with the given relative heights."""
     grid = figure.subplots(
         len(heights), 1, sharex=sharex, sharey=sharey, squeeze=False,
         gridspec_kw={"height_ratios": list(heights)},
@@ -36,19 +36,19 @@ def rows_of(
 def points(
     axes: Axes, x: Any, y: Any, error: Any, color: str, marker: str = "o", **look: Any
 ) -> None:
-    """Draw points with their error bars; nan where a point has none."""
+    """Draw points with error bars; an error of nan draws none."""
     axes.errorbar(x, y, yerr=error, fmt=marker, color=color, **{"ms": 4.6, **look})
 
 
 def spread(axes: Axes, half: float, gid: str | None = None, alpha: float | None = None) -> None:
-    """Draw the zero line, and the band of ± `half` about it where that is known."""
+    """Draw the zero line and a band of ± `half` around it, if `half` is finite."""
     if np.isfinite(half):
         axes.axhspan(-half, half, color=PALE, alpha=alpha, linewidth=0.0, zorder=0.4, gid=gid)
     axes.axhline(0.0, color=GREY, linewidth=0.9)
 
 
 def spans(time_s: Array, inside: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Return begin and end of every stretch in which `inside` holds."""
+    """Return start and end time of every interval in which `inside` is True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
     last = len(time_s) - 1
     return [
@@ -57,38 +57,38 @@ def spans(time_s: Array, inside: NDArray[np.bool_]) -> list[tuple[float, float]]
     ]
 
 
-def shade(axes: Axes, stretches: Iterable[tuple[float, float]], gid: str = "over-surface") -> None:
-    """Colour the background in stretches of time in which a rotor is over a surface."""
-    for begin, end in stretches:
+def shade(axes: Axes, intervals: Iterable[tuple[float, float]], gid: str = "over-surface") -> None:
+    """Shade the background of time intervals in which a rotor is over a surface."""
+    for begin, end in intervals:
         axes.axvspan(begin, end, color=OVER, linewidth=0.0, zorder=0.4, gid=gid)
 
 
 def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Array]:
-    """Return times and values, minimum and maximum of every slot, without nan: spikes remain."""
+    """Decimate a signal to minimum and maximum of every slot, without nan; spikes remain."""
     present = np.isfinite(values) & np.isfinite(time_s)
     time_s, values = time_s[present], values[present]
     if values.size <= 2 * slots:
         return time_s, values
     edges = np.linspace(0, values.size, slots + 1).astype(int)
-    shown: set[int] = {0, values.size - 1}
+    indices: set[int] = {0, values.size - 1}
     for start, end in pairwise(edges):
-        stretch = values[start:end]
-        shown.update((start + int(stretch.argmin()), start + int(stretch.argmax())))
-    index = np.array(sorted(shown))
-    return time_s[index], values[index]
+        slot_values = values[start:end]
+        indices.update((start + int(slot_values.argmin()), start + int(slot_values.argmax())))
+    order = np.array(sorted(indices))
+    return time_s[order], values[order]
 
 
 def broken_line(axes: Axes, time_s: Array, values: Array, **look: Any) -> None:
-    """Draw a signal thinned by `envelope`, broken where it is nan."""
-    known = np.isfinite(values)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
+    """Draw a signal decimated by `envelope`, interrupted where it is nan."""
+    finite = np.isfinite(values)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], finite.astype(np.int8), [0]])))
     slots = max(40, int(900 / max(len(edges) // 2, 1)))
-    at, shown = [np.empty(0)], [np.empty(0)]
+    times, drawn = [np.empty(0)], [np.empty(0)]
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        thin = envelope(time_s[begin:end], values[begin:end], slots)
-        at += [thin[0], np.array([np.nan])]
-        shown += [thin[1], np.array([np.nan])]
-    axes.plot(np.concatenate(at), np.concatenate(shown), **look)
+        decimated = envelope(time_s[begin:end], values[begin:end], slots)
+        times += [decimated[0], np.array([np.nan])]
+        drawn += [decimated[1], np.array([np.nan])]
+    axes.plot(np.concatenate(times), np.concatenate(drawn), **look)
 
 
 def in_radii(axes: Axes, radius_m: float) -> None:
@@ -104,7 +104,7 @@ def rotor_color(rotor: int) -> str:
 
 
 def rotor_legend(axes: Axes, rotors: int) -> None:
-    """Name the colours of numbered rotors over a panel; one rotor needs no name."""
+    """Put a legend of rotor colours above a panel; none for one rotor."""
     numbers = range(rotors if rotors > 1 else 0)
     legend_over(
         axes,
@@ -116,7 +116,7 @@ def rotor_legend(axes: Axes, rotors: int) -> None:
 
 
 def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
-    """Put a legend in one row over a panel, where it hides no signal."""
+    """Put a one-row legend above a panel, outside the axes."""
     if handles:
         axes.legend(
             handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles),
@@ -124,15 +124,15 @@ def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
         )  # fmt: skip
 
 
-def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **instead: Artist) -> None:
-    """Put one legend of all axes below the figure; `instead`: handles by label (_: blank)."""
-    found: dict[str, Any] = {}
-    for each in axes:
-        found |= {
-            label: handle for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
+def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **replacements: Artist) -> None:
+    """Put one legend of all axes below the figure; keywords replace handles (_ means a blank)."""
+    handles: dict[str, Any] = {}
+    for panel in axes:
+        handles |= {
+            label: handle for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
         }
-    found |= {label.replace("_", " "): handle for label, handle in instead.items()}
-    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=ncols)
+    handles |= {label.replace("_", " "): handle for label, handle in replacements.items()}
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=ncols)
 
 
 def named_rows(
@@ -143,7 +143,7 @@ def named_rows(
     bottom: float = 0.4,
     top: float = 0.6,
 ) -> None:
-    """Name the rows of horizontal bars from top to bottom, marked ones in bold."""
+    """Label the rows of horizontal bars from top to bottom, marked rows in bold."""
     bold = set(marked)
     axes.set_yticks(range(len(names)), list(names))
     for label, name in zip(axes.get_yticklabels(), names, strict=True):

@@ -1,4 +1,4 @@
-"""Panels and tables of quantities, whatever run or recording they are of."""
+"""Panels and tables of derived quantities of runs and recordings."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from benchtool.data.quantities import Quantity
 from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
 
-COLUMNS = 2  # panels beside each other
+COLUMNS = 2  # panels per row
 
 
 def panels_height(quantities: Sequence[object]) -> float:
-    """Return inches for a panel of each quantity."""
+    """Return the figure height in inches for one panel per quantity."""
     return 0.8 + 2.1 * ceil(len(quantities) / COLUMNS)
 
 
 def quantity_panels(figure: Figure, quantities: Sequence[Quantity], label: str) -> list[Axes]:
-    """Return a panel for each quantity, its axis labelled with symbol and unit."""
+    """Return one panel per quantity; y axes are labelled with symbol and unit."""
     rows = ceil(len(quantities) / COLUMNS)
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True).ravel().tolist()
-    for place, (axes, one) in enumerate(zip(grid, quantities, strict=False)):
-        axes.set_title(one.title)
-        axes.set_ylabel(re.sub(r"([A-Za-zη]+)_(\w+)", r"$\1_{\2}$", with_symbol(one)))
-        if place >= len(quantities) - COLUMNS:
+    for index, (axes, quantity) in enumerate(zip(grid, quantities, strict=False)):
+        axes.set_title(quantity.title)
+        axes.set_ylabel(re.sub(r"([A-Za-zη]+)_(\w+)", r"$\1_{\2}$", with_symbol(quantity)))
+        if index >= len(quantities) - COLUMNS:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(label)
     for axes in grid[len(quantities) :]:
@@ -47,41 +47,44 @@ def values_table(
     caption: str,
     rows: Sequence[Sequence[str]],
     header: Sequence[str],
-    found: Sequence[QuantityValues],
+    quantities: Sequence[QuantityValues],
 ) -> Table:
-    """List every quantity with its standard error behind what names each row."""
+    """Return a table of quantities with standard errors; `rows` are the leading cells."""
     cells = [
         [
             value_with_sd(float(value), float(error)) if np.isfinite(value) else "–"
-            for value, error in zip(one.value, one.total_error, strict=True)
+            for value, error in zip(quantity.value, quantity.total_error, strict=True)
         ]
-        for one in found
+        for quantity in quantities
     ]
     return Table(
         caption,
-        (*header, *(with_symbol(one.quantity) for one in found)),
-        [(*row, *(column[place] for column in cells)) for place, row in enumerate(rows)],
+        (*header, *(with_symbol(quantity.quantity) for quantity in quantities)),
+        [(*row, *(column[row_index] for column in cells)) for row_index, row in enumerate(rows)],
     )
 
 
 def origins_table(quantities: Sequence[QuantityValues]) -> Table:
-    """List formula, origin and error of each quantity: who made how much of it, in percent."""
+    """Return a table of formula, origin and error contributions (percent) of each quantity."""
     rows = []
-    for one in quantities:
-        size = np.abs(np.where(one.value != 0.0, one.value, np.nan))
-        parts = {"own": one.standard_error}
+    for values in quantities:
+        size = np.abs(np.where(values.value != 0.0, values.value, np.nan))
+        parts = {"own": values.standard_error}
         parts |= {
-            source.name: np.sqrt(np.sum(source.columns**2, axis=1)) for source in one.error_sources
+            source.name: np.sqrt(np.sum(source.columns**2, axis=1))
+            for source in values.error_sources
         }
         shares = {name: _median_percent(part, size) for name, part in parts.items()}
-        words = ", ".join(f"{name} {format_number(share, '.2g')}" for name, share in shares.items())
-        total = format_number(_median_percent(one.total_error, size), ".2g")
-        quantity = one.quantity
-        formula = quantity.formula if one.origin.startswith("from ") else "–"
-        rows.append((quantity.title, quantity.symbol, formula, one.origin, words, total))
+        contributions = ", ".join(
+            f"{name} {format_number(share, '.2g')}" for name, share in shares.items()
+        )
+        total = format_number(_median_percent(values.total_error, size), ".2g")
+        quantity = values.quantity
+        formula = quantity.formula if values.origin.startswith("from ") else "–"
+        rows.append((quantity.title, quantity.symbol, formula, values.origin, contributions, total))
     return Table(
-        "What each quantity is worked out from, and its standard error in percent of the value "
-        "(median of the rows): what is its own at each row, then what all rows share.",
+        "Origin of each quantity and its standard error in percent of the value (median of the "
+        "rows): independent part (own), then errors shared by all rows.",
         ("quantity", "symbol", "formula", "origin", "errors [%]", "together [%]"),
         rows,
         text_columns=5,

@@ -1,4 +1,4 @@
-"""T_IGE/T_OGE against z/R: measured points over model curves with bands, and closed formulae."""
+"""T_IGE/T_OGE against z/R: measured points, model curves with bands, closed-form equations."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ _BAND_ALPHA = {68: 0.30, 95: 0.13}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RatioPoints:
-    """Hold measured (or simulated) thrust ratios."""
+    """Measured or simulated thrust ratios."""
 
     z_over_R: Array  # (m,) dimensionless
     ratio: Array  # (m,) dimensionless
     sd: Array  # (m,) standard deviation over repeats; nan for one repeat
     label: str
     role: Role = "measurement"
-    left_out: NDArray[np.bool_] | None = None  # (m,) True: not in the fit, drawn hollow
+    left_out: NDArray[np.bool_] | None = None  # (m,) True: excluded from the fit, drawn hollow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Hold the interval of a curve at one level: lower and upper (m,), level in per cent."""
+    """Interval of a curve at one level: lower and upper (m,), level in percent."""
 
     lower: Array
     upper: Array
@@ -52,7 +52,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """Hold a model's curve."""
+    """Model curve."""
 
     z_over_R: Array  # (m,) dimensionless
     ratio: Array  # (m,) dimensionless
@@ -60,17 +60,17 @@ class Curve:
     role: Role = "formula"
     style: Literal["fit", "formula"] = "formula"  # solid or dashed
     bands: tuple[Band, ...] = ()  # at most one per level
-    nearest_z_over_R: float = VALIDITY_Z_OVER_R  # drawn from there on
+    nearest_z_over_R: float = VALIDITY_Z_OVER_R  # lower end of the drawn range
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Where the curve's law is trusted (m,)."""
+        """True within the validity range of the curve's law (m,)."""
         valid: NDArray[np.bool_] = self.z_over_R >= self.nearest_z_over_R
         return valid
 
 
 def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions:
-    """Return a level plate under every disc, at these distances (m,) and speeds (n_rotors, 1)."""
+    """Return conditions of a level plate under every disc; z/R (m,), speeds (n_rotors, 1)."""
     return Conditions.of(
         rig,
         speed_rad_s=speed_rad_s,
@@ -80,9 +80,9 @@ def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions
 
 
 def ratio_values(model: Model, draws: Mapping[str, Array] | None = None) -> list[Any]:
-    """Return all values of a model, those that are drawn (d, 1) in place of its own."""
-    known = draws or {}
-    return [known.get(name, item.value) for name, item in model.parameters.items()]
+    """Return all parameter values of a model; draws (d, 1) replace the model's values."""
+    drawn = draws or {}
+    return [drawn.get(name, item.value) for name, item in model.parameters.items()]
 
 
 def factor_at_distance(
@@ -97,9 +97,9 @@ def factor_at_distance(
     return factor_at(model, basis, conditions, ratio_values(model, draws))
 
 
-def uncertainty_band(spread: Array, level: Literal[68, 95]) -> Band:
-    """Return the central interval of draws (d, m) at a level in per cent."""
-    lower, upper = np.percentile(spread, [50.0 - level / 2.0, 50.0 + level / 2.0], axis=0)
+def uncertainty_band(ratio_draws: Array, level: Literal[68, 95]) -> Band:
+    """Return the central interval of draws (d, m) at a level in percent."""
+    lower, upper = np.percentile(ratio_draws, [50.0 - level / 2.0, 50.0 + level / 2.0], axis=0)
     return Band(lower, upper, level)
 
 
@@ -110,16 +110,16 @@ def uncertainty_bands(
     draws: Mapping[str, Array],
     basis: str = "equal_rpm2",
 ) -> tuple[Band, ...]:
-    """Return the 68 and the 95 % band of a model's curve; none without draws."""
+    """Return the 68 % and 95 % bands of a model curve; empty without draws."""
     if not draws:
         return ()
-    spread = np.asarray(factor_at_distance(model, speed_rad_s, z_over_R, draws, basis), float)
-    spread = np.broadcast_to(spread, (len(next(iter(draws.values()))), len(z_over_R)))
-    return uncertainty_band(spread, 68), uncertainty_band(spread, 95)
+    ratio_draws = np.asarray(factor_at_distance(model, speed_rad_s, z_over_R, draws, basis), float)
+    ratio_draws = np.broadcast_to(ratio_draws, (len(next(iter(draws.values()))), len(z_over_R)))
+    return uncertainty_band(ratio_draws, 68), uncertainty_band(ratio_draws, 95)
 
 
 def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]:
-    """Return eq. (2), and eq. (3) where more than one rotor turns."""
+    """Return the curve of eq. (2), and of eq. (3) if more than one rotor turns."""
     single = Model.single(rig)
     turning = int(np.asarray(speed_rad_s > 0.0).sum())
     alone = factor_at_distance(single, speed_rad_s, z_over_R)
@@ -134,7 +134,7 @@ def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]
 
 
 def curve_distances(series: Sequence[RatioPoints], model: Model | None = None) -> Array:
-    """Return z/R (240,) of curves from where laws are trusted to somewhat beyond the last point."""
+    """Return z/R (240,) from the lower end of validity to 1.1 times the last point, at least 2."""
     nearest = VALIDITY_Z_OVER_R if model is None else model.nearest_z_over_R
     farthest = max(float(np.nanmax(item.z_over_R)) for item in series)
     return np.linspace(min(nearest, VALIDITY_Z_OVER_R), max(1.1 * farthest, 2.0), 240)
@@ -143,10 +143,10 @@ def curve_distances(series: Sequence[RatioPoints], model: Model | None = None) -
 def draw_ratio(
     figure: Figure, series: Sequence[RatioPoints], curves: Sequence[Curve], basis: str
 ) -> None:
-    """Draw thrust ratios over curves with bands; distances where no law is trusted are hatched."""
+    """Draw thrust ratios over curves with bands; distances outside validity are hatched."""
     axes = figure.subplots()
-    for each in series:
-        _draw_points(axes, each)
+    for item in series:
+        _draw_points(axes, item)
     for curve in curves:
         _draw_curve(axes, curve)
     axes.axhline(1.0, color=GREY, linewidth=0.9, zorder=0.5)
@@ -156,14 +156,14 @@ def draw_ratio(
             0.0, nearest, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.45, lw=0.0
         )
         axes.text(
-            nearest / 2.0, 0.5, "outside the validity of the formulae",
+            nearest / 2.0, 0.5, "outside the validity range of the formulae",
             transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
             color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
         )  # fmt: skip
     axes.set_xlabel("distance to the plate  $z/R$ [–]")
     axes.set_ylabel(ratio_label(basis))
     distances = np.concatenate(
-        [[1.0], *(each.z_over_R for each in series), *(each.z_over_R for each in curves)]
+        [[1.0], *(item.z_over_R for item in series), *(item.z_over_R for item in curves)]
     )
     axes.set_xlim(0.0, 1.03 * float(distances[np.isfinite(distances)].max()))
     axes.set_ylim(*_limits(series, curves))
@@ -185,38 +185,38 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
 
 
 def _draw_points(axes: Axes, series: RatioPoints) -> None:
-    look = SERIES_STYLES[series.role]
-    out = np.zeros(series.ratio.shape, bool) if series.left_out is None else series.left_out
+    style = SERIES_STYLES[series.role]
+    is_excluded = np.zeros(series.ratio.shape, bool) if series.left_out is None else series.left_out
     for rows, fill, label in (
-        (~out, look.color, series.label),
-        (out, "white", f"{series.label}, left out of the fit"),
+        (~is_excluded, style.color, series.label),
+        (is_excluded, "white", f"{series.label}, excluded from the fit"),
     ):
         if rows.any():
             points(
-                axes, series.z_over_R[rows], series.ratio[rows], series.sd[rows], look.color,
-                look.marker, mfc=fill, mec=look.color, elinewidth=1.2, capsize=3.5, label=label,
+                axes, series.z_over_R[rows], series.ratio[rows], series.sd[rows], style.color,
+                style.marker, mfc=fill, mec=style.color, elinewidth=1.2, capsize=3.5, label=label,
                 zorder=3,
             )  # fmt: skip
 
 
 def _limits(series: Sequence[RatioPoints], curves: Sequence[Curve]) -> tuple[float, float]:
-    seen = [1.0]
-    for each in series:
-        spread = np.nan_to_num(each.sd)
-        seen += [*(each.ratio - spread), *(each.ratio + spread)]
+    values = [1.0]
+    for points_drawn in series:
+        sd = np.nan_to_num(points_drawn.sd)
+        values += [*(points_drawn.ratio - sd), *(points_drawn.ratio + sd)]
     for curve in curves:
         for line in (curve.ratio, *(band.upper for band in curve.bands)):
-            seen += list(line[curve.valid])
-    finite = np.array([value for value in seen if np.isfinite(value)])
+            values += list(line[curve.valid])
+    finite = np.array([ratio for ratio in values if np.isfinite(ratio)])
     span = max(finite.max() - finite.min(), 0.02)
     return float(finite.min() - 0.05 * span), float(finite.max() + 0.06 * span)
 
 
-LINE_SHARE = 0.006  # width of a curve's line over the height of its axes, about
+LINE_SHARE = 0.006  # line width over axes height, approximately
 
 
 def _legend(axes: Axes, curves: Sequence[Curve]) -> None:
-    """Name measured series first, then curves, then the levels of the bands."""
+    """Add a legend: measured series, then curves, then band levels."""
     entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: not isinstance(entry[0], ErrorbarContainer))
     for level in sorted({band.level for curve in curves for band in curve.bands}):

@@ -1,4 +1,4 @@
-"""One look for every figure: fonts, sizes, grid, title line and the SIMULATED stamp."""
+"""Figure style: fonts, sizes, grid, title line and the SIMULATED stamp."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from benchtool.core.errors import UnknownChoice
 from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
 
 WIDTH_IN = 7.0  # width of every figure: the text width of a printed A4 page, inches
-TITLE_CHARACTERS = 69  # how many characters of the title fit into one line of a figure
+TITLE_CHARACTERS = 69  # characters of a title per line at the full figure width
 SIMULATED = "SIMULATED"
 SIMULATED_GID = "simulated-stamp"
-BASES = {  # what is equal in both thrusts of a ratio
+BASES = {  # quantity that is equal for both thrusts of a ratio
     "equal_power": "equal electrical power",
     "equal_pwm": "equal pwm",
     "equal_rpm2": "equal rpm²",
@@ -61,7 +61,7 @@ _OURS: dict[str, Any] = {
     "pdf.fonttype": 42,
 }
 
-# Settings of windows, keys and folders are not part of a look.
+# Settings of windows, keys and folders are not part of the style.
 _NOT_LOOK = (
     "backend", "interactive", "toolbar", "keymap", "webagg", "tk.", "macosx", "docstring",
     "figure.hooks", "date.epoch", "savefig.directory", "timezone",
@@ -74,13 +74,13 @@ _DRAWING = RLock()
 
 @contextmanager
 def look() -> Iterator[None]:
-    """Apply the look over any matplotlibrc, then restore it; one thread draws or saves at once."""
+    """Apply the style over any matplotlibrc, then restore it; a lock admits one thread."""
     with _DRAWING, rc_context(_LOOK):
         yield
 
 
 class NotebookFigure(Figure):
-    """A figure that a notebook shows, also where nothing has loaded pyplot."""
+    """Figure with a notebook display that does not need pyplot."""
 
     def _repr_png_(self) -> bytes:
         buffer = BytesIO()
@@ -97,11 +97,11 @@ def new_figure(
     width_in: float = WIDTH_IN,
     layout: Literal["constrained"] | None = "constrained",
 ) -> Figure:
-    """Return an empty figure with its title line, stamped when the data is simulated."""
+    """Return an empty figure with its title line, and a stamp if the data is simulated."""
     figure = NotebookFigure(figsize=(width_in, height_in), layout=layout)
-    room = int(TITLE_CHARACTERS * width_in / WIDTH_IN) - (len(SIMULATED) + 2) * simulated
+    line_length = int(TITLE_CHARACTERS * width_in / WIDTH_IN) - (len(SIMULATED) + 2) * simulated
     text = figure.suptitle(
-        "\n".join(wrap(title, room)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"
+        "\n".join(wrap(title, line_length)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"
     )
     if layout is None:
         text.set_y(1.0 - 0.09 / height_in)
@@ -115,7 +115,7 @@ def new_figure(
 
 
 def ratio_label(basis: str) -> str:
-    """Return the axis label of a thrust ratio, which says what is held equal."""
+    """Return the axis label of a thrust ratio with its basis of comparison."""
     if basis not in BASES:
         raise UnknownChoice("basis of comparison", basis, BASES)
     return "$T_{IGE}\\,/\\,T_{OGE}$ [–]  at " + BASES[basis]

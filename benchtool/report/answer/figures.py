@@ -1,4 +1,4 @@
-"""The figures of an answer: where the model disagrees, what explains it, what is left."""
+"""Figures of an explanation: disagreement, probabilities, parameters, remaining gap."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
 from benchtool.report.panels import named_rows, rows_of
 
-BEFORE, AFTER = ORANGE, BLUE  # colours of a model before and after something was added
-LOGARITHMIC_FROM = 12.0  # beyond so many times the noise an axis is logarithmic
-MOST_REGIMES = 6  # how many parts of a recording one panel shows
-MAX_BARS = 9  # how many explanations are drawn at most; the rest share one bar
-VISIBLE = 0.001  # less likely ones share that bar, too
-ALWAYS = ("none", "unknown")  # explanations that are drawn however unlikely they are
+BEFORE, AFTER = ORANGE, BLUE  # colours of the model before and after an effect was added
+LOGARITHMIC_FROM = 12.0  # multiple of the noise above which an axis is logarithmic
+MAX_REGIMES = 6  # regimes per panel
+MAX_BARS = 9  # explanations drawn; the remaining ones share one bar
+VISIBLE = 0.001  # less probable explanations share that bar as well
+ALWAYS = ("none", "unknown")  # explanations drawn at any probability
 
 
 def _disagreements(answer: ExplainResult) -> list[Disagreement]:
     """Return the stages with residuals, the largest first."""
-    found = [item for item in answer.explanation.disagreements if item.by_regime]
-    return sorted(found, key=lambda item: -max(item.by_regime.values()))
+    disagreements = [item for item in answer.explanation.disagreements if item.by_regime]
+    return sorted(disagreements, key=lambda item: -max(item.by_regime.values()))
 
 
 def _marked(answer: ExplainResult, item: Disagreement) -> str:
-    """Return the regime that the verdict names in these rows; thrust shows in the beam's motion."""
+    """Return the regime of a stage named by the verdict, else ""; thrust acts on beam motion."""
     where = answer.verdict.where
     if where is None:
         return ""
@@ -43,16 +43,16 @@ def _marked(answer: ExplainResult, item: Disagreement) -> str:
 def visible_regimes(
     before: Mapping[str, float], after: Mapping[str, float], marked: str
 ) -> list[str]:
-    """Return the regimes above noise, at least one, by improvement; the marked one, too."""
+    """Return regimes above noise by improvement, at least one, including the marked one."""
     ranked = sorted(
         before, key=lambda name: before[name] ** 2 - after.get(name, 0.0) ** 2, reverse=True
     )
-    above = [name for name in ranked if before[name] > 1.0 or name == marked]
-    ranked = above or [max(before, key=lambda name: before[name])]
-    shown = ranked[:MOST_REGIMES]
-    if marked in ranked[MOST_REGIMES:]:
-        shown[-1] = marked
-    return shown
+    above_noise = [name for name in ranked if before[name] > 1.0 or name == marked]
+    ranked = above_noise or [max(before, key=lambda name: before[name])]
+    visible = ranked[:MAX_REGIMES]
+    if marked in ranked[MAX_REGIMES:]:
+        visible[-1] = marked
+    return visible
 
 
 def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
@@ -63,30 +63,29 @@ def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
 @figure(
     name="where",
     title="Where the model disagrees",
-    caption="Size of the residuals in each part of the recordings, over the noise that the model "
-    "states, where they stand above it; first those that the addition made smaller by most. Bold: "
-    "what the verdict names.",
+    caption="Residual size over the stated noise in each regime of the recordings, regimes above "
+    "noise only, ordered by improvement. Bold: regime named by the verdict.",
     when=lambda answer: bool(_disagreements(answer)),
     height_in=lambda answer: (
         1.1 + sum(0.42 + 0.3 * len(_regimes(answer, item)) for item in _disagreements(answer))
     ),
 )
 def draw_disagreements(figure: Figure, answer: ExplainResult) -> None:
-    """Draw a panel per stage and a bar per regime; at 1 stands noise alone."""
+    """Draw one panel per stage and one bar per regime; 1 is noise alone."""
     stages, changed = _disagreements(answer), answer.has_model
     panels = rows_of(figure, [len(_regimes(answer, item)) for item in stages])
     half, height = (0.19, 0.36) if changed else (0.0, 0.6)
     for axes, item in zip(panels, stages, strict=True):
         names = _regimes(answer, item)
-        places = np.arange(len(names))
+        positions = np.arange(len(names))
         axes.barh(
-            places - half, [item.by_regime[name] for name in names], height=height,
+            positions - half, [item.by_regime[name] for name in names], height=height,
             color=BEFORE if changed else AFTER, label="before", hatch="//" if changed else None,
             edgecolor="white", linewidth=0.0,
         )  # fmt: skip
         if changed:
-            left = [item.after.get(name, 0.0) for name in names]
-            axes.barh(places + half, left, height=height, color=AFTER, label="after")
+            sizes_after = [item.after.get(name, 0.0) for name in names]
+            axes.barh(positions + half, sizes_after, height=height, color=AFTER, label="after")
         axes.axvline(1.0, color=BLACK, lw=1.0)
         named_rows(axes, names, [_marked(answer, item)], bottom=0.5, top=0.5)
         axes.set_title(STAGES[item.stage])
@@ -99,27 +98,27 @@ def draw_disagreements(figure: Figure, answer: ExplainResult) -> None:
         panels[0].legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
 
 
-WHICH = "Probability of each explanation that was weighed; the answer is blue."
+WHICH = "Posterior probability of each candidate; blue: verdict."
 WHICH_OF_SEVERAL = (
-    "Probability of each explanation for one of the named effects, the others taken for granted; "
-    "the answer is blue."
+    "Posterior probability of each candidate in place of one named effect, the other named effects "
+    "assumed present; blue: verdict."
 )
 
 
 def shown_explanations(probabilities: Mapping[str, float]) -> dict[str, float]:
-    """Return the likeliest explanations and those always drawn; the others together."""
+    """Return the most probable explanations and those always drawn; the others as one sum."""
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
     names = [name for name in ranked if probabilities[name] >= VISIBLE][: MAX_BARS - 1]
     names += [name for name in ALWAYS if name in probabilities and name not in names]
-    rest = [name for name in ranked if name not in names]
-    shown = {name: probabilities[name] for name in names}
-    if rest:
-        shown[f"{len(rest)} others together"] = sum(probabilities[name] for name in rest)
-    return shown
+    others = [name for name in ranked if name not in names]
+    bars = {name: probabilities[name] for name in names}
+    if others:
+        bars[f"{len(others)} others together"] = sum(probabilities[name] for name in others)
+    return bars
 
 
 def percentage(value: float) -> str:
-    """Return a probability as people read it, never quite 0."""
+    """Return a probability in percent; values near 0 and 1 as "below" and "above"."""
     if value < VISIBLE:
         return f"below {100.0 * VISIBLE:g} %"
     if 1.0 - VISIBLE < value < 1.0:
@@ -129,30 +128,32 @@ def percentage(value: float) -> str:
 
 @figure(
     name="which",
-    title=lambda answer, place: (
-        f"What may stand in the place of: {answer.title_of(place.effect)}"
+    title=lambda answer, alternatives: (
+        f"Alternatives to: {answer.title_of(alternatives.effect)}"
         if answer.verdict.kind == "several"
-        else "How likely each explanation is"
+        else "Probability of each explanation"
     ),
     caption=lambda answer, _: WHICH_OF_SEVERAL if answer.verdict.kind == "several" else WHICH,
     each=lambda answer: {
-        place.effect if answer.verdict.kind == "several" else "": place
-        for place in answer.verdict.places
+        alternatives.effect if answer.verdict.kind == "several" else "": alternatives
+        for alternatives in answer.verdict.places
     },
-    height_in=lambda _, place: 1.1 + 0.27 * len(shown_explanations(place.probabilities)),
+    height_in=lambda _, item: 1.1 + 0.27 * len(shown_explanations(item.probabilities)),
 )
-def draw_probabilities(figure: Figure, answer: ExplainResult, place: AlternativeEffects) -> None:
-    """Draw one bar per explanation, the likeliest first."""
+def draw_probabilities(
+    figure: Figure, answer: ExplainResult, alternatives: AlternativeEffects
+) -> None:
+    """Draw one bar per explanation, most probable first."""
     verdict = answer.verdict
     several = verdict.kind == "several"
-    named = (place.effect,) if several else verdict.names or (verdict.kind,)
-    shown = shown_explanations(place.probabilities)
+    named = (alternatives.effect,) if several else verdict.names or (verdict.kind,)
+    bars = shown_explanations(alternatives.probabilities)
     axes = figure.subplots()
-    colors = [AFTER if name in named else GREY for name in shown]
-    axes.barh(range(len(shown)), list(shown.values()), height=0.64, color=colors)
-    for y, value in enumerate(shown.values()):
+    colors = [AFTER if name in named else GREY for name in bars]
+    axes.barh(range(len(bars)), list(bars.values()), height=0.64, color=colors)
+    for y, value in enumerate(bars.values()):
         axes.text(value + 0.012, y, percentage(value), va="center", fontsize=8.6, color=BLACK)
-    named_rows(axes, list(map(answer.title_of, shown)), map(answer.title_of, named))
+    named_rows(axes, list(map(answer.title_of, bars)), map(answer.title_of, named))
     axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
     axes.set_xlabel("probability")
@@ -167,88 +168,87 @@ def _parameters(answer: ExplainResult) -> dict[str, FoundParameter]:
 
 
 def parameter_text(item: FoundParameter) -> str:
-    """Return a value with its standard deviation and unit."""
+    """Return a value with its standard uncertainty and unit."""
     if not item.determined:
         return "not determined"
     return with_unit(value_with_sd(item.value, item.std), item.unit)
 
 
 @figure(
-    title="What was found, against what would not matter",
-    caption="Each parameter with its 95 % interval, counted in tolerances from where its effect is "
-    "absent.",
+    title="Effect parameters in units of their tolerance",
+    caption="Each parameter with its 95 % interval, as distance from the value without effect in "
+    "units of its tolerance.",
     when=lambda answer: bool(_parameters(answer)),
     height_in=lambda answer: 1.25 + 0.5 * len(_parameters(answer)),
 )
 def parameters(figure: Figure, answer: ExplainResult) -> None:
-    """Draw a point with its interval per parameter; the band is what would not have mattered."""
-    found = _parameters(answer)
+    """Draw one point with interval per parameter; grey band: within tolerance."""
+    items = _parameters(answer)
     sizes = [
         tuple(
             (value - item.neutral) / item.tolerance for value in (item.low, item.value, item.high)
         )
-        for item in found.values()
+        for item in items.values()
     ]
     axes = figure.subplots()
     axes.axvspan(-1.0, 1.0, color=PALE, linewidth=0.0, zorder=0.4, gid="tolerance")
     axes.axvline(0.0, color=GREY, lw=0.9)
-    least, most = min(low for low, *_ in sizes), max(high for *_, high in sizes)
+    lowest, highest = min(low for low, *_ in sizes), max(high for *_, high in sizes)
     reach = 1.25 * max(1.6, *(abs(end) for low, _, high in sizes for end in (low, high)))
-    for row, (item, (low, value, high)) in enumerate(zip(found.values(), sizes, strict=True)):
+    for row, (item, (low, value, high)) in enumerate(zip(items.values(), sizes, strict=True)):
         axes.errorbar(
             value, row, xerr=[[value - low], [high - value]], fmt="o", color=AFTER, lw=1.8,
             capsize=3.5,
         )  # fmt: skip
-        side = "right" if value > 0.4 * reach else "left" if value < -0.4 * reach else "center"
+        alignment = "right" if value > 0.4 * reach else "left" if value < -0.4 * reach else "center"
         axes.annotate(
             parameter_text(item), (value, row), xytext=(0.0, 8.0), textcoords="offset points",
-            ha=side, fontsize=8.4, color=BLACK,
+            ha=alignment, fontsize=8.4, color=BLACK,
         )  # fmt: skip
-    named_rows(axes, list(found), top=0.75)
-    axes.set_xlim(-reach if least < 0.0 else -1.6, reach if most > 0.0 else 1.6)
-    axes.set_xlabel("distance from absent, in tolerances [–]    (grey: would not have mattered)")
+    named_rows(axes, list(items), top=0.75)
+    axes.set_xlim(-reach if lowest < 0.0 else -1.6, reach if highest > 0.0 else 1.6)
+    axes.set_xlabel("distance from absent, in tolerances [–]    (grey: within tolerance)")
 
 
 def gap_numbers(gap: ChannelGap, changed: bool) -> str:
-    """Return before, after and floor of a gap as people read them."""
-    words = channel_words(gap.channel, gap.unit)
+    """Return before, after and floor of a gap as text in display units."""
+    display = channel_words(gap.channel, gap.unit)
     before, after, floor = (
-        f"{words.factor * value:.3g}" for value in (gap.before, gap.after, gap.floor)
+        f"{display.factor * value:.3g}" for value in (gap.before, gap.after, gap.floor)
     )
-    shown = f"{before} → {after}" if changed else before
-    return f"{shown} {words.unit}  (floor {floor})"
+    errors = f"{before} → {after}" if changed else before
+    return f"{errors} {display.unit}  (floor {floor})"
 
 
 @figure(
-    title="The gap on the check recordings",
-    caption="Prediction error before (hatched) and after, over what a true model would miss; thin "
-    "lines: 95 % of a bootstrap over windows. Diamonds: the model as its file states it, before "
-    "anything was adjusted within tolerance.",
+    title="Gap on the validation recordings",
+    caption="Prediction error before (hatched) and after, relative to the noise floor; thin lines: "
+    "95 % bootstrap intervals over windows. Diamonds: model file without adjustment.",
     when=lambda answer: bool(answer.verdict.gaps),
     height_in=lambda answer: 1.5 + 0.78 * len(answer.verdict.gaps),
 )
 def gap(figure: Figure, answer: ExplainResult) -> None:
-    """Draw a pair of bars per channel in noise floors; the band is what noise alone gives."""
+    """Draw two bars per channel, relative to the noise floor; grey band: noise alone."""
     gaps = answer.verdict.gaps
     axes = figure.subplots()
-    largest = max(max(each.before_high, each.as_given, each.before) / each.floor for each in gaps)
-    for row, each in enumerate(gaps):
-        _gap_bars(axes, row, each, answer.has_model)
+    largest = max(max(item.before_high, item.as_given, item.before) / item.floor for item in gaps)
+    for row, item in enumerate(gaps):
+        _gap_bars(axes, row, item, answer.has_model)
     axes.axvline(1.0, color=BLACK, lw=0.9)
-    titles = [channel_words(each.channel, each.unit).title for each in gaps]
+    titles = [channel_words(item.channel, item.unit).title for item in gaps]
     named_rows(axes, titles, bottom=0.45, top=0.62)
     if largest > LOGARITHMIC_FROM:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.set_xlim(min(0.5, *(0.7 * each.after / each.floor for each in gaps)), 4.0 * largest)
+        axes.set_xlim(min(0.5, *(0.7 * item.after / item.floor for item in gaps)), 4.0 * largest)
     else:
         axes.set_xlim(0.0, 1.45 * max(largest, 1.5))
     axes.set_xlabel("prediction error over the noise floor [–]    (grey: 5 to 95 % of pure noise)")
     handles, labels = axes.get_legend_handles_labels()
-    found = dict(zip(labels, handles, strict=True))
+    handle_by_label = dict(zip(labels, handles, strict=True))
     axes.legend(
-        list(found.values()), list(found), loc="lower right", ncols=3, bbox_to_anchor=(1.0, 1.0),
-        borderaxespad=0.2,
+        list(handle_by_label.values()), list(handle_by_label), loc="lower right", ncols=3,
+        bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2,
     )  # fmt: skip
 
 
@@ -264,7 +264,7 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
     else:
         bars = [("adjusted within tolerance", 0.0, before, AFTER)]
     for label, step, values, color in bars:
-        value, low, high = (each / gap.floor for each in values)
+        value, low, high = (bound / gap.floor for bound in values)
         axes.barh(
             row + step, value, height=0.34, color=color, label=label,
             hatch="//" if label == "before" else None, edgecolor="white", linewidth=0.0,
@@ -272,7 +272,7 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
         axes.plot([low, high], [row + step] * 2, color=BLACK, lw=1.1, zorder=3.0)
     axes.plot(
         gap.as_given / gap.floor, row + bars[0][1], marker="D", ms=4.5, mfc="white", color=GREY,
-        ls="none", label="as the file states it", zorder=3.2,
+        ls="none", label="model file", zorder=3.2,
     )  # fmt: skip
     end = max(gap.before, gap.before_high, gap.as_given)
     axes.annotate(
@@ -282,33 +282,36 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
 
 
 @figure(
-    title=lambda answer: f"What is missing, over {answer.verdict.depends.phrase}",
-    caption="Dots: what each reading misses, beside what may vary within tolerance. Line with its "
-    "95 % band: a smooth function of the variable. Dashed: the law, up to a constant.",
+    title=lambda answer: f"Unexplained share over {answer.verdict.depends.phrase}",
+    caption="Dots: residual of each reading after adjustment within tolerance. Line with 95 % "
+    "band: smooth function of the variable. Dashed: drafted law, up to a constant.",
     when=lambda answer: answer.verdict.depends is not None,
     height_in=3.4,
 )
 def depends(figure: Figure, answer: ExplainResult) -> None:
-    """Draw readings, the smooth function with its band, and the law through its mean."""
-    found = answer.verdict.depends
-    assert found is not None
-    curve, axes = found.curve, figure.subplots()
+    """Draw residuals, a smooth function with its band, and the law shifted to its mean."""
+    dependence = answer.verdict.depends
+    assert dependence is not None
+    curve, axes = dependence.curve, figure.subplots()
     axes.axhline(0.0, color=GREY, linewidth=0.9)
     axes.plot(curve.points, 100.0 * curve.shares, "o", ms=3.0, color=GREY, alpha=0.6)
-    if found.variable.blocks:
+    if dependence.variable.blocks:
         axes.plot(curve.at, 100.0 * curve.mean, "_", color=BLUE)
     else:
         axes.fill_between(
             curve.at, 100.0 * curve.low, 100.0 * curve.high, color=PALE, linewidth=0.0
         )
-        axes.plot(curve.at, 100.0 * curve.mean, color=BLUE, label="a smooth function")
+        axes.plot(curve.at, 100.0 * curve.mean, color=BLUE, label="smooth function")
     if len(curve.law):
-        shift = float((curve.mean - curve.law).mean()) if found.form.name != "covered" else 0.0
+        shift = float((curve.mean - curve.law).mean()) if dependence.form.name != "covered" else 0.0
         law = 100.0 * (curve.law + shift)
-        axes.plot(curve.at, law, "--", color=ORANGE, label="the law")
+        axes.plot(curve.at, law, "--", color=ORANGE, label="law")
         axes.legend(loc="best")
-    if found.variable.scale in ("positive", "distance") and 0.0 < 4.0 * curve.at[0] < curve.at[-1]:
+    if (
+        dependence.variable.scale in ("positive", "distance")
+        and 0.0 < 4.0 * curve.at[0] < curve.at[-1]
+    ):
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel(f"{found.variable.phrase}, {found.variable.symbol} [–]")
-    axes.set_ylabel(f"missed [% of {found.form.share_of}]", color=BLACK)
+    axes.set_xlabel(f"{dependence.variable.phrase}, {dependence.variable.symbol} [–]")
+    axes.set_ylabel(f"missed [% of {dependence.form.share_of}]", color=BLACK)

@@ -1,4 +1,4 @@
-"""Write an answer: its folder with page, figures, new model and next experiment, and its JSON."""
+"""Writer of an explanation: folder (page, figures, new model, next experiment) and JSON file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ANSWER = "answer.json"
 
 
 def check_not_existing(folder: Path | None, json_file: Path | None) -> None:
-    """Raise WouldOverwrite for a folder with files in it or an existing file."""
+    """Raise WouldOverwrite if the folder is not empty or the JSON file exists."""
     if folder is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WouldOverwrite(str(folder), "--overwrite")
     if json_file is not None and json_file.exists():
@@ -43,30 +43,30 @@ def check_not_existing(folder: Path | None, json_file: Path | None) -> None:
 def write_folder(
     folder: Path, answer: ExplainResult, display_path: Path | None = None
 ) -> WrittenFiles:
-    """Write an answer and return the paths of model and next experiment; replaces these files."""
-    known, effects_file = display_path or folder, answer.request.effects_file
+    """Write an explanation, replacing its files; return the paths of models, schedule and draft."""
+    shown_folder, effects_file = display_path or folder, answer.request.effects_file
     folder.mkdir(parents=True, exist_ok=True)
     model = _write_model(folder, MODEL, answer if answer.has_model else None, effects_file)
     nearest = _write_model(folder, NEAREST, with_nearest_effect(answer), effects_file)
     name, text = next_file(answer)
     if name:
         replace_text(folder / name, text)
-    found = _write_draft(folder, answer)
-    model, schedule, nearest, found = (
-        str(known / one) if one else "" for one in (model, name, nearest, found)
+    draft = _write_draft(folder, answer)
+    model, schedule, nearest, draft = (
+        str(shown_folder / file) if file else "" for file in (model, name, nearest, draft)
     )
-    written = WrittenFiles(model=model, schedule=schedule, nearest=nearest, draft=found)
+    written = WrittenFiles(model=model, schedule=schedule, nearest=nearest, draft=draft)
     figures = render_figures("answer", answer)
     for stem, block in figures.items():
         save_figure(block.figure, folder / stem, replace=True)
-    page = answer_page(answer, figures, name, str(known))
+    page = answer_page(answer, figures, name, str(shown_folder))
     write_report(folder / PAGE, page, replace=True)
     replace_json(folder / ANSWER, answer_tables(answer, written))
     return written
 
 
 def _write_draft(folder: Path, answer: ExplainResult) -> str:
-    """Write what was drafted of something unknown, beside what may be there; return its name."""
+    """Write the drafted effect of an unnamed dependence to a new file; return its name or ""."""
     depends = answer.verdict.depends
     if depends is None or depends.law is None:
         return ""
@@ -79,21 +79,24 @@ def _write_draft(folder: Path, answer: ExplainResult) -> str:
 def _write_model(
     folder: Path, name: str, answer: ExplainResult | None, effects_file: Path | None
 ) -> str:
-    """Write an answer's model with what it needs beside it; return its name, empty without one."""
+    """Write the model with its rig and effects file; return its name, "" without a model."""
     if answer is None:
         return ""
-    own = effects_file if own_names(answer) else None
-    if own is not None:
-        write_whole(folder / own.name, own.read_bytes())
+    user_effects = effects_file if own_names(answer) else None
+    if user_effects is not None:
+        write_whole(folder / user_effects.name, user_effects.read_bytes())
     rig, rig_text = export_rig_reference(answer.request.loaded.model.rig)
     if rig_text:
         replace_text(folder / rig, rig_text)
-    replace_text(folder / name, added_model(answer, rig, own.name if own is not None else ""))
+    replace_text(
+        folder / name,
+        added_model(answer, rig, user_effects.name if user_effects is not None else ""),
+    )
     return name
 
 
 def write_json(path: Path, answer: ExplainResult, folder: Path | None = None) -> None:
-    """Write the answer for programs; replaces a file of that name."""
+    """Write the JSON file of an explanation; replaces an existing file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if folder is None:
         replace_json(path, answer_tables(answer, WrittenFiles()))
@@ -101,12 +104,12 @@ def write_json(path: Path, answer: ExplainResult, folder: Path | None = None) ->
         replace_text(path, (folder / ANSWER).read_text(encoding="utf-8"))
 
 
-VERSION = 2  # counts up when a key changes its meaning or goes; new keys may come without
+VERSION = 2  # increased when a key is removed or changes its meaning, not for new keys
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFiles:
-    """Name the files beside an answer, as paths; empty where there is none."""
+    """Paths of the files written with an explanation; "" means not written."""
 
     model: str = ""
     schedule: str = ""
@@ -115,7 +118,7 @@ class WrittenFiles:
 
 
 def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any]:
-    """Return the contents of the JSON file: every key is always there."""
+    """Return the contents of the JSON file; all keys are always present."""
     verdict = answer.verdict
     tables = {
         "version": VERSION,
@@ -138,8 +141,8 @@ def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any
         "places": [_fields(place, "effect", "probabilities") for place in verdict.places],
         "stages": dict(verdict.stages),
         "unnamed": [
-            _fields(one, "name", "phrase", "stage", "probability", "share", "tolerances")
-            for one in verdict.unnamed
+            _fields(effect, "name", "phrase", "stage", "probability", "share", "tolerances")
+            for effect in verdict.unnamed
         ],
         "where": _fields(verdict.where, "stage", "regime", "size", "share"),
         "gap": {
@@ -155,11 +158,11 @@ def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any
         "tolerances": dict(verdict.tolerances),
         "not_judged": {
             name: {
-                "reason": one.reason,
-                "tolerances_needed": one.size,
+                "reason": unjudged.reason,
+                "tolerances_needed": unjudged.size,
                 "sentence": unjudged_sentence(answer, name),
             }
-            for name, one in verdict.not_judged.items()
+            for name, unjudged in verdict.not_judged.items()
         },
         "remarks": list(answer.remarks),
         "next_experiment": _next(answer, written.schedule),
@@ -178,26 +181,26 @@ def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any
     return cleaned
 
 
-def _depends(found: FoundDependence | None, file: str) -> dict[str, Any]:
-    """Return what something unknown depends on, and the law that was drafted of it."""
-    law = None if found is None else found.law
+def _depends(dependence: FoundDependence | None, file: str) -> dict[str, Any]:
+    """Return the dependence of an unnamed effect and the law drafted from it."""
+    law = None if dependence is None else dependence.law
     return {
-        "on": None if found is None else found.phrase,
-        **_fields(found, "probability", "candidates", "closed"),
-        "law": None if found is None else found.formula or None,
+        "on": None if dependence is None else dependence.phrase,
+        **_fields(dependence, "probability", "candidates", "closed"),
+        "law": None if dependence is None else dependence.formula or None,
         "numbers": {} if law is None else law.values,
         "file": file or None,
     }
 
 
 def _fields(item: Any, *names: str, **spans: str) -> dict[str, Any]:
-    """Return attributes, None of no item, and pairs of those whose names end in low and high."""
-    found = {name: getattr(item, name, None) for name in names}
+    """Return attributes by name (None without an item), and [low, high] pairs of `spans`."""
+    values = {name: getattr(item, name, None) for name in names}
     pairs = {
         key: [getattr(item, f"{stem}low"), getattr(item, f"{stem}high")]
         for key, stem in spans.items()
     }
-    return found | pairs
+    return values | pairs
 
 
 def _next(answer: ExplainResult, path: str) -> dict[str, Any]:

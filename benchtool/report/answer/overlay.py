@@ -1,4 +1,4 @@
-"""One channel of an answer over its residuals: the measurement and what both models predict."""
+"""Overlay figure of one channel: measurement, predictions of both models, residuals."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
 from benchtool.report.panels import legend_below, rows_of, spread
 
-AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}  # labels of what an overlay is drawn against
+AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}  # labels of x axes
 
 
 OVERLAY = (
-    "Measurement and predictions on the check recording; below, what is left over. The grey band "
-    "is the noise floor."
+    "Measurement and predictions on the validation recording; below: residuals. Grey band: noise "
+    "floor."
 )
 
 
 def overlay_caption(window_s: float) -> str:
-    """Say what an overlay shows, and where its jumps come from with windows of so many seconds."""
+    """Return the caption of an overlay; with windows (s) it explains the spikes."""
     if not window_s:
         return OVERLAY
     return (
-        f"{OVERLAY} Each prediction restarts every {window_s:g} s from the measured state: that is "
-        f"what the spikes are."
+        f"{OVERLAY} Predictions restart every {window_s:g} s from the measured state, which causes "
+        f"the spikes."
     )
 
 
 def _overlay_title(answer: ExplainResult, overlay: Overlay) -> str:
-    what = "recording" if answer.verdict.bench == "pitch" else "sweep"
+    source = "recording" if answer.verdict.bench == "pitch" else "sweep"
     title = channel_words(overlay.channel, overlay.unit).title.capitalize()
-    return f"{title} on the check {what}"
+    return f"{title} on the validation {source}"
 
 
 @figure(
@@ -49,7 +49,7 @@ def _overlay_title(answer: ExplainResult, overlay: Overlay) -> str:
     height_in=3.7,
 )
 def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
-    """Draw one channel over its residuals; beside it, closer, where the old model is worst."""
+    """Draw one channel over its residuals; right column: enlarged where the old model is worst."""
     if answer.verdict.bench != "pitch":
         panels = rows_of(figure, (1.8, 1.0))
         _overlay_column(panels, answer, overlay, as_lines=False)
@@ -66,29 +66,29 @@ def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
     grid[1, 1].sharey(grid[1, 0])
     rows = (overlay.at >= first) & (overlay.at <= last)
     factor = channel_words(overlay.channel, overlay.unit).factor
-    shown = factor * np.concatenate(
+    visible = factor * np.concatenate(
         [overlay.measured[rows], overlay.before[rows], overlay.after[rows]]
     )
-    if np.isfinite(shown).any() and np.nanmax(shown) > np.nanmin(shown):
-        room = 0.06 * float(np.nanmax(shown) - np.nanmin(shown))
-        grid[0, 1].set_ylim(float(np.nanmin(shown)) - room, float(np.nanmax(shown)) + room)
+    if np.isfinite(visible).any() and np.nanmax(visible) > np.nanmin(visible):
+        margin = 0.06 * float(np.nanmax(visible) - np.nanmin(visible))
+        grid[0, 1].set_ylim(float(np.nanmin(visible)) - margin, float(np.nanmax(visible)) + margin)
     for axes in grid[:, 0]:
         axes.axvspan(first, last, color=PALE, alpha=0.6, linewidth=0.0, zorder=0.3)
     for axes in grid[:, 1]:
         axes.set_ylabel("")
     grid[0, 0].set_title("whole recording")
-    grid[0, 1].set_title("closer, where it is worst")
+    grid[0, 1].set_title("largest error, enlarged")
     grid[1, 1].locator_params(axis="x", nbins=4)
     legend_below(figure, [grid[0, 0]], 3)
 
 
 def worst_stretch(at: Array, error: Array) -> tuple[float, float]:
-    """Return begin and end of the stretch, unbroken by nan in `at`, with the largest error."""
-    broken = ~np.isfinite(at)
-    number = np.cumsum(broken)
+    """Return start and end of the nan-free interval with the largest mean square error."""
+    is_gap = ~np.isfinite(at)
+    interval_ids = np.cumsum(is_gap)
     worst, best = (0.0, 1.0), -1.0
-    for piece in np.unique(number):
-        rows = (number == piece) & ~broken
+    for interval_id in np.unique(interval_ids):
+        rows = (interval_ids == interval_id) & ~is_gap
         if not np.isfinite(error[rows]).any():
             continue
         size = float(np.nanmean(error[rows] ** 2))
@@ -100,15 +100,15 @@ def worst_stretch(at: Array, error: Array) -> tuple[float, float]:
 def _overlay_column(
     panels: list[Axes], answer: ExplainResult, overlay: Overlay, as_lines: bool
 ) -> None:
-    words = channel_words(overlay.channel, overlay.unit)
-    measured = words.factor * overlay.measured
+    display = channel_words(overlay.channel, overlay.unit)
+    measured = display.factor * overlay.measured
     simulated = [
-        ("simulated, old model", words.factor * overlay.before, BEFORE, "^"),
-        ("simulated, new model", words.factor * overlay.after, AFTER, "s"),
+        ("simulated, old model", display.factor * overlay.before, BEFORE, "^"),
+        ("simulated, new model", display.factor * overlay.after, AFTER, "s"),
     ]
     if not answer.has_model:
-        simulated = [("simulated", words.factor * overlay.before, AFTER, "s")]
-    values, left = panels
+        simulated = [("simulated", display.factor * overlay.before, AFTER, "s")]
+    values, residuals = panels
     if as_lines:
         values.plot(
             overlay.at, measured, color=BLACK, label="measured", rasterized=True, lw=0.9, zorder=2.0
@@ -118,22 +118,22 @@ def _overlay_column(
             overlay.at, measured, "o", color=BLACK, ms=3.4, label="measured", lw=0.8, zorder=2.4
         )
     floors = [
-        words.factor * gap.floor
+        display.factor * gap.floor
         for gap in answer.verdict.gaps
         if overlay.channel.startswith(gap.channel) and isfinite(gap.floor)
     ]
-    spread(left, floors[0] if floors else float("nan"), "noise-floor")
+    spread(residuals, floors[0] if floors else float("nan"), "noise-floor")
     for label, model, color, marker in simulated:
-        look: dict[str, Any] = {"color": color, "label": label}
+        style: dict[str, Any] = {"color": color, "label": label}
         if as_lines:
             dashes = "--" if color == BEFORE else "-"
-            values.plot(overlay.at, model, lw=1.2, ls=dashes, zorder=2.2, rasterized=True, **look)
-            left.plot(overlay.at, measured - model, lw=0.8, rasterized=True, **look)
+            values.plot(overlay.at, model, lw=1.2, ls=dashes, zorder=2.2, rasterized=True, **style)
+            residuals.plot(overlay.at, measured - model, lw=0.8, rasterized=True, **style)
         else:
             values.plot(
-                overlay.at, model, f"{marker}-", ms=5.0, mfc="none", lw=0.8, zorder=2.2, **look
+                overlay.at, model, f"{marker}-", ms=5.0, mfc="none", lw=0.8, zorder=2.2, **style
             )
-            left.plot(overlay.at, measured - model, marker, ms=4.5, mfc="none", **look)
-    values.set_ylabel(f"{words.title} [{words.unit}]")
-    left.set_ylabel(f"measured −\nsimulated [{words.unit}]", fontsize=8.4)
-    left.set_xlabel(AXES.get(overlay.axis, overlay.axis))
+            residuals.plot(overlay.at, measured - model, marker, ms=4.5, mfc="none", **style)
+    values.set_ylabel(f"{display.title} [{display.unit}]")
+    residuals.set_ylabel(f"measured −\nsimulated [{display.unit}]", fontsize=8.4)
+    residuals.set_xlabel(AXES.get(overlay.axis, overlay.axis))

@@ -1,4 +1,4 @@
-"""The report page of an answer: the sentence first, then where, which, the gap, what to do next."""
+"""Report page of an explanation: next steps, disagreement, effects, gap, tolerances."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ from benchtool.report.run_facts import run_sections
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Hold a number in which the new model differs from the old."""
+    """Parameter with different values in the new and the old model."""
 
     name: str
-    before: float | None  # None where the old model has no such effect
-    now: float  # whole value, not an addition
+    before: float | None  # None: the old model has no such effect
+    now: float  # absolute value, not an increment
     unit: str
     found: bool  # False for an adjustment of another effect
 
@@ -65,7 +65,7 @@ class Change:
 
 
 def changes(answer: ExplainResult) -> tuple[Change, ...]:
-    """Return where the new model differs from the old, what was found first; none without one."""
+    """Return the parameters changed in the new model, found ones first; empty without a model."""
     if not answer.has_model:
         return ()
     old = answer.request.loaded.model.parameters
@@ -76,122 +76,124 @@ def changes(answer: ExplainResult) -> tuple[Change, ...]:
         return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
 
     new = model_with_effects(answer)
-    fresh = answer.request.loaded.model
+    reference = answer.request.loaded.model
     for effect in new.effects:
-        if all(present.name != effect.name for present in fresh.effects):
-            fresh = fresh.with_effect(effect)
-    moved = [
+        if all(present.name != effect.name for present in reference.effects):
+            reference = reference.with_effect(effect)
+    changed = [
         change(name, item)
         for name, item in new.parameters.items()
-        if not isclose(fresh.parameters[name].value, item.value, abs_tol=NOTHING)
+        if not isclose(reference.parameters[name].value, item.value, abs_tol=NOTHING)
     ]
-    return tuple(sorted(moved, key=lambda one: not one.found))
+    return tuple(sorted(changed, key=lambda item: not item.found))
 
 
 def changes_table(answer: ExplainResult) -> Table:
-    """List what is new in the new model."""
+    """Return a table of the changes in the new model."""
     return Table(
-        "What is different in the new model. Each value is the whole one, no addition to the old.",
-        ("parameter", "why", "unit", "before", "now"),
+        "Changes in the new model. Values are absolute, not increments.",
+        ("parameter", "reason", "unit", "before", "after"),
         [
             (
-                one.name,
-                "found" if one.found else "adjusted within what was known of it",
-                "–" if one.unit == "1" else display_unit(one.unit),
-                "absent" if one.before is None else f"{one.before:.4g}",
-                f"{one.now:.4g}",
+                change.name,
+                "found" if change.found else "adjusted within its uncertainty or tolerance",
+                "–" if change.unit == "1" else display_unit(change.unit),
+                "absent" if change.before is None else f"{change.before:.4g}",
+                f"{change.now:.4g}",
             )
-            for one in changes(answer)
+            for change in changes(answer)
         ],
         text_columns=3,
     )
 
 
 def nearest_sentence(answer: ExplainResult, folder: str) -> str:
-    """Say what the nearest effect of something unknown would leave, and where its model is."""
-    near = answer.verdict.nearest
-    if near is None or near.effect is None:
+    """Return a sentence on the gap with the nearest effect, and the path of its model."""
+    nearest = answer.verdict.nearest
+    if nearest is None or nearest.effect is None:
         return ""
-    left = []
+    gaps = []
     for gap in answer.verdict.gaps:
-        words = channel_words(gap.channel, gap.unit)
-        errors = (gap.before, near.after[gap.channel], gap.floor)
-        shown = [f"{words.factor * error:.3g}" for error in errors]
-        left.append(f"{words.title} {shown[0]} → {shown[1]} {words.unit} (floor {shown[2]})")
-    file = f" {Path(folder) / NEAREST} has it, for simulations meanwhile." if folder else ""
-    return f" With {near.phrase}, the nearest, the gap would be: {', '.join(left)}.{file}"
+        display = channel_words(gap.channel, gap.unit)
+        errors = (gap.before, nearest.after[gap.channel], gap.floor)
+        texts = [f"{display.factor * error:.3g}" for error in errors]
+        gaps.append(f"{display.title} {texts[0]} → {texts[1]} {display.unit} (floor {texts[2]})")
+    file = f" {Path(folder) / NEAREST} contains it, for interim simulations." if folder else ""
+    return f" With {nearest.phrase}, the nearest effect, the gap would be: {', '.join(gaps)}.{file}"
 
 
 def _draft(answer: ExplainResult, folder: str) -> str:
-    """Say where the law of something unknown is drafted."""
-    found = answer.verdict.depends
-    if found is None or found.law is None:
+    """Return a sentence with the file of the drafted law, or how to get one."""
+    dependence = answer.verdict.depends
+    if dependence is None or dependence.law is None:
         return ""
     if not folder:
-        return " A law of it can be drafted as an effect file: add --out FOLDER."
-    return f" A law of it is drafted as an effect: {Path(folder) / FOUND}.py."
+        return " Its law can be drafted as an effect file: add --out FOLDER."
+    return f" Its law is drafted as an effect: {Path(folder) / FOUND}.py."
 
 
 def added_sentence(answer: ExplainResult, folder: str = "") -> str:
-    """Say what was added, and to which file of a folder; empty where nothing is written."""
+    """Return a sentence on the effects added to the model, and its file if there is a folder."""
     kind = answer.verdict.kind
     old = answer.request.loaded.model.name
     if not answer.has_model:
-        why = "nothing is missing" if kind == "none" else "no effect is named"
-        beside = nearest_sentence(answer, folder)
-        return f"No new model: {why}, so {old} stays as it is.{_draft(answer, folder)}{beside}"
+        reason = "nothing is missing" if kind == "none" else "no effect is named"
+        nearest = nearest_sentence(answer, folder)
+        return f"No new model: {reason}, so {old} is unchanged.{_draft(answer, folder)}{nearest}"
     names = " and ".join(effect.phrase for effect in added_effects(answer))
-    guess = ", the likeliest of the class," if kind == "class" else ""
+    remark = ", the most probable of the class," if kind == "class" else ""
     if not folder:
-        return f"Not written yet: a model that is {old} with {names}{guess} in it."
-    return f"Written: {Path(folder) / MODEL}, which is {old} with {names}{guess} in it."
+        return f"Not written (no --out): {old} with {names}{remark} added."
+    return f"Written: {Path(folder) / MODEL}, {old} with {names}{remark} added."
 
 
 def where_sentence(answer: ExplainResult) -> str:
-    """Say where model and measurement disagree."""
+    """Return a sentence on the stage and regime with the largest disagreement."""
     where = answer.verdict.where
     if where is None:
         return _agreement(answer)
     text = f"The disagreement is {PLACES[where.stage]}"
-    shown = f"{where.size:.0f}" if where.size >= 10.0 else f"{where.size:.2g}"
-    size = f"{shown} times the stated noise"
+    multiple = f"{where.size:.0f}" if where.size >= 10.0 else f"{where.size:.2g}"
+    size = f"{multiple} times the stated noise"
     if where.regime == EVERYWHERE:
-        return f"{text}, spread over the whole of the recordings; residuals are {size}."
+        return f"{text}, over the whole recordings; residuals are {size}."
     return (
-        f"{text}, most of it in: {where.regime}. There residuals are {size}, and "
-        f"{100.0 * where.share:.0f} % of the disagreement lies there."
+        f"{text}, mostly in: {where.regime}. Residuals are {size} there, "
+        f"{100.0 * where.share:.0f} % of the disagreement."
     )
 
 
 def _agreement(answer: ExplainResult) -> str:
-    """Say how near a model that lacks nothing is to its check recordings."""
-    learned, over = answer.explanation.floors_as_learned, []
+    """Return a sentence on the error of a complete model on the validation recordings."""
+    training_floors, excesses = answer.explanation.floors_as_learned, []
     for gap in answer.verdict.gaps:
-        words = channel_words(gap.channel, gap.unit)
-        high = float(np.quantile(learned.get(gap.channel, [gap.floor_high]), UPPER))
-        if gap.after > high:
-            values = (f"{words.factor * value:.3g} {words.unit}" for value in (gap.after, high))
-            over.append(f"{words.title} by {' where noise stays below '.join(values)}")
-    if not over:
+        display = channel_words(gap.channel, gap.unit)
+        limit = float(np.quantile(training_floors.get(gap.channel, [gap.floor_high]), UPPER))
+        if gap.after > limit:
+            values = (
+                f"{display.factor * value:.3g} {display.unit}" for value in (gap.after, limit)
+            )
+            excesses.append(f"{display.title} by {' with noise below '.join(values)}")
+    if not excesses:
         return "The model agrees with the recordings within their noise and the tolerances."
     return (
-        f"Nothing stands out beyond the tolerances, yet the check recordings are missed by more "
-        f"than noise: {', '.join(over)}."
+        f"No effect exceeds its tolerance, but the error on the validation recordings is larger "
+        f"than noise: {', '.join(excesses)}."
     )
 
 
 def _now(answer: ExplainResult, next_name: str, folder: str) -> list[Block]:
-    """Say what was added to which file, and what to do next."""
+    """Return blocks on the new model and on the next experiment and commands."""
     blocks: list[Block] = [Paragraph(added_sentence(answer, folder))]
     if answer.has_model:
         blocks.append(changes_table(answer))
     if to_do := next_sentence(answer):
         blocks.append(Paragraph(to_do))
     if next_name:
-        blocks += [Paragraph(f"It stands in {next_name} beside this page."), next_table(answer)]
+        blocks += [Paragraph(f"File: {next_name}, in the folder of this page."), next_table(answer)]
     steps = next_steps(answer, folder) if folder else ()
     if steps:
-        blocks.append(Paragraph("Next, typed where the command was that made this page:"))
+        blocks.append(Paragraph("Next commands, in the directory of the original command:"))
         blocks.append(Commands(lines(steps)))
     return blocks
 
@@ -202,7 +204,7 @@ def _not_judged(answer: ExplainResult) -> list[Block]:
     if names:
         sentences = {answer.title_of(name): unjudged_sentence(answer, name) for name in names}
         blocks.append(FactTable(sentences))
-    return blocks or [Paragraph("Every effect of this kind of bench was judged.")]
+    return blocks or [Paragraph("All effects of this kind of bench were judged.")]
 
 
 def _facts(answer: ExplainResult) -> Block:
@@ -224,40 +226,40 @@ def _facts(answer: ExplainResult) -> Block:
 
 def _highlights(answer: ExplainResult) -> dict[str, str]:
     verdict = answer.verdict
-    shown = {
+    tiles = {
         f"{effect.title}: {item.name}": parameter_text(item)
         for effect in verdict.effects[:2]
         for item in effect.parameters[:2]
     }
     for gap in verdict.gaps[:1]:
         title = channel_words(gap.channel, gap.unit).title
-        shown[f"gap of {title}"] = gap_numbers(gap, answer.has_model)
-    return shown
+        tiles[f"gap of {title}"] = gap_numbers(gap, answer.has_model)
+    return tiles
 
 
 def _depends(answer: ExplainResult) -> Block | None:
-    """Say what was weighed, and how a law is scored; None where nothing depends on anything."""
-    found = answer.verdict.depends
-    if found is None:
+    """Return a paragraph on the dependence of the unnamed effect; None without one."""
+    dependence = answer.verdict.depends
+    if dependence is None:
         return None
     text = (
-        f"What is missing depends on {found.phrase}, probability {found.probability:.2f} among "
-        f"{found.candidates} pairs of a variable and where it acts, which are paid for."
+        f"The unnamed effect depends on {dependence.phrase}, probability "
+        f"{dependence.probability:.2f} among {dependence.candidates} pairs of variable and point "
+        f"of action; the probability accounts for their number."
     )
-    if found.law is None:
-        return Paragraph(f"{text} No law of it closes enough of the gap to be drafted.")
-    numbers = ", ".join(f"{name} = {value:.4g}" for name, value in found.law.values.items())
+    if dependence.law is None:
+        return Paragraph(f"{text} No law closes enough of the gap to be drafted.")
+    numbers = ", ".join(f"{name} = {value:.4g}" for name, value in dependence.law.values.items())
     return Paragraph(
-        f"{text} The shortest law is {found.formula} with {numbers}. Laws that were chosen without "
-        f"a tenth of the readings close {100.0 * found.closed:.0f} % of the squared gap there. It "
-        f"describes, it does not explain: its cause is for a person to name."
+        f"{text} The shortest law is {dependence.formula} with {numbers}. In tenfold "
+        f"cross-validation, laws close {100.0 * dependence.closed:.0f} % of the squared gap of the "
+        f"held-out readings. The law is descriptive; it does not identify the cause."
     )
 
 
 FLOOR = (
-    "The floor is never taken from these residuals: the model, taken for true, is held against "
-    "data that it simulated itself, median of {0.verdict.draws} draws of the stated sensor and "
-    "wake noise."
+    "The floor does not depend on these residuals: it is the error of the model on data simulated "
+    "with the same model, median of {0.verdict.draws} draws of the stated sensor and wake noise."
 )
 ANSWER = Page(
     "answer",
@@ -276,7 +278,7 @@ ANSWER = Page(
         ("Tolerances", [tolerances_table]),
         ("What was not judged", [_not_judged]),
         ("What stands behind it", [_facts]),
-        lambda answer: run_sections(each.path for each in answer.request.sources),
+        lambda answer: run_sections(source.path for source in answer.request.sources),
     ],
     title="Explanation: {0.request.loaded.model.name}",
     summary=lambda answer: f"{answer.verdict.sentence} {answer.caution}".strip(),
@@ -287,7 +289,7 @@ ANSWER = Page(
 def answer_page(
     answer: ExplainResult, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
 ) -> Report:
-    """Return the report page of an answer."""
+    """Return the report page of an explanation."""
     report = ANSWER.report(answer, answer.commands, figures)
     now = Section("What now", _now(answer, next_name, folder))
     return replace(report, sections=[now, *report.sections])

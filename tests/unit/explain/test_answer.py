@@ -65,7 +65,7 @@ def test_what_is_not_judged_is_numbers_with_a_sentence():
     ]
     assert found["motor_lag"] == {
         "reason": "no_trace", "tolerances_needed": None,
-        "sentence": "leaves no trace in this data, however large it is",
+        "sentence": "has no effect on this data at any size",
     }  # fmt: skip
     assert found["plate_offset"]["tolerances_needed"] == 4.2
 
