@@ -1,4 +1,4 @@
-"""The page that sets runs and recordings side by side, and ranks them at a wanted thrust."""
+"""Comparison page of runs and recordings, with their ranking at a requested thrust."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ REPEATED = ("efficiency_N_W", "tip_mach", "reynolds_75")  # other units, not dra
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RunComparison:
-    """Hold runs to be drawn over one quantity, and what each does at a wanted thrust."""
+    """Runs compared over one quantity, and their values at a requested thrust."""
 
     runs: tuple[ComparedRun, ...]
     over: Over = "thrust"
     thrust_N: float = nan
-    found: tuple[AtThrust, ...] = ()  # best first; empty where no thrust is wanted
+    found: tuple[AtThrust, ...] = ()  # best first; empty if no thrust is requested
     ranked_by: str = ""
 
     @property
@@ -59,18 +59,18 @@ class RunComparison:
         return any(run.simulated for run in self.runs)
 
     def tables(self) -> dict[str, Recording]:
-        """Return the rows of every run with its quantities, by name."""
+        """Return a table per run, with its derived quantities."""
         return {run.name: with_quantities(run.rows, run.quantities) for run in self.runs}
 
 
 def compare_runs(
     paths: Sequence[Path], over: Over = "thrust", thrust_N: float | None = None
 ) -> RunComparison:
-    """Return runs and recordings side by side; FileFormatError for a path without thrust."""
+    """Compare runs and recordings; FileFormatError for a path without thrust."""
     if over not in AXES:
         raise UnknownChoice("axis", over, AXES)
     if not paths:
-        raise InputError("nothing to compare: name run folders or recordings")
+        raise InputError("no input; give run folders or recordings")
     if thrust_N is not None:
         check_number("the thrust", thrust_N, "N")
     runs = [read_compared(path, over) for path in paths]
@@ -80,8 +80,8 @@ def compare_runs(
     if all(run.values(column) is None for run in runs):
         others = [key for key, (name, _) in AXES.items() if any(run.values(name) for run in runs)]
         raise InputError(
-            f"none of {', '.join(names)} holds {column}, so they cannot be drawn over {over}; "
-            f"choose --over {' or '.join(others)}"
+            f"{column} is missing in {', '.join(names)}, required for --over {over}; "
+            f"use --over {' or '.join(others)}"
         )
     if thrust_N is None:
         return RunComparison(runs=tuple(runs), over=over)
@@ -89,59 +89,60 @@ def compare_runs(
         replace(read_compared(path), name=run.name) if over == "distance" else run
         for path, run in zip(paths, runs, strict=True)
     ]
-    by, found = ranked([at_thrust(run, thrust_N) for run in parked])
+    by, results = ranked([at_thrust(run, thrust_N) for run in parked])
     return RunComparison(
-        runs=tuple(runs), over=over, thrust_N=thrust_N, found=tuple(found), ranked_by=by
+        runs=tuple(runs), over=over, thrust_N=thrust_N, found=tuple(results), ranked_by=by
     )
 
 
-MAX_BARS = 60  # rows of a run with error bars in a panel; more would hide each other; assumed
-MAIN = 0.1  # rows above this share of a run's greatest thrust set the range of an axis; assumed
+MAX_BARS = 60  # error bars of a run in a panel, limited for legibility; assumed
+MAIN = 0.1  # rows above this share of a run's maximum thrust set the axis range; assumed
 
 
-def _left_out(one: RunComparison) -> str:
-    column = AXES[one.over][0]
-    names = [run.name for run in one.runs if run.values(column) is None]
-    idle = (
-        f" Rows below {100 * LOADED:g} % of a run's greatest thrust are left out, and those above "
-        f"{100 * MAIN:g} % set the range of an axis."
+def _exclusions(comparison: RunComparison) -> str:
+    column = AXES[comparison.over][0]
+    names = [run.name for run in comparison.runs if run.values(column) is None]
+    note = (
+        f" Rows below {100 * LOADED:g} % of a run's maximum thrust are excluded, rows above "
+        f"{100 * MAIN:g} % set the axis range."
     )
-    return idle + (f" Without {column}, and not drawn: {', '.join(names)}." if names else "")
+    return note + (f" Not drawn, {column} is missing: {', '.join(names)}." if names else "")
 
 
-def _drawn(one: RunComparison) -> list[Quantity]:
-    """Return what any run has beside the quantity that all are drawn over."""
-    column = AXES[one.over][0]
+def _find_quantities(comparison: RunComparison) -> list[Quantity]:
+    """Return the quantities of any run, except the common x axis and other units."""
+    column = AXES[comparison.over][0]
     return [
         quantity
         for quantity in (THRUST, *QUANTITIES)
         if quantity.name not in (column, *REPEATED)
-        and any(run.values(column) and run.values(quantity.name) for run in one.runs)
+        and any(run.values(column) and run.values(quantity.name) for run in comparison.runs)
     ]
 
 
 @figure(
-    title=lambda one: f"Runs compared over {one.over}",
-    caption=lambda one: (
-        f"Every quantity that a run allows over {one.over}, run by run: settings of sweeps"
-        + (" with the plate parked" if any(run.away for run in one.runs) else "")
-        + f", levels of recordings; bars: standard errors where they are known, of up to "
-        f"{MAX_BARS} rows."
-        f"{_left_out(one)}"
+    title=lambda comparison: f"Runs compared over {comparison.over}",
+    caption=lambda comparison: (
+        f"Quantities of each run over {comparison.over}: settings of sweeps"
+        + (" with the plate parked" if any(run.away for run in comparison.runs) else "")
+        + f", levels of recordings; bars: standard errors if known, for up to {MAX_BARS} rows."
+        f"{_exclusions(comparison)}"
     ),
-    when=lambda one: bool(_drawn(one)),
-    height_in=lambda one: panels_height(_drawn(one)) + 0.2 * (len(one.runs) // 3),
+    when=lambda comparison: bool(_find_quantities(comparison)),
+    height_in=lambda comparison: (
+        panels_height(_find_quantities(comparison)) + 0.2 * (len(comparison.runs) // 3)
+    ),
 )
 def curves(figure: Figure, comparison: RunComparison) -> None:
-    """Draw every quantity of several runs over thrust, rpm, power, throttle or distance."""
+    """Draw quantities of several runs over thrust, rpm, power, throttle or distance."""
     column, label = AXES[comparison.over]
-    quantities = _drawn(comparison)
+    quantities = _find_quantities(comparison)
     for axes, quantity in zip(quantity_panels(figure, quantities, label), quantities, strict=True):
-        for place, run in enumerate(comparison.runs):
+        for index, run in enumerate(comparison.runs):
             x, y = run.values(column), run.values(quantity.name)
             if x is None or y is None:
                 continue
-            color, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]
+            color, marker = CYCLE[index % len(CYCLE)], MARKERS[index % len(MARKERS)]
             loaded = run.loaded
             if loaded.sum() > MAX_BARS:
                 axes.plot(x[0][loaded], y[0][loaded], ".", color=color, ms=2.5, zorder=1.5)
@@ -150,31 +151,31 @@ def curves(figure: Figure, comparison: RunComparison) -> None:
         axes.set_xlim(left=0.0 if comparison.over != "throttle" else None)
         _limit(axes, comparison, quantity.name)
     handles = [
-        Line2D([], [], ls="", marker=MARKERS[place % len(MARKERS)], color=CYCLE[place % len(CYCLE)],
+        Line2D([], [], ls="", marker=MARKERS[index % len(MARKERS)], color=CYCLE[index % len(CYCLE)],
                label=run.name)
-        for place, run in enumerate(comparison.runs)
+        for index, run in enumerate(comparison.runs)
     ]  # fmt: skip
-    longest = max(len(run.name) for run in comparison.runs)
-    figure.legend(handles=handles, loc="outside lower right", ncols=3 if longest <= 22 else 2)
+    longest_name = max(len(run.name) for run in comparison.runs)
+    figure.legend(handles=handles, loc="outside lower right", ncols=3 if longest_name <= 22 else 2)
 
 
-def _limit(axes: Axes, one: RunComparison, name: str) -> None:
-    """Let the rows above a tenth of each run's thrust decide what is seen of an axis."""
-    shown = [np.empty(0)]
-    for run in one.runs:
+def _limit(axes: Axes, comparison: RunComparison, name: str) -> None:
+    """Set the y range by the rows above a tenth of each run's maximum thrust."""
+    bounds = [np.empty(0)]
+    for run in comparison.runs:
         if (pair := run.values(name)) is not None:
             thrust = run.rows.column("thrust_N")
             rows = thrust > MAIN * np.nanmax(thrust)
             value, error = pair[0][rows], np.nan_to_num(pair[1][rows])
             if rows.sum() > MAX_BARS:
                 value, error = np.nanpercentile(value, (2, 98)), np.zeros(2)
-            shown += [value - error, value + error]
-    values = np.concatenate(shown)
+            bounds += [value - error, value + error]
+    values = np.concatenate(bounds)
     values = values[np.isfinite(values)]
     if values.size and (low := float(values.min())) < (high := float(values.max())):
-        room = 0.15 * (high - low)
+        margin = 0.15 * (high - low)
         bottom, top = axes.get_ylim()
-        axes.set_ylim(max(bottom, low - room), min(top, high + room))
+        axes.set_ylim(max(bottom, low - margin), min(top, high + margin))
 
 
 TITLES = {
@@ -185,84 +186,89 @@ TITLES = {
 
 
 def best_table(comparison: RunComparison) -> Table | None:
-    """List what each run does at the wanted thrust, the most efficient first."""
+    """Return a table of the runs at the requested thrust, most efficient first."""
     if not comparison.found:
         return None
-    shown = [
-        key for key in (*EFFICIENCIES, *SHOWN) if any(key in f.values for f in comparison.found)
+    columns = [
+        key
+        for key in (*EFFICIENCIES, *SHOWN)
+        if any(key in result.values for result in comparison.found)
     ]
     rows = []
-    for place, found in enumerate(comparison.found, 1):
-        cells = [value_with_sd(*found.values[key]) if key in found.values else "–" for key in shown]
-        has_rank = comparison.ranked_by in found.values
-        remark = found.remark or ("" if has_rank else "no efficiency: it measures no current")
+    for rank, result in enumerate(comparison.found, 1):
+        cells = [
+            value_with_sd(*result.values[key]) if key in result.values else "–" for key in columns
+        ]
+        has_rank = comparison.ranked_by in result.values
+        remark = result.remark or ("" if has_rank else "no efficiency: no current channel")
         rows.append(
             (
-                str(place) if has_rank else "–",
-                found.run,
+                str(rank) if has_rank else "–",
+                result.run,
                 *cells,
-                _behind(comparison, found),
+                _behind(comparison, result),
                 remark or "–",
             )
         )
     return Table(
         f"At {comparison.thrust_N:g} N, the most efficient first "
-        f"({TITLES[comparison.ranked_by]}): by a fit "
-        f"to the rows within a factor 1.5 of it ± standard errors. Behind: less efficient than the "
-        f"first, in standard deviations of the difference.",
-        ("rank", "run", *(TITLES[key] for key in shown), "behind [sd]", "remark"),
+        f"({TITLES[comparison.ranked_by]}): interpolated from rows within a factor 1.5, ± standard "
+        f"error. Behind: deficit to the first, in standard deviations of the difference.",
+        ("rank", "run", *(TITLES[key] for key in columns), "behind [sd]", "remark"),
         rows,
         text_columns=2,
     )
 
 
 def short_table(comparison: RunComparison) -> Table | None:
-    """Return the table in the width of a terminal."""
+    """Return the table for a terminal."""
     table = best_table(comparison)
     if table is None:
         return None
     power = TITLES[EFFICIENCIES[comparison.ranked_by]]
-    wanted = ("rank", "run", TITLES[comparison.ranked_by], power, "rpm", "behind [sd]", "remark")
-    columns = [table.header.index(head) for head in wanted if head in table.header]
+    heads = ("rank", "run", TITLES[comparison.ranked_by], power, "rpm", "behind [sd]", "remark")
+    columns = [table.header.index(head) for head in heads if head in table.header]
     return table.narrowed(columns)
 
 
-def _behind(one: RunComparison, found: AtThrust) -> str:
-    best, by = one.found[0], one.ranked_by
-    if found is best or by not in found.values or by not in best.values:
+def _behind(comparison: RunComparison, result: AtThrust) -> str:
+    best, by = comparison.found[0], comparison.ranked_by
+    if result is best or by not in result.values or by not in best.values:
         return "–"
-    (first, first_sd), (own, own_sd) = best.values[by], found.values[by]
-    spread = hypot(first_sd, own_sd)
-    return f"{(first - own) / spread:.1f}" if spread > 0.0 else "–"
+    (first, first_sd), (value, sd) = best.values[by], result.values[by]
+    difference_sd = hypot(first_sd, sd)
+    return f"{(first - value) / difference_sd:.1f}" if difference_sd > 0.0 else "–"
 
 
 def best_rows(comparison: RunComparison) -> list[dict[str, object]]:
-    """Return what each run does at the wanted thrust as rows of columns, errors beside values."""
+    """Return the values and errors of each run at the requested thrust as rows of a table."""
     rows: list[dict[str, object]] = []
-    for found in comparison.found:
-        values = {key: value for key, (value, _) in found.values.items()}
-        errors = {error_channel_name(key): sd for key, (_, sd) in found.values.items()}
-        rows.append({"run": found.run, "remark": found.remark, **values, **errors})
+    for result in comparison.found:
+        values = {key: value for key, (value, _) in result.values.items()}
+        errors = {error_channel_name(key): sd for key, (_, sd) in result.values.items()}
+        rows.append({"run": result.run, "remark": result.remark, **values, **errors})
     return rows
 
 
 def comparison_sentence(comparison: RunComparison) -> str:
-    """Say which run is best at the wanted thrust, and which do not reach it."""
+    """Return a sentence: the best run at the requested thrust, and runs that do not reach it."""
     runs = comparison.runs
     names = f"{pluralize(len(runs), 'run')}: {', '.join(run.name for run in runs)}."
     if not comparison.found:
         return names
-    best, words = comparison.found[0], ""
+    best, result = comparison.found[0], ""
     if comparison.ranked_by in best.values:
         value = value_with_sd(*best.values[comparison.ranked_by])
-        words = f" At {comparison.thrust_N:g} N {best.run} is the most efficient: {value} gf/W."
-    missed = [f"{found.run} ({found.remark})" for found in comparison.found if not found.values]
-    return f"{names}{words}" + (f" Not at that thrust: {', '.join(missed)}." if missed else "")
+        result = f" At {comparison.thrust_N:g} N {best.run} is the most efficient: {value} gf/W."
+    unreached = [f"{item.run} ({item.remark})" for item in comparison.found if not item.values]
+    return f"{names}{result}" + (
+        f" Not at that thrust: {', '.join(unreached)}." if unreached else ""
+    )
 
 
-def _origins(one: RunComparison) -> list[Block]:
+def _origins(comparison: RunComparison) -> list[Block]:
     blocks: list[Block] = []
-    for run in one.runs:
+    for run in comparison.runs:
         if run.quantities:
             blocks += [Heading(run.name), origins_table(run.quantities)]
     return blocks
@@ -275,6 +281,6 @@ COMPARISON = Page(
         ("Curves", ["curves"]),
         ("What quantities are worked out from", [_origins]),
     ],
-    title=lambda one: f"Runs compared over {one.over}",
+    title=lambda comparison: f"Runs compared over {comparison.over}",
     summary=comparison_sentence,
 )

@@ -1,4 +1,4 @@
-"""Fits of several rigs pooled: which fits, tables, forest plot, page, pool.json."""
+"""Pooled fits of several rigs: checks, tables, forest plot, page, pool.json."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
 from benchtool.report.palette import BLUE, GREY, PALE
 
-ONE_QUANTITY = 1.0 - 1e-9  # correlation from which two are one quantity: R_m, R_m over radius
+ONE_QUANTITY = 1.0 - 1e-9  # correlation of two names of one quantity: R_m, R_m over radius
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PooledFits:
-    """Hold the fits of several rigs and what they say together."""
+    """Pooled estimates of several rigs, with their inputs."""
 
     pooled: PooledEstimates
     units: Mapping[str, str]  # of parameters
@@ -52,28 +52,28 @@ def pool_fits(
     *,
     seed: int = 1,
 ) -> PooledFits:
-    """Pool the fits of folders, one of each rig; NotConverged where chains of tau disagree."""
+    """Pool one fit per rig; NotConverged if the chains of tau disagree."""
     if len(folders) < 2:
         raise InputError(
-            f"{pluralize(len(folders), 'fit')} given; pooling needs folders of 2 or more fits, as "
-            f"of benchtool fit RUN --model MODEL --out FITS/RUN"
+            f"{pluralize(len(folders), 'fit')} given; minimum for pooling: 2; give folders of "
+            f"benchtool fit RUN --model MODEL --out FITS/RUN"
         )
     fits = {name: read_stored(folder) for name, folder in _names(folders).items()}
-    hashes = _checked(fits)
-    known = list(dict.fromkeys(name for fit in fits.values() for name in _budget(fit).names))
-    both = [resolve_name(name, known, "fitted parameter") for name in (*of, *shared)]
-    names = list(dict.fromkeys(both)) or [
+    hashes = _check_fits(fits)
+    fitted_names = list(dict.fromkeys(name for fit in fits.values() for name in _budget(fit).names))
+    requested = [resolve_name(name, fitted_names, "fitted parameter") for name in (*of, *shared)]
+    names = list(dict.fromkeys(requested)) or [
         name
-        for name in known
+        for name in fitted_names
         if _is_physics(name, fits) and sum(name in _budget(fit).names for fit in fits.values()) > 1
     ]
     if not names:
         raise InputError(
-            f"no parameter without a unit is in two of these fits; name some with --of, known: "
-            f"{', '.join(known)}"
+            f"no dimensionless parameter is in two of these fits; select some with --of: "
+            f"{', '.join(fitted_names)}"
         )
     rigs = [_values(name, fit, names) for name, fit in fits.items()]
-    pooled = pool_rigs(rigs, names, both[len(of) :], seed=seed)
+    pooled = pool_rigs(rigs, names, requested[len(of) :], seed=seed)
     units = {k: v for fit in fits.values() for k, v in zip(_budget(fit).names, _budget(fit).units,
                                                            strict=True)}  # fmt: skip
     return PooledFits(
@@ -87,12 +87,12 @@ def pool_fits(
 
 
 def _names(folders: Sequence[Path]) -> dict[str, Path]:
-    """Return folders by the shortest names that keep them apart."""
-    for place, folder in enumerate(folders):
+    """Return folders by their shortest unique names."""
+    for index, folder in enumerate(folders):
         if not (folder / FIT_FILE).is_file():
-            raise InputError(f"{folder} holds no fit; name folders of benchtool fit --out")
-        if folder.resolve() in (each.resolve() for each in folders[:place]):
-            raise InputError(f"the fit {folder} is named twice; name each once")
+            raise InputError(f"{folder} contains no fit; give folders of benchtool fit --out")
+        if folder.resolve() in (earlier.resolve() for earlier in folders[:index]):
+            raise InputError(f"duplicate fit {folder}; give each folder once")
     short = [folder.resolve().name for folder in folders]
     return {
         name if short.count(name) == 1 else str(folder): folder
@@ -104,8 +104,8 @@ def _budget(fit: StoredFit) -> Any:
     return fit.budget
 
 
-def _checked(fits: Mapping[str, StoredFit]) -> dict[str, str]:
-    """Refuse fits that cannot be pooled; return the hashes of their data."""
+def _check_fits(fits: Mapping[str, StoredFit]) -> dict[str, str]:
+    """Raise if fits cannot be pooled; return the hashes of their data."""
     first = next(iter(fits))
     owner: dict[str, str] = {}
     hashes = {}
@@ -113,23 +113,23 @@ def _checked(fits: Mapping[str, StoredFit]) -> dict[str, str]:
         result = fit.results[0]
         problem = ""
         if result.outcome.status != "converged" or fit.budget is None:
-            problem = "has no answer"
+            problem = "has not converged or has no budget"
         elif result.facts.get("verdict") == "rejected":
-            problem = "has a model that its data reject, so that its intervals are too narrow"
+            problem = "has a rejected model, so its intervals are too narrow"
         elif fit.basis != fits[first].basis:
-            problem = f"is of basis {fit.basis}, {first} of {fits[first].basis}"
+            problem = f"has basis {fit.basis}, {first} has {fits[first].basis}"
         for key, digest in result.facts.items():
             if key.startswith("sha256."):
                 hashes[f"{name}: {key.removeprefix('sha256.')}"] = str(digest)
                 if (other := owner.setdefault(str(digest), name)) != name:
-                    problem = f"is of the same data as {other}, which would count twice"
+                    problem = f"has the same data as {other}, which would count twice"
         if problem:
-            raise InputError(f"the fit {name} {problem}; fit it anew or leave it out")
+            raise InputError(f"fit {name} {problem}; repeat the fit or remove it")
     return hashes
 
 
 def _is_physics(name: str, fits: Mapping[str, StoredFit]) -> bool:
-    """Whether a parameter has no unit and describes neither noise nor a sensor nor the plate."""
+    """Return True for dimensionless parameters, except those of noise, sensors and the plate."""
     effect = EFFECTS.get(name.partition(".")[0])
     if name.startswith("noise.") or (effect and effect.subsystem in ("sensor", "plate")):
         return False
@@ -140,39 +140,46 @@ def _is_physics(name: str, fits: Mapping[str, StoredFit]) -> bool:
 
 
 def _values(label: str, fit: StoredFit, names: Sequence[str]) -> RigValues:
-    """Return a fit's values with the covariance of its whole budget.
+    """Return the values of a fit with the covariance of its whole budget.
 
     Each standard uncertainty is that of the normal distribution with the same 95 % interval.
     """
     budget, result = _budget(fit), fit.results[0]
-    own = tuple(name for name in names if name in budget.names)
+    fitted = tuple(name for name in names if name in budget.names)
     for item in (*result.estimates, *result.derived):
-        if item.name in own and (item.bound or item.open):
+        if item.name in fitted and (item.bound or item.open):
             raise InputError(
-                f"{item.name} of {label} {item.bound or f'is not determined: {item.open}'}; leave "
-                f"that fit out, or name other parameters with --of"
+                f"{item.name} of {label} {item.bound or f'is not determined: {item.open}'}; remove "
+                f"that fit or select other parameters with --of"
             )
-    at = [budget.names.index(name) for name in own]
-    correlation = np.array(budget.correlation)[np.ix_(at, at)]
-    for one, other in combinations(range(len(own)), 2):
-        if abs(correlation[one, other]) > ONE_QUANTITY:
-            raise InputError(f"{own[one]} and {own[other]} are one quantity; name one of them")
-    sd = budget.expanded[at] / float(ndtri(0.975))
+    indices = [budget.names.index(name) for name in fitted]
+    correlation = np.array(budget.correlation)[np.ix_(indices, indices)]
+    for first, second in combinations(range(len(fitted)), 2):
+        if abs(correlation[first, second]) > ONE_QUANTITY:
+            raise InputError(
+                f"{fitted[first]} and {fitted[second]} are the same quantity; select one"
+            )
+    sd = budget.expanded[indices] / float(ndtri(0.975))
     return RigValues(
         name=label,
-        names=own,
-        values=np.array(budget.values)[at],
+        names=fitted,
+        values=np.array(budget.values)[indices],
         covariance=correlation * np.outer(sd, sd),
     )
 
 
-BESIDE = 3  # panels of the forest plot beside each other
-LEAST = 1e-6  # least probability that is stated: farther out no fit's errors are normal
+MAX_COLUMNS = 3  # panels per row of the forest plot
+MIN_PROBABILITY = 1e-6  # smallest reported; errors are not normal in the far tails
 
 
-def _each(one: PooledFits) -> Iterator[tuple[int, str, bool]]:
-    """Yield place and name of each parameter, and whether it is shared."""
-    yield from zip(range(len(one.units)), one.pooled.names, one.pooled.shared, strict=True)
+def _iterate_parameters(pooled_fits: PooledFits) -> Iterator[tuple[int, str, bool]]:
+    """Yield index and name of each parameter, and True if rigs share its value."""
+    yield from zip(
+        range(len(pooled_fits.units)),
+        pooled_fits.pooled.names,
+        pooled_fits.pooled.shared,
+        strict=True,
+    )
 
 
 def _span(low: float, high: float) -> str:
@@ -180,39 +187,41 @@ def _span(low: float, high: float) -> str:
 
 
 def summary(pooled_fits: PooledFits) -> str:
-    """Say what the rigs share, how far they scatter, and which differ."""
+    """Return lines on means, spread between rigs, and differences."""
     pooled = pooled_fits.pooled
     lines = []
-    for k, name, shared in _each(pooled_fits):
+    for k, name, shared in _iterate_parameters(pooled_fits):
         mean = value_with_sd(float(pooled.mean[:, k].mean()), float(pooled.mean[:, k].std()))
         if shared:
-            lines.append(f"{name}, the same in all rigs: {mean}.")
+            lines.append(f"{name}, common to all rigs: {mean}.")
             continue
-        found = pooled.differences[name]
-        real = [each for each in found if each.real]
+        pairs = pooled.differences[name]
+        real = [pair for pair in pairs if pair.real]
         low, high = pooled.tau_95(name)
-        alike = f"{pooled.alike[k]:.2g}" if pooled.alike[k] > LEAST else f"below {LEAST:g}"
+        probability = pooled.alike[k]
+        alike = f"{probability:.2g}" if probability > MIN_PROBABILITY else f"< {MIN_PROBABILITY:g}"
         lines.append(
-            f"{name}: mean {mean}, between rigs {np.median(pooled.tau[:, k]):.2g} (95 %: "
-            f"{_span(low, high)}); that they do not differ has probability "
-            f"{alike}, even odds before."
+            f"{name}: mean {mean}, standard deviation between rigs "
+            f"{np.median(pooled.tau[:, k]):.2g} (95 %: {_span(low, high)}); posterior probability "
+            f"of identical rigs {alike}, prior 0.5."
         )
+        label, pair = ("most significant", real[0]) if real else ("largest", pairs[0])
         lines.append(
-            f"  real differences: {len(real)} of {pluralize(len(found), 'pair')}"
-            + (f"; the surest: {_words(real[0])}" if real else f"; the largest: {_words(found[0])}")
+            f"  significant differences: {len(real)} of {pluralize(len(pairs), 'pair')}; {label}: "
+            f"{_format_difference(pair)}"
         )
     return "\n".join(lines)
 
 
-def _words(found: Difference) -> str:
+def _format_difference(pair: Difference) -> str:
     return (
-        f"{found.rig} − {found.other} = {value_with_sd(found.value, found.sd)} (95 %: "
-        f"{_span(*found.interval_95)})"
+        f"{pair.rig} − {pair.other} = {value_with_sd(pair.value, pair.sd)} (95 %: "
+        f"{_span(*pair.interval_95)})"
     )
 
 
 def rigs_table(pooled_fits: PooledFits) -> Table:
-    """Return each rig's values, by itself and pooled."""
+    """Return a table of each rig's values, separate and pooled."""
     rows = [
         (
             row["parameter"], row["rig"], value_with_sd(row["value"], row["sd"]),
@@ -221,29 +230,31 @@ def rigs_table(pooled_fits: PooledFits) -> Table:
         for row in rigs_rows(pooled_fits)
     ]  # fmt: skip
     return Table(
-        "Each rig by itself (± combined standard uncertainty of its budget) and pooled.",
-        ("parameter", "rig", "by itself", "pooled", "95 %"), rows, text_columns=2,
+        "Values of each rig, separate (± combined standard uncertainty) and pooled.",
+        ("parameter", "rig", "separate", "pooled", "95 %"), rows, text_columns=2,
     )  # fmt: skip
 
 
 def differences_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
-    """Return every difference as rows of columns."""
+    """Return all differences as rows of a table."""
     return [
-        {"parameter": name} | asdict(each) | {"real": each.real}
-        for name, found in pooled_fits.pooled.differences.items()
-        for each in found
+        {"parameter": name} | asdict(pair) | {"real": pair.real}
+        for name, pairs in pooled_fits.pooled.differences.items()
+        for pair in pairs
     ]
 
 
 def rigs_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
-    """Return each rig's values, by itself and pooled, as rows of columns."""
+    """Return each rig's values, separate and pooled, as rows of a table."""
     rows = []
-    for k, name, shared in _each(pooled_fits):
-        for place, value, sd in pooled_fits.pooled.values_of(name):
-            draws = pooled_fits.pooled.mean[:, k] if shared else pooled_fits.pooled.own[:, place, k]
+    for k, name, shared in _iterate_parameters(pooled_fits):
+        for rig_index, value, sd in pooled_fits.pooled.values_of(name):
+            draws = (
+                pooled_fits.pooled.mean[:, k] if shared else pooled_fits.pooled.own[:, rig_index, k]
+            )
             low, high = np.quantile(draws, [0.025, 0.975]).tolist()
             rows.append({
-                "parameter": name, "rig": pooled_fits.pooled.rigs[place].name, "unit":
+                "parameter": name, "rig": pooled_fits.pooled.rigs[rig_index].name, "unit":
                 pooled_fits.units[name], "value": value, "sd": sd, "pooled": float(draws.mean()),
                 "pooled_sd": float(draws.std()), "low_95": low, "high_95": high,
             })  # fmt: skip
@@ -254,7 +265,7 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
     """Return the contents of pool.json."""
     pooled = pooled_fits.pooled
     parameters = {}
-    for k, name, shared in _each(pooled_fits):
+    for k, name, shared in _iterate_parameters(pooled_fits):
         mean, tau = pooled.mean[:, k], pooled.tau[:, k]
         parameters[name] = {
             "unit": pooled_fits.units[name],
@@ -267,7 +278,7 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
             "tau_prior_scale": float(pooled.scale[k]),
             "alike": None if isnan(pooled.alike[k]) else float(pooled.alike[k]),
         }
-    found: dict[str, Any] = json_ready(
+    contents: dict[str, Any] = json_ready(
         {
             "format": "benchtool-pool-1", "software": f"benchtool {__version__}",
             "seed": pooled_fits.seed, "basis": pooled_fits.basis,
@@ -276,47 +287,50 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
             "differences": differences_rows(pooled_fits),
         }
     )  # fmt: skip
-    return found
+    return contents
 
 
 @figure(
     page="compare.pooled",
-    title="Each rig by itself and pooled",
-    caption="Open: each fit by itself; filled: partially pooled; bars: 95 %. Band: 95 % of the "
+    title="Each rig separate and pooled",
+    caption="Open: separate fit; filled: partially pooled; bars: 95 %. Band: 95 % interval of the "
     "common mean.",
-    height_in=lambda one: 0.5 + -(-len(one.units) // BESIDE) * (0.8 + 0.36 * len(one.pooled.rigs)),
+    height_in=lambda pooled_fits: (
+        0.5
+        + -(-len(pooled_fits.units) // MAX_COLUMNS) * (0.8 + 0.36 * len(pooled_fits.pooled.rigs))
+    ),
 )
 def forest(figure: Figure, pooled_fits: PooledFits) -> None:
-    """Draw every rig's value by itself and pooled, a panel for each parameter."""
+    """Draw each rig's value, separate and pooled, in one panel per parameter."""
     pooled, table = pooled_fits.pooled, rigs_rows(pooled_fits)
     rigs = [rig.name for rig in pooled.rigs]
-    beside = min(BESIDE, len(pooled.names))
-    down = -(-len(pooled.names) // beside)
-    every = figure.subplots(down, beside, sharey=True, squeeze=False).ravel()
-    for axes in every[len(pooled.names) :]:
+    n_columns = min(MAX_COLUMNS, len(pooled.names))
+    n_rows = -(-len(pooled.names) // n_columns)
+    panels = figure.subplots(n_rows, n_columns, sharey=True, squeeze=False).ravel()
+    for axes in panels[len(pooled.names) :]:
         axes.set_visible(False)
-    for axes, (k, name, _) in zip(every, _each(pooled_fits), strict=False):
+    for axes, (k, name, _) in zip(panels, _iterate_parameters(pooled_fits), strict=False):
         axes.axvspan(*np.quantile(pooled.mean[:, k], [0.025, 0.975]), color=PALE, lw=0.0)
         axes.axvline(float(pooled.mean[:, k].mean()), color=GREY, lw=0.8)
         for row in (row for row in table if row["parameter"] == name):
-            place, pool = rigs.index(row["rig"]), row["pooled"]
-            ends = [[pool - row["low_95"]], [row["high_95"] - pool]]
-            axes.errorbar(row["value"], place - 0.14, xerr=1.96 * row["sd"], fmt="o", color=GREY,
-                          mfc="white", ms=4.5, label="by itself")  # fmt: skip
-            axes.errorbar(pool, place + 0.14, xerr=ends, fmt="o", color=BLUE, ms=4.5,
+            position, pooled_value = rigs.index(row["rig"]), row["pooled"]
+            ends = [[pooled_value - row["low_95"]], [row["high_95"] - pooled_value]]
+            axes.errorbar(row["value"], position - 0.14, xerr=1.96 * row["sd"], fmt="o", color=GREY,
+                          mfc="white", ms=4.5, label="separate")  # fmt: skip
+            axes.errorbar(pooled_value, position + 0.14, xerr=ends, fmt="o", color=BLUE, ms=4.5,
                           label="pooled")  # fmt: skip
         unit = display_unit(pooled_fits.units[name])
         axes.set_xlabel(name if unit == "–" else f"{name} [{unit}]")
         axes.set_ylim(len(rigs) - 0.5, -0.5)
         axes.set_yticks(range(len(rigs)), rigs)
-    handles, labels = every[0].get_legend_handles_labels()
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles[:2], labels[:2], loc="outside lower right", ncols=2)
 
 
 POOL = Page(
     "compare.pooled",
-    [("Each rig by itself and pooled", [rigs_table, "forest"])],
-    title=lambda one: f"{pluralize(len(one.pooled.rigs), 'fit')} pooled",
+    [("Each rig separate and pooled", [rigs_table, "forest"])],
+    title=lambda pooled_fits: f"{pluralize(len(pooled_fits.pooled.rigs), 'fit')} pooled",
     summary=summary,
 )
 

@@ -1,4 +1,4 @@
-"""Runs and recordings as a comparison takes them, and what each does at a wanted thrust."""
+"""Runs and recordings of a comparison, and their values at a requested thrust."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ AXES: dict[Over, tuple[str, str]] = {  # column and label of each axis
     "throttle": ("pwm1_us", "pulse [µs]"),
     "distance": ("plate_z_m", "plate distance [m]"),
 }
-LOADED = 0.02  # rows below this share of a run's greatest thrust are idle; assumed
-WINDOW = log(1.5)  # rows within a factor 1.5 of a thrust make its interpolation; assumed
+LOADED = 0.02  # rows below this share of a run's maximum thrust are idle; assumed
+WINDOW = log(1.5)  # interpolation uses rows within a factor 1.5 of the thrust; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ComparedRun:
-    """Hold one run or recording of a comparison."""
+    """Run or recording of a comparison."""
 
     name: str
     path: Path
@@ -52,15 +52,15 @@ class ComparedRun:
 
     @property
     def loaded(self) -> NDArray[np.bool_]:
-        """Which rows (n,) are not idle, where quotients are noise."""
+        """True for rows (n,) that are not idle; ratios of idle rows are noise."""
         thrust = self.rows.column("thrust_N")
         return np.asarray(thrust > LOADED * np.nanmax(thrust), bool)
 
     def values(self, name: str) -> tuple[Array, Array] | None:
-        """Return a column or quantity with its standard errors (n,); None where it has none."""
-        for one in self.quantities:
-            if one.name == name:
-                return one.value, one.total_error
+        """Return a column or quantity with its standard errors (n,), or None if it is missing."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity.value, quantity.total_error
         if name not in self.rows or not np.isfinite(self.rows.column(name)).any():
             return None
         error = error_channel_name(name)
@@ -69,159 +69,168 @@ class ComparedRun:
 
 
 def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
-    """Return a run folder, a recording, or a stand's table as an import reads it.
+    """Read a run folder, a recording, or the CSV file of a test stand.
 
-    Slow ramps are means of half a second. Over anything but distance, other sweeps are their
-    references, or all of their settings without any. Raises FileFormatError without thrust.
+    Slow ramps are averaged over half a second. Sweeps over distance use all settings but the
+    references; other sweeps use the references, or all settings if there are none.
+
+    Raises:
+        FileFormatError: the data has no thrust.
     """
     if is_run(path) and (ramps := _ramps(path)) is not None:
-        rows, found = ramps, derive_quantities(ramps, run_circumstances(path))
-        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
+        rows, quantities = ramps, derive_quantities(ramps, run_circumstances(path))
+        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=quantities)
     elif is_run(path):
         points = read_points(path)
-        rows, found = aggregate(points), settings_quantities(path, points)
+        rows, quantities = aggregate(points), settings_quantities(path, points)
         parked = rows.column("kind") == word_to_code("kind", "reference")
         away = bool(parked.any()) and over != "distance"
         chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
-        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
-        run = replace(_selected(run, chosen), away=away)
+        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=quantities)
+        run = replace(_select_rows(run, chosen), away=away)
     else:
-        rows, known = read_levels(path)
+        rows, context = read_levels(path)
         run = ComparedRun(
-            name=path.stem, path=path, rows=rows, quantities=derive_quantities(rows, known)
+            name=path.stem, path=path, rows=rows, quantities=derive_quantities(rows, context)
         )
     if run.values("thrust_N") is None:
-        raise FileFormatError(str(path), "it holds no thrust, so there is nothing to compare")
+        raise FileFormatError(str(path), "thrust is missing, required for a comparison")
     return run
 
 
-SLOW_S = 5.0  # a ramp that takes so long is steady: rotors lag by tenths of a second; assumed
+MIN_RAMP_S = 5.0  # slower ramps are quasi-steady: rotor lags are tenths of a second; assumed
 
 
 def _ramps(path: Path) -> Recording | None:
-    """Return the means along the slow ramps of a run without a plate; None of any other run."""
+    """Return the means along slow ramps of a run without a plate; None for other runs."""
     plan = plan_from_toml(Run.open(path).plan_text, str(path / "plan.toml"))
-    if plan.plate.used or plan.throttle.ramp_s < SLOW_S:
+    if plan.plate.used or plan.throttle.ramp_s < MIN_RAMP_S:
         return None
     samples = read_samples(path)
     phases = [word_to_code("phase", name) for name in ("ramp", "settle", "sample")]
     return split_levels(samples.select(np.isin(samples.column("phase"), phases)))
 
 
-def _selected(run: ComparedRun, chosen: NDArray[np.bool_]) -> ComparedRun:
-    found = tuple(
+def _select_rows(run: ComparedRun, mask: NDArray[np.bool_]) -> ComparedRun:
+    quantities = tuple(
         replace(
-            one, value=one.value[chosen], standard_error=one.standard_error[chosen],
-            error_sources=tuple(source.of(np.flatnonzero(chosen)) for source in one.error_sources),
+            item, value=item.value[mask], standard_error=item.standard_error[mask],
+            error_sources=tuple(source.of(np.flatnonzero(mask)) for source in item.error_sources),
         )
-        for one in run.quantities
+        for item in run.quantities
     )  # fmt: skip
-    return replace(run, rows=run.rows.select(chosen), quantities=found)
+    return replace(run, rows=run.rows.select(mask), quantities=quantities)
 
 
 @dataclass(frozen=True, slots=True)
 class AtThrust:
-    """Hold what a run does at a wanted thrust."""
+    """Values of a run at a requested thrust."""
 
     run: str
     values: dict[str, tuple[float, float]]  # value and standard error; nan where unknown
-    remark: str = ""  # why there are no values
+    remark: str = ""  # reason for missing values
 
 
-# power of each efficiency; the first known one ranks runs
+# power of each efficiency; the first available efficiency ranks runs
 EFFICIENCIES = {"efficiency_gf_W": "power_W", "propeller_gf_W": "mechanical_power_W"}
 SHOWN = ("power_W", "mechanical_power_W", "rpm1", "pwm1_us", "figure_of_merit")  # interpolated
 
 
 @np.errstate(divide="ignore", invalid="ignore")
 def at_thrust(run: ComparedRun, thrust_N: float) -> AtThrust:
-    """Return a run's quantities at a thrust, interpolated between its rows.
+    """Return the quantities of a run at a thrust, interpolated between its rows.
 
-    The logarithm of each is a line, or a parabola from six rows on, in that of thrust, by least
-    squares over the rows within a factor 1.5 of the thrust (two on either side at least): power is
-    nearly T^1.5. An efficiency is the thrust over the interpolated power, whose error knows that
-    of thrust.
+    A least-squares polynomial of log value over log thrust is used, linear below six rows, else
+    quadratic, over rows within a factor 1.5 of the thrust (at least two on either side): power is
+    nearly T^1.5. An efficiency is the thrust over the interpolated power; the error of the power
+    includes that of thrust.
     """
-    # Errors that nobody states are those that the scatter of the rows shows.
+    # Without stated errors, they are estimated from the scatter of the rows.
     thrust, error = run.values("thrust_N") or (np.empty(0), np.empty(0))
-    known = thrust[run.loaded]
-    if not known.size or not known.min() <= thrust_N <= known.max():
-        reached = f"reaches {known.min():.3g} to {known.max():.3g} N" if known.size else "no thrust"
-        return AtThrust(run.name, {}, reached)
-    found = {}
+    loaded = thrust[run.loaded]
+    if not loaded.size or not loaded.min() <= thrust_N <= loaded.max():
+        problem = (
+            f"reaches {loaded.min():.3g} to {loaded.max():.3g} N" if loaded.size else "no thrust"
+        )
+        return AtThrust(run.name, {}, problem)
+    values = {}
     for name in SHOWN:
         pair = run.values(name)
         if pair is None:
             continue
-        value, sd = _interpolated(run, name, thrust / thrust_N, error / thrust, pair[0])
+        value, sd = _interpolate(run, name, thrust / thrust_N, error / thrust, pair[0])
         if isfinite(value):
-            found[name] = value, sd
-    for name, of in EFFICIENCIES.items():
-        if of in found:
-            value = 1e3 * thrust_N / STANDARD_GRAVITY_M_S2 / found[of][0]
-            found[name] = value, value * found[of][1] / found[of][0]
-    return AtThrust(run.name, found, "" if found else "nothing is known there but thrust")
+            values[name] = value, sd
+    for name, power in EFFICIENCIES.items():
+        if power in values:
+            value = 1e3 * thrust_N / STANDARD_GRAVITY_M_S2 / values[power][0]
+            values[name] = value, value * values[power][1] / values[power][0]
+    return AtThrust(run.name, values, "" if values else "no quantities but thrust")
 
 
-def _interpolated(
+def _interpolate(
     run: ComparedRun, name: str, thrust: Array, thrust_error: Array, values: Array
 ) -> tuple[float, float]:
-    """Return value and standard error where thrust over the wanted one (n,) is 1."""
-    apart = np.log(thrust)
-    one = next((one for one in run.quantities if one.name == name), None)
+    """Return value and standard error at relative thrust 1; `thrust` (n,) is relative."""
+    log_thrust = np.log(thrust)
+    quantity = next((quantity for quantity in run.quantities if quantity.name == name), None)
     pair = run.values(name)
-    own = one.standard_error if one is not None else pair[1] if pair else np.empty(0)
-    good = run.loaded & np.isfinite(apart) & np.isfinite(values) & (values > 0.0)
-    below, above = (np.flatnonzero(good & side) for side in (apart <= 0.0, apart >= 0.0))
+    own_errors = (
+        quantity.standard_error if quantity is not None else pair[1] if pair else np.empty(0)
+    )
+    usable = run.loaded & np.isfinite(log_thrust) & np.isfinite(values) & (values > 0.0)
+    below, above = (
+        np.flatnonzero(usable & side) for side in (log_thrust <= 0.0, log_thrust >= 0.0)
+    )
     if not below.size or not above.size:
         return nan, nan
-    near = good & (np.abs(apart) <= WINDOW)
-    near[below[np.argsort(-apart[below])[:2]]] = True
-    near[above[np.argsort(apart[above])[:2]]] = True
-    x, y = apart[near], np.log(values[near])
+    near = usable & (np.abs(log_thrust) <= WINDOW)
+    near[below[np.argsort(-log_thrust[below])[:2]]] = True
+    near[above[np.argsort(log_thrust[above])[:2]]] = True
+    x, y = log_thrust[near], np.log(values[near])
     degree = 2 if near.sum() >= 6 else 1
     if np.ptp(x) < 1e-12:  # every row is at that thrust
         degree = 0
     design = np.vander(x, degree + 1, increasing=True)
     slope = float(np.polyfit(x, y, 1)[0]) if degree else 0.0
-    sigma = np.hypot(own[near] / values[near], slope * thrust_error[near])
-    stated = bool(np.isfinite(sigma).all() and (sigma > 0.0).all())
-    weight = 1.0 / sigma if stated else np.ones(len(x))
-    gain = np.linalg.pinv(design * weight[:, None]) * weight  # (p, m): coefficients of rows
-    residual = (y - design @ (gain @ y)) * weight
-    free = len(x) - design.shape[1]
-    spread = float(residual @ residual) / free if free > 0 else nan
-    if not stated:
-        spread = _scatter(apart[good], np.log(values[good]), spread)
-    scale = max(1.0, spread if isfinite(spread) else 1.0) if stated else spread
-    sd = sqrt(scale) * float(np.linalg.norm(gain[0] / weight))
-    value = exp(float(gain[0] @ y))
+    sigma = np.hypot(own_errors[near] / values[near], slope * thrust_error[near])
+    has_errors = bool(np.isfinite(sigma).all() and (sigma > 0.0).all())
+    weight = 1.0 / sigma if has_errors else np.ones(len(x))
+    coefficients = np.linalg.pinv(design * weight[:, None]) * weight  # (p, m): coefficients of rows
+    residual = (y - design @ (coefficients @ y)) * weight
+    dof = len(x) - design.shape[1]
+    variance = float(residual @ residual) / dof if dof > 0 else nan
+    if not has_errors:
+        variance = _scatter(log_thrust[usable], np.log(values[usable]), variance)
+    scale = max(1.0, variance if isfinite(variance) else 1.0) if has_errors else variance
+    sd = sqrt(scale) * float(np.linalg.norm(coefficients[0] / weight))
+    value = exp(float(coefficients[0] @ y))
     shared = 0.0
-    for source in one.error_sources if one is not None else ():
-        moved = source.columns[near] / values[near, None]
+    for source in quantity.error_sources if quantity is not None else ():
+        sensitivities = source.columns[near] / values[near, None]
         if source.name == "thrust scale":
-            moved = moved - slope * source.sd
-        shared = hypot(shared, float(np.linalg.norm(gain[0] @ moved)))
-    if one is not None and not any(s.name == "thrust scale" for s in one.error_sources):
+            sensitivities = sensitivities - slope * source.sd
+        shared = hypot(shared, float(np.linalg.norm(coefficients[0] @ sensitivities)))
+    if quantity is not None and not any(s.name == "thrust scale" for s in quantity.error_sources):
         scales = (s.sd for q in run.quantities for s in q.error_sources if s.name == "thrust scale")
         shared = hypot(shared, slope * next(scales, 0.0))
     return value, value * hypot(sd, shared)
 
 
 def _scatter(x: Array, y: Array, local: float) -> float:
-    """Return the variance of rows about a cubic over the upper 90 % of thrust; `local` for few."""
+    """Return the variance about a cubic over the upper decade of thrust; `local` for few rows."""
     upper = x > x.max() - log(10.0)
-    free = int(upper.sum()) - 4
-    if free < 3:
+    dof = int(upper.sum()) - 4
+    if dof < 3:
         return local
-    left = y[upper] - np.polyval(np.polyfit(x[upper], y[upper], 3), x[upper])
-    return float(left @ left) / free
+    residuals = y[upper] - np.polyval(np.polyfit(x[upper], y[upper], 3), x[upper])
+    return float(residuals @ residuals) / dof
 
 
 def ranked(results: Sequence[AtThrust]) -> tuple[str, list[AtThrust]]:
-    """Return by what runs are ranked, and those that have it, the best first, then the others."""
-    known = (key for key in EFFICIENCIES if any(key in one.values for one in results))
-    by = next(known, next(iter(EFFICIENCIES)))
+    """Return the ranking efficiency and the sorted results, best first, results without it last."""
+    available = (key for key in EFFICIENCIES if any(key in item.values for item in results))
+    by = next(available, next(iter(EFFICIENCIES)))
     return by, sorted(
-        results, key=lambda one: one.values[by][0] if by in one.values else -1.0, reverse=True
+        results, key=lambda item: item.values[by][0] if by in item.values else -1.0, reverse=True
     )
