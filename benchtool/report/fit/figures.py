@@ -1,4 +1,4 @@
-"""Data of a fit over its model: the ratio, the thrust, and the share of a covered area."""
+"""Figures of a fit: thrust ratio, thrust, partial coverage and scores of laws."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ LINE_POINTS = 120
 SHOWN_DRAWS = 400  # parameter draws behind a curve's band
 
 
-def titled(what: str, fit: FitOutput) -> str:
-    """Return a figure's title, which says when the model is rejected."""
-    rejected = any(one.facts.get("verdict") == "rejected" for one in fit.results)
-    return f"{what}: {fit.recipe.name}" + (" (model rejected)" if rejected else "")
+def titled(title: str, fit: FitOutput) -> str:
+    """Return the title with the name of the fit, and a remark if the model is rejected."""
+    rejected = any(result.facts.get("verdict") == "rejected" for result in fit.results)
+    return f"{title}: {fit.recipe.name}" + (" (model rejected)" if rejected else "")
 
 
 @figure(
     title=lambda fit: titled("Ground effect", fit),
-    caption="Thrust near the plate over thrust far from it. Points: mean and standard deviation "
-    "over repeats; solid line: the fitted model with its statistical 68 % and 95 % bands; dashed: "
-    "the closed image formulae (PFI).",
+    caption="Thrust ratio T_IGE/T_OGE. Points: mean and standard deviation over repeats; solid "
+    "line: fitted model with statistical 68 % and 95 % bands; dashed: closed-form image formulae "
+    "(PFI).",
     when=lambda fit: bool(np.any(fit.data.z_over_R[fit.data.used] < REFERENCE_Z_OVER_R)),
 )
 def ratio(figure: Figure, fit: FitOutput) -> None:
-    """Draw T_IGE/T_OGE of the data over the fitted curve and the closed formulae."""
+    """Draw T_IGE/T_OGE of the data, the fitted curve and the closed-form formulae."""
     series = ratio_points(fit, name_of_data(fit))
     z, speeds = curve_distances([series], fit.fitted), _fastest(fit).speed_rad_s
     curves = [fitted_curve(fit, z), *formula_curves(fit.fitted.rig, speeds, z)]
@@ -59,44 +59,48 @@ def ratio(figure: Figure, fit: FitOutput) -> None:
 
 
 def shown_basis(fit: FitOutput) -> str:
-    """Return the basis of a fit's ratios; thrust fitted in newtons is at equal speed."""
+    """Return the basis of the ratios; a joint fit of thrust is at equal speed."""
     return "equal_rpm2" if fit.recipe.basis == "joint" else fit.recipe.basis
 
 
 def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> RatioPoints:
-    """Return the measured ratio at each distance: mean and standard deviation over its points.
+    """Return the measured ratio at each distance: mean and standard deviation of its points.
 
-    A single point has its stated error, if there is one. A joint fit knows the thrust out of
-    ground effect at each point's own rotor speeds.
+    A single point has its stated error, if there is one. In a joint fit the model gives the thrust
+    out of ground effect at the rotor speeds of each point.
     """
     data, model = fit.data, fit.fitted
     measured, error = data.observed, data.standard_error
     if fit.recipe.basis == "joint":
         values = model.parameters.values_array()
-        far = data.conditions.out_of_ground_effect()
-        alone = model.parameters["k"].value * model.squared_speed(model.flow(far, values), values)
-        measured = 1.0 + (data.observed - model.thrust_N(far)) / alone
-        error = error / alone
-    elif data.reference is not None:  # what the parked plate itself adds
+        oge_conditions = data.conditions.out_of_ground_effect()
+        oge_thrust_N = model.parameters["k"].value * model.squared_speed(
+            model.flow(oge_conditions, values), values
+        )
+        measured = 1.0 + (data.observed - model.thrust_N(oge_conditions)) / oge_thrust_N
+        error = error / oge_thrust_N
+    elif data.reference is not None:  # effect of the parked plate
         parked = factor_at(model, fit.recipe.basis, data.reference)
         parked = np.broadcast_to(parked, measured.shape)
         measured, error = measured * parked, error * parked
-    shown = np.isfinite(measured) & (data.z_over_R < REFERENCE_Z_OVER_R) & _fully_covered(fit)
+    is_shown = np.isfinite(measured) & (data.z_over_R < REFERENCE_Z_OVER_R) & _fully_covered(fit)
     distance = np.round(data.z_over_R, 2)
     rows = []
-    for here in np.unique(distance[shown]):
-        at = shown & (distance == here)
-        if at.sum() > 1:
-            sd = float(np.std(measured[at], ddof=1))
+    for bin_distance in np.unique(distance[is_shown]):
+        in_bin = is_shown & (distance == bin_distance)
+        if in_bin.sum() > 1:
+            sd = float(np.std(measured[in_bin], ddof=1))
         else:
-            sd = float(error[at][0]) if data.errors == "stated" else float("nan")
-        rows.append((data.z_over_R[at].mean(), measured[at].mean(), sd, not data.used[at].any()))
-    z, mean, sds, out = np.array(rows, float).reshape(-1, 4).T
-    return RatioPoints(z, mean, sds, label, role, out.astype(bool))
+            sd = float(error[in_bin][0]) if data.errors == "stated" else float("nan")
+        rows.append(
+            (data.z_over_R[in_bin].mean(), measured[in_bin].mean(), sd, not data.used[in_bin].any())
+        )
+    z, mean, sd_column, is_excluded = np.array(rows, float).reshape(-1, 4).T
+    return RatioPoints(z, mean, sd_column, label, role, is_excluded.astype(bool))
 
 
 def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
-    """Return z/R, T_IGE/T_OGE and its standard deviation as measured at each distance."""
+    """Return measured z/R, T_IGE/T_OGE and its standard deviation at each distance."""
     points = ratio_points(fit, "")
     names = ("z_over_R", "ratio", "sd")
     rows = zip(points.z_over_R, points.ratio, points.sd, strict=True)
@@ -104,7 +108,7 @@ def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
 
 
 def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "model") -> Curve:
-    """Return the fitted model's curve with its 68 and 95 % bands."""
+    """Return the curve of the fitted model with its 68 % and 95 % bands."""
     result = fit.results[-1]
     speeds = _fastest(fit).speed_rad_s
     curve = Curve(
@@ -122,7 +126,7 @@ def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = 
         draws = rng.multivariate_normal(
             result.values, result.covariance, SHOWN_DRAWS, method="svd", check_valid="ignore"
         )
-    else:  # data that do not determine the curve have no band
+    else:  # no band if the data do not determine the curve
         return curve
     free = {item.name: draws[:, [column]] for column, item in enumerate(result.estimates)}
     return replace(
@@ -138,42 +142,42 @@ def _fastest(fit: FitOutput) -> Conditions:
 
 
 def _fully_covered(fit: FitOutput) -> NDArray[np.bool_]:
-    """Return which points have a level plate under every disc that turns."""
+    """Return a mask of points with a level plate under every driven disc."""
     conditions = fit.data.conditions
     squares = np.zeros_like(conditions.coverage)
     for rotor, disc in enumerate(fit.fitted.rig.disc_of_rotor):
         squares[disc] += conditions.speed_rad_s[rotor] ** 2
     covered = np.all((conditions.coverage > 0.999) | (squares == 0.0), axis=0)
     level: NDArray[np.bool_] = conditions.plate_tilt_rad == 0.0
-    both: NDArray[np.bool_] = level & covered
-    return both
+    is_complete: NDArray[np.bool_] = level & covered
+    return is_complete
 
 
 def name_of_data(fit: FitOutput) -> str:
-    """Return what a legend calls the data."""
+    """Return the legend label of the data."""
     repeats = "stated error" if fit.data.errors == "stated" else "mean and sd over repeats"
     return f"{'simulated bench' if fit.simulated else 'measured'}, {repeats}"
 
 
 @figure(
     title=lambda fit: titled("Thrust against rotor speed", fit),
-    caption="Thrust against rotor speed at each plate distance (lines: the fitted model), and what "
-    "the model leaves over.",
+    caption="Thrust against rotor speed at each plate distance (lines: fitted model), and "
+    "residuals.",
     when=lambda fit: fit.recipe.basis == "joint",
     height_in=5.6,
 )
 def thrust(figure: Figure, fit: FitOutput) -> None:
-    """Draw thrust against rotor speed at each distance and, below, measured minus model."""
+    """Draw thrust against rotor speed at each distance; below: residuals."""
     data = fit.data
     predicted = np.broadcast_to(fit.fitted.thrust_N(data.conditions), data.observed.shape)
     error = data.standard_error if data.errors != "none" else np.full(len(data.observed), np.nan)
     above, below = rows_of(figure, (2.4, 1.0))
-    for label, at, color, marker in _levels(fit):
-        rpm = from_si(_mean_speed(data.conditions)[at], "rpm")
-        points(above, rpm, data.observed[at], error[at], color, marker, ms=4.2, label=label)
-        speeds, line_N = _line(fit, at[-1])
+    for label, rows, color, marker in _levels(fit):
+        rpm = from_si(_mean_speed(data.conditions)[rows], "rpm")
+        points(above, rpm, data.observed[rows], error[rows], color, marker, ms=4.2, label=label)
+        speeds, line_N = _line(fit, rows[-1])
         above.plot(from_si(speeds, "rpm"), line_N, color=color, lw=1.2)
-        points(below, rpm, (data.observed - predicted)[at], error[at], color, marker, ms=4.2)
+        points(below, rpm, (data.observed - predicted)[rows], error[rows], color, marker, ms=4.2)
     above.set_ylabel("thrust [N]")
     above.legend(loc="upper left", ncols=2 if len(above.containers) > 6 else 1)
     below.axhline(0.0, color=GREY, linewidth=0.9)
@@ -183,7 +187,7 @@ def thrust(figure: Figure, fit: FitOutput) -> None:
 
 
 def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
-    """Give label, rows by rising speed, colour and marker of each plate distance."""
+    """Yield label, rows by increasing speed, colour and marker of each plate distance."""
     data = fit.data
     distance = np.where(
         data.conditions.plate_z_m >= OUT_OF_GROUND_EFFECT_M, np.inf, data.z_over_R.round(2)
@@ -191,65 +195,67 @@ def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
     if "kind" in data.points:
         parked = data.points.column("kind") == word_to_code("kind", "reference")
         distance = np.where(parked, np.inf, distance)
-    known = np.unique(distance[data.used])
-    shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.88, max(np.isfinite(known).sum(), 1)))
-    for index, here in enumerate(known):
-        at = np.flatnonzero(data.used & (distance == here))
-        at = at[np.argsort(_mean_speed(data.conditions)[at], kind="stable")]
-        if isfinite(here):
-            yield f"$z/R$ = {here:.3g}", at, mpl.colors.to_hex(shades[index]), "o"
+    distances = np.unique(distance[data.used])
+    shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.88, max(np.isfinite(distances).sum(), 1)))
+    for index, level_distance in enumerate(distances):
+        rows = np.flatnonzero(data.used & (distance == level_distance))
+        rows = rows[np.argsort(_mean_speed(data.conditions)[rows], kind="stable")]
+        if isfinite(level_distance):
+            yield f"$z/R$ = {level_distance:.3g}", rows, mpl.colors.to_hex(shades[index]), "o"
         else:
-            yield "out of ground effect", at, BLACK, "s"
+            yield "out of ground effect", rows, BLACK, "s"
 
 
 def _mean_speed(conditions: Conditions) -> Array:
-    """Return the root mean square speed (n,) of the rotors that turn: rad/s."""
+    """Return the root mean square speed (n,) of the driven rotors: rad/s."""
     turning = np.maximum((conditions.speed_rad_s > 0.0).sum(axis=0), 1)
     speed: Array = np.sqrt((conditions.speed_rad_s**2).sum(axis=0) / turning)
     return speed
 
 
 def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
-    """Return the fitted model from standstill to a point's speeds (l,) at its setting: rad/s, N."""
-    here = fit.data.conditions.select(np.full(LINE_POINTS, fastest))
-    turning = replace(here, speed_rad_s=here.speed_rad_s * np.linspace(0.0, 1.03, LINE_POINTS))
-    speeds = turning.speed_rad_s[here.speed_rad_s[:, 0] > 0.0]
-    return np.sqrt((speeds**2).mean(axis=0)), fit.fitted.thrust_N(turning)
+    """Return speeds (l,) from standstill to those of a point, and model thrust: rad/s, N."""
+    fixed = fit.data.conditions.select(np.full(LINE_POINTS, fastest))
+    conditions = replace(fixed, speed_rad_s=fixed.speed_rad_s * np.linspace(0.0, 1.03, LINE_POINTS))
+    speeds = conditions.speed_rad_s[fixed.speed_rad_s[:, 0] > 0.0]
+    return np.sqrt((speeds**2).mean(axis=0)), fit.fitted.thrust_N(conditions)
 
 
 @figure(
     title="Increment against covered area: {0.recipe.name}",
-    caption="How much of the full increment a partly covered disc makes.",
+    caption="Share of the full thrust increment for a partly covered rotor disc.",
     when=lambda fit: any(effect.name == PARTIAL_COVERAGE for effect in fit.fitted.effects),
     height_in=5.4,
 )
 def area(figure: Figure, fit: FitOutput) -> None:
-    """Draw shares of the full increment and, below, their departure from the straight line."""
+    """Draw shares of the full increment; below: deviations from the straight line."""
     share, departure = rows_of(figure, (2.2, 1.0))
     ends = np.array([0.0, 1.0])
-    share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="in proportion to the area (line)")
+    share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="proportional to the area")
     departure.axhline(0.0, color=BLACK, linestyle=DASHED, linewidth=1.2)
     covered, measured, sd = _increments(fit)
     points(share, covered, measured, sd, BLUE, label=name_of_data(fit))
     points(departure, covered, measured - covered, sd, BLUE)
     factors = {name: item.value for name, item in fit.fitted.parameters.items()}
-    at, fitted, sd = factor_table(factors, {item.name: item.sd for item in fit.results[0].derived})
+    covered_at, fitted, sd = factor_table(
+        factors, {item.name: item.sd for item in fit.results[0].derived}
+    )
     for axes, values, label in (
         (share, fitted, "fitted area factors"),
-        (departure, fitted - at, None),
+        (departure, fitted - covered_at, None),
     ):
-        axes.fill_between(at, values - sd, values + sd, color=VERMILION, alpha=0.2, lw=0.0)
-        axes.plot(at, values, "v-", color=VERMILION, ms=5.0, lw=1.3, label=label)
+        axes.fill_between(covered_at, values - sd, values + sd, color=VERMILION, alpha=0.2, lw=0.0)
+        axes.plot(covered_at, values, "v-", color=VERMILION, ms=5.0, lw=1.3, label=label)
     share.legend(loc="upper left")
     share.set_ylabel("share of the full\nthrust increment [–]")
-    departure.set_ylabel("departure from\nthe line [–]")
+    departure.set_ylabel("deviation from\nthe line [–]")
     departure.set_xlabel("covered share of the rotor disc's area [–]")
     departure.set_xlim(-0.03, 1.03)
     figure.align_ylabels([share, departure])
 
 
 def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
-    """Return covered area (m,), share of the full increment and its sd over repeats."""
+    """Return covered area (m,), share of the full increment and its standard deviation."""
     data, model = fit.data, fit.fitted
     values = model.parameters.values_array()
     whole = replace(data.conditions, coverage=np.ones_like(data.conditions.coverage))
@@ -260,27 +266,26 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
         low, high = np.ones(len(whole)), factor_at(model, fit.recipe.basis, whole, values)
     share = (data.observed - low) / (high - low)
     coverage = data.conditions.coverage.mean(axis=0)
-    shown = data.used & (data.z_over_R < REFERENCE_Z_OVER_R) & (high - low > 0.01 * low)
+    is_shown = data.used & (data.z_over_R < REFERENCE_Z_OVER_R) & (high - low > 0.01 * low)
     rows = []
-    for here in np.unique(coverage[shown].round(2)):
-        at = shown & (coverage.round(2) == here)
-        sd = float(np.std(share[at], ddof=1)) if at.sum() > 1 else float("nan")
-        rows.append((coverage[at].mean(), share[at].mean(), sd))
-    covered, mean, sds = np.array(rows, float).reshape(-1, 3).T
-    return covered, mean, sds
+    for level in np.unique(coverage[is_shown].round(2)):
+        rows_at = is_shown & (coverage.round(2) == level)
+        sd = float(np.std(share[rows_at], ddof=1)) if rows_at.sum() > 1 else float("nan")
+        rows.append((coverage[rows_at].mean(), share[rows_at].mean(), sd))
+    covered, mean, sd_column = np.array(rows, float).reshape(-1, 3).T
+    return covered, mean, sd_column
 
 
 @figure(
     title="Laws on held-out distances: {0.recipe.name}",
     caption=(
-        "Mean loss of log score per distance against the law that predicts best, two standard "
-        "errors to either side, corrected for overlapping folds; 0 is the best. Refused laws are "
-        "in the table."
+        "Mean loss of log score per distance relative to the best law (0), ± two standard errors, "
+        "corrected for overlapping folds. Rejected laws are listed in the table."
     ),
     when=lambda fit: fit.laws is not None and len(scored_laws(fit.laws)) > 1,
 )
 def laws(figure: Figure, fit: FitOutput) -> None:
-    """Draw the loss of every law that was scored, the best on top."""
+    """Draw the log score loss of each scored law, best on top."""
     assert fit.laws is not None
     scores = scored_laws(fit.laws)
     axes = figure.subplots()
@@ -295,5 +300,5 @@ def laws(figure: Figure, fit: FitOutput) -> None:
     axes.set_yticks(rows, [f"{score.law}\n{score.verdict}" for score in scores])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=1.0)
-    axes.set_xlabel("log score lost per distance [–], bars of two standard errors")
+    axes.set_xlabel("log score loss per distance [–], ± two standard errors")
     axes.set_ylabel("law")

@@ -1,4 +1,4 @@
-"""The report page of a fit, and the folder that a fit is written to."""
+"""Report page and output folder of a fit."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from benchtool.report.page import Block, FactTable, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
 
-def _answer(fit: FitOutput) -> list[Block]:
-    warned = list(dict.fromkeys(line for result in fit.results for line in result.warnings))
-    answer: list[Block] = [
+def _results(fit: FitOutput) -> list[Block]:
+    warning_lines = list(dict.fromkeys(line for result in fit.results for line in result.warnings))
+    blocks: list[Block] = [
         Paragraph(sentence(fit)),
-        Warnings(warned),
+        Warnings(warning_lines),
         *(estimates_table(result) for result in fit.results),
     ]
-    return [*answer, methods_table(fit.results)] if len(fit.results) > 1 else answer
+    return [*blocks, methods_table(fit.results)] if len(fit.results) > 1 else blocks
 
 
-def _compared(fit: FitOutput) -> list[Block]:
+def _comparisons(fit: FitOutput) -> list[Block]:
     blocks: list[Block] = []
     if fit.comparison is not None:
         blocks += [Paragraph(fit.comparison.sentence + "."), comparison_table(fit.comparison)]
@@ -54,7 +54,7 @@ def _facts(fit: FitOutput) -> FactTable:
     facts = {
         "rig": f"{rig.name}: {rig.title}",
         "assumed numbers of the rig": f"{len(rig.assumed)} of {stated}",
-        "numbers that the rig leaves out": str(len(rig.not_stated)),
+        "missing numbers of the rig": str(len(rig.not_stated)),
         "wake rule": fit.loaded.model.wake_rule,
         "tilt rule": fit.loaded.model.tilt_rule,
         "b of eq. (4)": fit.loaded.model.body_distance.replace("_", " "),
@@ -72,11 +72,11 @@ def _facts(fit: FitOutput) -> FactTable:
 
 
 def _highlights(fit: FitOutput) -> dict[str, str]:
-    """Return up to four estimates, those that a fit is made for before nuisances and noise."""
+    """Return up to four estimates, main quantities before nuisance parameters and noise."""
     result = fit.results[0]
-    every = [*result.estimates, *result.derived]
+    estimates = [*result.estimates, *result.derived]
     ranked = sorted(
-        (item for item in every if "share_" not in item.name),
+        (item for item in estimates if "share_" not in item.name),
         key=lambda item: (wanted_rank(item.name), item.name.startswith("noise.")),
     )
     tiles = {}
@@ -89,13 +89,13 @@ def _highlights(fit: FitOutput) -> dict[str, str]:
 FIT = Page(
     "fit",
     [
-        ("{0.recipe.name}: fitted values", [_answer]),
+        ("{0.recipe.name}: fitted values", [_results]),
         (
             "{0.recipe.name}: figures",
             ["ratio", "thrust", "area", "residuals", "laws", "corner", "chains"],
         ),
         ("{0.recipe.name}: uncertainty budget", [lambda fit: budget_blocks(fit.budget), "budget"]),
-        ("{0.recipe.name}: models compared", [_compared]),
+        ("{0.recipe.name}: models compared", [_comparisons]),
         ("{0.recipe.name}: what stands behind it", [_facts]),
         lambda fit: run_sections(fit.data.hashes),
     ],
@@ -106,13 +106,13 @@ FIT = Page(
 
 
 def refuse_full(folder: Path) -> None:
-    """Refuse a folder that holds something already."""
+    """Raise WouldOverwrite if the folder is not empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WouldOverwrite(str(folder))
 
 
 def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Path:
-    """Write everything that a fit made into a new folder and return its report page."""
+    """Write all results of a fit into a new folder and return its report page."""
     refuse_full(folder)
     make_folder(folder)
     write_result(folder, fit)
@@ -123,7 +123,7 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
 
 
 def sentence(fit: FitOutput) -> str:
-    """Say in one or two sentences what the fit found."""
+    """Return a summary of a fit in one or two sentences."""
     return sentence_of(
         fit.results[0],
         model=fit.loaded.model.name,
@@ -135,9 +135,9 @@ def sentence(fit: FitOutput) -> str:
 
 
 def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int, read: int) -> str:
-    """Say in one or two sentences what a result found from so many points of so many read."""
+    """Return a summary of a result from `used` of `read` points in one or two sentences."""
     if first.outcome.status != "converged":
-        return f"No answer to use from {used} of {read} points: {first.outcome.message}."
+        return f"No valid result from {used} of {read} points: {first.outcome.message}."
     values = ", ".join(
         f"{item.name} not determined" if item.open else f"{item.name} = {printed(item, item.unit)}"
         for item in first.estimates
@@ -148,13 +148,14 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
         f"{first.chi2_per_dof:.3g})"
     )
     if has_misfit(first):
-        scatter += ", so the model lacks something and the intervals are too narrow"
-    judged = {
+        scatter += ", so the model is incomplete and the intervals are too narrow"
+    verdict = {
         "rejected": f" The model is rejected: {scatter}.",
         "scatter": f" {scatter[:1].upper()}{scatter[1:]}.",
-        "consistent": f" The scatter explains what is left over: chi2/dof = "
-        f"{first.chi2_per_dof:.3g}.",
+        "consistent": f" Residuals agree with the scatter: chi2/dof = {first.chi2_per_dof:.3g}.",
     }.get(str(first.facts.get("verdict")), "")
-    shown = "thrust itself (joint fit)" if basis == "joint" else basis
-    on = f" on rig {rig}" if rig else ""
-    return f"{used} of {read} points, model {model}{on}, basis {shown}: {values}.{judged}"
+    basis_text = "thrust itself (joint fit)" if basis == "joint" else basis
+    rig_text = f" on rig {rig}" if rig else ""
+    return (
+        f"{used} of {read} points, model {model}{rig_text}, basis {basis_text}: {values}.{verdict}"
+    )

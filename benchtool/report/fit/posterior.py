@@ -1,4 +1,4 @@
-"""What a sampler found: every pair of parameters, and the traces of its ensembles."""
+"""Posterior figures of a sampler: pairs of parameters, and traces of the ensembles."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from benchtool.report.panels import rows_of
 
 SIGMAS_2D = (1.0, 2.0)  # contours of a plane normal: 39 % and 86 % of the draws
 _LEVELS = tuple(1.0 - float(np.exp(-0.5 * sigma**2)) for sigma in SIGMAS_2D)
-SHOWN_STEPS = 600  # steps of a chain that are drawn at most, evenly spaced
-SHOWN_WALKERS = 12  # at most this many walkers of each ensemble are drawn
+SHOWN_STEPS = 600  # maximum number of steps drawn per chain, evenly spaced
+SHOWN_WALKERS = 12  # maximum number of walkers drawn per ensemble
 R_HAT_LIMIT = 1.01  # above it, chains disagree (Vehtari et al., Bayesian Analysis 16, 2021, p. 667)
 
 
 def sampled(fit: FitOutput) -> FitResult | None:
-    """Return the result that has draws of the posterior; None without."""
-    found = [item for item in fit.results if item.method == "emcee" and len(item.samples)]
-    return found[-1] if found else None
+    """Return the last result with posterior draws, or None."""
+    results = [item for item in fit.results if item.method == "emcee" and len(item.samples)]
+    return results[-1] if results else None
 
 
 def _result(fit: FitOutput) -> FitResult:
-    found = sampled(fit)
-    assert found is not None  # `when` of the figures
-    return found
+    result = sampled(fit)
+    assert result is not None  # `when` of the figures
+    return result
 
 
 def _size(fit: FitOutput) -> float:
@@ -45,30 +45,30 @@ def _size(fit: FitOutput) -> float:
 def _labels(result: FitResult) -> list[str]:
     labels = []
     for estimate in result.estimates:
-        owner, _, own = estimate.name.rpartition(".")
+        owner, _, name = estimate.name.rpartition(".")
         unit = "" if estimate.unit == "1" else f" [{display_unit(estimate.unit)}]"
-        labels.append(f"{owner}\n{own}{unit}" if owner else f"{own}{unit}")
+        labels.append(f"{owner}\n{name}{unit}" if owner else f"{name}{unit}")
     return labels
 
 
 @figure(
     title="Posterior: {0.recipe.name}",
-    caption="Posterior draws, pair by pair; the least-squares answer is marked.",
+    caption="Pairwise posterior draws; marker: least-squares estimate.",
     when=lambda fit: sampled(fit) is not None,
     height_in=_size,
     width_in=_size,
     layout=None,
 )
 def corner(figure: Figure, fit: FitOutput) -> None:
-    """Draw posterior draws pair by pair, the least-squares answer beside them."""
+    """Draw posterior draws pairwise with the least-squares estimate."""
     result = _result(fit)
     n = len(result.estimates)
     names = [item.name for item in result.estimates]
     marked: dict[str, list[float]] = {}
-    for other in fit.results:
-        if other.method == "least_squares":
-            known = {item.name: item.value for item in other.estimates}
-            marked["least squares"] = [known.get(name, float("nan")) for name in names]
+    for fit_result in fit.results:
+        if fit_result.method == "least_squares":
+            value_by_name = {item.name: item.value for item in fit_result.estimates}
+            marked["least squares"] = [value_by_name.get(name, float("nan")) for name in names]
     figure.subplots(n, n, squeeze=False)
     corner_plot.corner(
         result.samples, fig=figure, labels=_labels(result), range=_ranges(result.samples, marked),
@@ -79,18 +79,18 @@ def corner(figure: Figure, fit: FitOutput) -> None:
     _tidy(figure, result.estimates)
     handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
     for label, values in marked.items():
-        at = [None if np.isnan(value) else float(value) for value in values]
+        marks = [None if np.isnan(value) else float(value) for value in values]
         if n > 1:
-            corner_plot.overplot_lines(figure, at, color=VERMILION, linestyle="-", linewidth=1.2)
-        elif at[0] is not None:  # corner marks nothing on a single histogram
-            figure.axes[0].axvline(at[0], color=VERMILION, linestyle="-", linewidth=1.2)
+            corner_plot.overplot_lines(figure, marks, color=VERMILION, linestyle="-", linewidth=1.2)
+        elif marks[0] is not None:  # corner marks nothing on a single histogram
+            figure.axes[0].axvline(marks[0], color=VERMILION, linestyle="-", linewidth=1.2)
         handles.append(Line2D([], [], color=VERMILION, linestyle="-", label=label))
     top = 1.0 - 0.42 / figure.get_figheight()
     figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.99, top))
 
 
 def _ranges(samples: Array, marked: Mapping[str, Sequence[float]]) -> list[tuple[float, float]]:
-    """Reach over 99.7 % of the draws and over every marked value."""
+    """Return axis limits that include 99.7 % of the draws and all marked values."""
     low, high = np.percentile(samples, [0.15, 99.85], axis=0)
     for values in marked.values():
         low = np.fmin(low, np.asarray(values, float))
@@ -100,7 +100,7 @@ def _ranges(samples: Array, marked: Mapping[str, Sequence[float]]) -> list[tuple
 
 
 def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
-    """Make room for labels and titles, and write the table's numbers over each histogram."""
+    """Adjust margins and labels, and put the table's values above each histogram."""
     n, height_in = len(estimates), figure.get_figheight()
     figure.subplots_adjust(
         left=1.15 / height_in, bottom=1.10 / height_in, right=1.0 - 0.15 / height_in,
@@ -126,31 +126,32 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
     title=lambda fit: (
         f"Chains of {_result(fit).facts['ensembles'] or 1} ensembles: {_result(fit).model}"
     ),
-    caption="Traces of the independently started ensembles; they must lie on each other.",
+    caption="Traces of independent ensembles; overlapping traces indicate convergence.",
     when=lambda fit: sampled(fit) is not None,
     height_in=lambda fit: 1.0 + 1.45 * len(_result(fit).estimates),
 )
 def chains(figure: Figure, fit: FitOutput) -> None:
-    """Draw one trace per parameter with R-hat and the autocorrelation time over it."""
+    """Draw one trace per parameter with R-hat and autocorrelation time."""
     result = _result(fit)
     labels, facts = _labels(result), result.facts
     ensembles, walkers = int(facts["ensembles"] or 1), int(facts["walkers"] or 1)
     draws = result.samples.reshape(-1, ensembles, walkers, len(labels))
     steps = len(draws)
-    found = convergence_of(draws)
-    tau_steps = found.tau_steps * float(facts["steps_kept"] or 1) / steps
-    each_step, each_walker = -(-steps // SHOWN_STEPS), -(-walkers // SHOWN_WALKERS)
+    convergence = convergence_of(draws)
+    tau_steps = convergence.tau_steps * float(facts["steps_kept"] or 1) / steps
+    step_stride, walker_stride = -(-steps // SHOWN_STEPS), -(-walkers // SHOWN_WALKERS)
     rows = rows_of(figure, [1.0] * len(labels))
     for index, axes in enumerate(rows):
         for ensemble in range(ensembles):
             lines = axes.plot(
-                np.arange(0, steps, each_step), draws[::each_step, ensemble, ::each_walker, index],
+                np.arange(0, steps, step_stride),
+                draws[::step_stride, ensemble, ::walker_stride, index],
                 color=CYCLE[ensemble % len(CYCLE)], linewidth=0.45, alpha=0.5, rasterized=True,
             )  # fmt: skip
             lines[0].set_label(f"ensemble {ensemble + 1}")
-        disagree = "" if found.rhat[index] <= R_HAT_LIMIT else f"  (above {R_HAT_LIMIT:g})"
+        disagree = "" if convergence.rhat[index] <= R_HAT_LIMIT else f"  (above {R_HAT_LIMIT:g})"
         axes.set_title(
-            f"$\\hat{{R}}$ = {found.rhat[index]:.4f}{disagree},  "
+            f"$\\hat{{R}}$ = {convergence.rhat[index]:.4f}{disagree},  "
             f"$\\tau$ = {tau_steps[index]:.0f} steps",
             fontsize=9.0,
         )

@@ -1,4 +1,4 @@
-"""What a fit leaves over, in the order of measurement: structure means that the model lacks it."""
+"""Residuals of a fit; structure in them indicates an incomplete model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchtool.report.panels import points, spread
 
 
 def standardised(fit: FitOutput) -> Array:
-    """Return measured minus model over the standard error (m,) of the points that were used."""
+    """Return measured minus model over the standard error (m,) of the used points."""
     result, problem = fit.results[0], fit.problem
     predicted = problem.predicted(np.array([result[name].value for name in problem.shape_names]))
     noise = None if problem.noise_name is None else result[problem.noise_name].value
@@ -27,13 +27,13 @@ def standardised(fit: FitOutput) -> Array:
 
 
 @figure(
-    title="What the fit leaves over: {0.recipe.name}",
+    title="Residuals: {0.recipe.name}",
     caption="Measured minus model over the standard error: against distance, in the order of "
     "measurement, as a histogram, and as runs of equal sign.",
     height_in=5.8,
 )
 def residuals(figure: Figure, fit: FitOutput) -> None:
-    """Draw the residuals in four panels, in the order in which they were measured."""
+    """Draw residuals over distance and order, as histogram and as sign runs."""
     rows, data, values = fit.data.rows, fit.data, standardised(fit)
     (distance, histogram), (order, runs) = figure.subplots(
         2, 2, gridspec_kw={"width_ratios": [1.5, 1.0]}
@@ -51,16 +51,16 @@ def residuals(figure: Figure, fit: FitOutput) -> None:
 def _against_distance(axes: Axes, z: Array, values: Array) -> None:
     spread(axes, 2.0, alpha=0.45)
     near = np.isfinite(z)
-    # Out of ground effect has no place on the axis of distances: it stands behind the last one.
+    # Points out of ground effect are drawn behind the last distance of the axis.
     parked = 1.12 * float(z[near].max()) if near.any() else 1.0
-    shown = np.where(near, z, parked)
-    axes.plot(shown, values, "o", color=BLUE, ms=3.6, alpha=0.55, mew=0.0, gid="residuals")
-    for place in np.unique(shown):
-        here = values[shown == place]
-        if here.size > 1:
-            error = here.std(ddof=1) / sqrt(here.size)
-            label = "mean of a distance, ± its standard error"
-            points(axes, place, here.mean(), error, VERMILION, "D", ms=4.0, label=label)
+    drawn_z = np.where(near, z, parked)
+    axes.plot(drawn_z, values, "o", color=BLUE, ms=3.6, alpha=0.55, mew=0.0, gid="residuals")
+    for distance in np.unique(drawn_z):
+        group = values[drawn_z == distance]
+        if group.size > 1:
+            error = group.std(ddof=1) / sqrt(group.size)
+            label = "mean per distance ± standard error"
+            points(axes, distance, group.mean(), error, VERMILION, "D", ms=4.0, label=label)
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles[:1], labels[:1], loc="upper right", fontsize=7.6)
@@ -81,11 +81,11 @@ def _against_order(axes: Axes, values: Array) -> None:
     if values.size > 2 * window:
         mean = np.convolve(values, np.full(window, 1.0 / window), mode="valid")
         middle = number[: mean.size] + (window - 1) / 2.0
-        axes.plot(middle, mean, color=VERMILION, label=f"mean of {window} in a row")
+        axes.plot(middle, mean, color=VERMILION, label=f"moving mean of {window}")
         axes.legend(loc="upper right", fontsize=7.6)
         axes.margins(y=0.16)
-    axes.set_title("against the order in time")
-    axes.set_xlabel("point, in the order measured")
+    axes.set_title("against order of measurement")
+    axes.set_xlabel("point, in order of measurement")
     axes.set_ylabel("standardised residual [–]")
 
 
@@ -94,8 +94,8 @@ def _as_histogram(axes: Axes, values: Array) -> None:
     reach = max(3.5, float(np.abs(finite).max(initial=0.0)))
     edges = np.linspace(-reach, reach, 2 * max(6, min(20, round(sqrt(finite.size)))) + 1)
     axes.hist(finite, bins=list(edges), density=True, color=BLUE, alpha=0.55, label="residuals")
-    at = np.linspace(-reach, reach, 241)
-    axes.plot(at, np.exp(-0.5 * at**2) / sqrt(2.0 * pi), color=VERMILION, label="normal, sd 1")
+    grid = np.linspace(-reach, reach, 241)
+    axes.plot(grid, np.exp(-0.5 * grid**2) / sqrt(2.0 * pi), color=VERMILION, label="normal, sd 1")
     axes.set_ylim(0.0, 1.32 * axes.get_ylim()[1])
     axes.legend(loc="upper right", fontsize=7.6)
     axes.set_title(f"n = {finite.size}, sd = {finite.std(ddof=min(1, finite.size - 1)):.2f}")
@@ -117,18 +117,18 @@ def _as_runs(axes: Axes, values: Array) -> None:
         f"({judge_runs(len(lengths), expected, sd)})",
         fontsize=9.0,
     )
-    axes.set_xlabel("point, in the order measured")
+    axes.set_xlabel("point, in order of measurement")
     axes.set_ylabel("run length, with sign")
 
 
 def runs_of_sign(residuals: Array) -> NDArray[np.intp]:
-    """Return the length of each run of equal sign (r,), with the sign; exact zeros are positive."""
+    """Return the signed length of each run of equal sign (r,); zeros count as positive."""
     signs = np.where(residuals >= 0.0, 1, -1)
     return np.array([sign * len(list(run)) for sign, run in groupby(signs)], np.intp)
 
 
 def expected_runs(residuals: Array) -> tuple[float, float]:
-    """Return mean and sd of the number of runs of independent signs (Wald and Wolfowitz, 1940)."""
+    """Return mean and sd of the number of runs for independent signs (Wald-Wolfowitz, 1940)."""
     above = int((residuals >= 0.0).sum())
     total = len(residuals)
     mixed = 2.0 * above * (total - above)
@@ -137,7 +137,7 @@ def expected_runs(residuals: Array) -> tuple[float, float]:
 
 
 def judge_runs(count: int, expected: float, sd: float) -> str:
-    """Say in a few words what the number of runs means, at three standard deviations."""
+    """Return a phrase for the runs test at three standard deviations."""
     if sd == 0.0 or abs(count - expected) <= 3.0 * sd:
-        return "as independent residuals show"
-    return "too few: neighbours are alike" if count < expected else "too many: neighbours alternate"
+        return "consistent with independent residuals"
+    return "too few: positive correlation" if count < expected else "too many: alternating signs"

@@ -1,4 +1,4 @@
-"""A fit as its folder stores it, and its words on a terminal, on the page and in a report."""
+"""Fit as stored in its folder, and its terminal output."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ SIMULATED = "SIMULATED DATA: no physical bench produced these points"
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StoredFit:
-    """Hold what result.json says of a fit."""
+    """Contents of result.json."""
 
     recipe: Mapping[str, Any]
     model: str
-    rig: str  # empty where the file does not say
+    rig: str  # "" if missing in the file
     basis: str
     simulated: bool
     read: int
@@ -54,7 +54,7 @@ class StoredFit:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What `benchtool fit` prints, block by block."""
+        """Terminal output of `benchtool fit`, as blocks."""
         blocks: list[Block] = [Paragraph(SIMULATED)] if self.simulated else []
         blocks.append(Paragraph(self.sentence))
         for result in self.results:
@@ -74,23 +74,23 @@ class StoredFit:
 
 
 def to_stored_fit(output: FitOutput) -> StoredFit:
-    """Return a fit as its folder would store it."""
+    """Return a fit in its stored form."""
     return stored_from(result_tables(output), FIT_FILE)
 
 
 def read_stored(folder: Path) -> StoredFit:
-    """Return the fit that a folder holds."""
+    """Read the fit of a folder."""
     return stored_from(read_result(folder), str(folder / FIT_FILE))
 
 
 def figure_files(folder: Path) -> dict[str, Path]:
-    """Return the figures of a fit's folder by name, in the order of its report."""
+    """Return the figure files of a folder by name, in the order of the report."""
     files = {name: folder / f"{name}.svg" for name in FIT.figures}
     return {name: path for name, path in files.items() if path.is_file()}
 
 
 def stored_from(tables: Mapping[str, Any], where: str) -> StoredFit:
-    """Return the fit that the contents of a result.json state; `where` they stand, in words."""
+    """Parse the contents of a result.json; `where` is its location for error messages."""
     try:
         points = tables["points"]
         shared: dict[str, Any] = {"model": str(tables["model"]), "basis": str(tables["basis"])}
@@ -98,7 +98,7 @@ def stored_from(tables: Mapping[str, Any], where: str) -> StoredFit:
             _result(method, table, shared) for method, table in tables["results"].items()
         )
         if not results:
-            raise FileFormatError(where, "no method has a result in it; fit again")
+            raise FileFormatError(where, "results are empty; fit again")
         budget = budget_from(tables["budget"]) if tables.get("budget") else None
         return StoredFit(
             recipe=tables["recipe"],
@@ -108,23 +108,23 @@ def stored_from(tables: Mapping[str, Any], where: str) -> StoredFit:
             used=int(points["used"]),
             left_out=tuple(points["left_out"]),
             results=with_budget(results, budget),
-            comparison=_scored(Comparison, Score, tables.get("comparison")),
+            comparison=_read_scores(Comparison, Score, tables.get("comparison")),
             budget=budget,
-            laws=_scored(LawComparison, LawScore, tables.get("laws")),
+            laws=_read_scores(LawComparison, LawScore, tables.get("laws")),
             **shared,
         )
     except KeyError as error:
-        raise FileFormatError(where, f"there is no {error} in it; fit again") from error
+        raise FileFormatError(where, f"key {error} is missing; fit again") from error
     except (TypeError, ValueError, AttributeError) as error:
-        raise FileFormatError(where, f"it is no result of a fit ({error}); fit again") from error
+        raise FileFormatError(where, f"invalid fit result ({error}); fit again") from error
 
 
 def _result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> FitResult:
     order, estimates, derived = table["order"], table["estimates"], table["derived"]
     return FitResult(
         method=method,
-        estimates=tuple(_made(Estimate, estimates[name], name=name) for name in order),
-        derived=tuple(_made(Estimate, item, name=name) for name, item in derived.items()),
+        estimates=tuple(_build(Estimate, estimates[name], name=name) for name in order),
+        derived=tuple(_build(Estimate, item, name=name) for name, item in derived.items()),
         covariance=np.array(table["covariance"], float),
         chi2=_read(table["chi2"], float),
         dof=int(table["dof"]),
@@ -136,28 +136,28 @@ def _result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> Fi
     )
 
 
-def _scored(cls: type[T], kind: type[Any], table: Mapping[str, Any] | None) -> T | None:
+def _read_scores(cls: type[T], kind: type[Any], table: Mapping[str, Any] | None) -> T | None:
     if not table:
         return None
-    counts = dict.fromkeys(("folds", "settings", "seed"), 0)  # a comparison may lack them
-    return _made(cls, counts | dict(table), scores=tuple(_made(kind, x) for x in table["scores"]))
+    counts = dict.fromkeys(("folds", "settings", "seed"), 0)  # optional in the file
+    return _build(cls, counts | dict(table), scores=tuple(_build(kind, x) for x in table["scores"]))
 
 
-def _made(cls: type[T], table: Mapping[str, Any], **own: Any) -> T:
-    """Return a record of a table by the types of its fields; those with a default may lack."""
+def _build(cls: type[T], table: Mapping[str, Any], **values: Any) -> T:
+    """Build a dataclass from a table by its field types; fields with defaults are optional."""
     record: Any = cls
     kinds = get_type_hints(cls)
     for item in fields(record):
-        if item.name not in own and (item.default is MISSING or item.name in table):
-            own[item.name] = _read(table[item.name], kinds[item.name])
-    made: T = cls(**own)
-    return made
+        if item.name not in values and (item.default is MISSING or item.name in table):
+            values[item.name] = _read(table[item.name], kinds[item.name])
+    instance: T = cls(**values)
+    return instance
 
 
 def _read(value: Any, kind: Any) -> Any:
-    """Return a value of the JSON, where null stands for a number that does not exist."""
+    """Convert a JSON value to its type; null means nan."""
     if get_origin(kind) is tuple:
-        return tuple(_read(each, get_args(kind)[0]) for each in value)
+        return tuple(_read(item, get_args(kind)[0]) for item in value)
     if kind is float:
         return float("nan") if value is None else float(value)
     return kind(value) if kind in (int, str) else value

@@ -1,4 +1,4 @@
-"""Tables of a fit for the report page: values, methods side by side, models compared."""
+"""Tables of a fit: values, comparison of methods, laws and models."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from benchtool.report.numbers import (
 )
 from benchtool.report.page import Table
 
-_HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
-MOST_WANTED = (  # first parameters of a table, by the begin of their names
+_HEADLINES = [f"{effect.name}.{effect.headline}" for effect in EFFECTS.values() if effect.headline]
+MAIN_PARAMETERS = (  # first rows of a table; a trailing _ marks a prefix
     *(name for name in _HEADLINES if not name.endswith("_")),
     "R_m",
     "k",
@@ -30,18 +30,18 @@ MOST_WANTED = (  # first parameters of a table, by the begin of their names
 
 
 def wanted_rank(name: str) -> int:
-    """Return how soon a reader looks for a parameter: 0 first, `len(MOST_WANTED)` for the rest."""
-    for place, beginning in enumerate(MOST_WANTED):
+    """Return the position of a parameter in tables; `len(MAIN_PARAMETERS)` for all others."""
+    for rank, beginning in enumerate(MAIN_PARAMETERS):
         if name == beginning or (beginning.endswith("_") and name.startswith(beginning)):
-            return place
-    return len(MOST_WANTED)
+            return rank
+    return len(MAIN_PARAMETERS)
 
 
 METHODS = {"least_squares": "least squares", "emcee": "emcee"}
 
 
 def estimates_table(result: FitResult) -> Table:
-    """List every fitted and derived value with its errors; powers of ten are in the unit."""
+    """Return a table of fitted and derived values; powers of ten are in the unit."""
     return Table(
         f"Fitted values of {result.model}, {METHODS[result.method]}; ± {_kind(result)}.",
         (
@@ -49,9 +49,9 @@ def estimates_table(result: FitResult) -> Table:
             *("statistical sd", "68 % statistical", "95 % statistical"),
         ),
         [
-            (name, unit, value + _bound(item), *rest)
+            (name, unit, value + _bound(item), *cells)
             for item in (*result.estimates, *result.derived)
-            for name, unit, value, *rest in (_estimate_row(item),)
+            for name, unit, value, *cells in (_estimate_row(item),)
         ],
         text_columns=2,
     )
@@ -63,7 +63,7 @@ def _kind(result: FitResult) -> str:
 
 
 def short_table(result: FitResult) -> Table:
-    """List every fitted and derived value in the width of a terminal."""
+    """Return the table of fitted and derived values for a terminal."""
     rows = []
     for item in (*result.estimates, *result.derived):
         name, unit, value, sd, interval, statistical, *_ = _estimate_row(item)
@@ -78,29 +78,33 @@ def short_table(result: FitResult) -> Table:
 
 
 def fits_table(fits: Mapping[str, Sequence[FitResult]]) -> Table:
-    """List the values of several fits side by side, one fit a column, by its first method."""
-    first = {name: results[0] for name, results in fits.items()}
-    known = {
-        item.name: item.unit for one in first.values() for item in (*one.estimates, *one.derived)
+    """Return a table of several fits, one column per fit, by its first method."""
+    first_results = {name: results[0] for name, results in fits.items()}
+    units = {
+        item.name: item.unit
+        for result in first_results.values()
+        for item in (*result.estimates, *result.derived)
     }
-    rows = [("model", *(one.model for one in first.values()))]
-    for name in sorted(known, key=wanted_rank):
+    rows = [("model", *(result.model for result in first_results.values()))]
+    for name in sorted(units, key=wanted_rank):
         cells = []
-        for one in first.values():
-            found = {item.name: item for item in (*one.estimates, *one.derived)}
-            cells.append(printed(found[name]) if name in found else "–")
-        unit = display_unit(known[name])
+        for result in first_results.values():
+            estimates = {item.name: item for item in (*result.estimates, *result.derived)}
+            cells.append(printed(estimates[name]) if name in estimates else "–")
+        unit = display_unit(units[name])
         rows.append((name if unit == "–" else f"{name} [{unit}]", *cells))
-    rows.append(("chi²/dof", *(f"{one.chi2_per_dof:.3g}" for one in first.values())))
-    rows.append(("outcome", *(one.outcome.status.replace("_", " ") for one in first.values())))
+    rows.append(("chi²/dof", *(f"{result.chi2_per_dof:.3g}" for result in first_results.values())))
+    rows.append(
+        ("outcome", *(result.outcome.status.replace("_", " ") for result in first_results.values()))
+    )
     return Table(
-        "Fits side by side: value ± standard uncertainty; – where a fit holds or lacks it.",
-        ("parameter", *first), rows,
+        "Comparison of fits: value ± standard uncertainty; –: fixed or not in the model.",
+        ("parameter", *first_results), rows,
     )  # fmt: skip
 
 
 def printed(item: Estimate, unit: str = "1") -> str:
-    """Return an estimate as people read it, with the bound that it ended at."""
+    """Return a formatted estimate, with its bound if it is at one."""
     if item.open:
         return "not determined"
     return with_statistical(item.value, item.combined_sd, item.sd, unit) + _bound(item)
@@ -112,15 +116,15 @@ def _bound(item: Estimate) -> str:
 
 def _estimate_row(item: Estimate) -> tuple[str, ...]:
     if item.open:
-        why = f"not determined: {item.open}"
-        return (item.name, display_unit(item.unit), why, *("–",) * 5)
+        reason = f"not determined: {item.open}"
+        return (item.name, display_unit(item.unit), reason, *("–",) * 5)
     has_budget = isfinite(item.combined_sd)
     sd = item.combined_sd if has_budget else item.sd
     ends = item.combined_95 if has_budget else item.interval_95
     exponent = decimal_exponent(item.value, sd)
-    digits, own_digits = (decimals_for(each / 10.0**exponent) for each in (sd, item.sd))
+    digits, statistical_digits = (decimals_for(error / 10.0**exponent) for error in (sd, item.sd))
 
-    def shown(*values: float, decimals: int = own_digits) -> str:
+    def join_scaled(*values: float, decimals: int = statistical_digits) -> str:
         return " … ".join(scaled(value, exponent, decimals) for value in values)
 
     unit = display_unit(item.unit)
@@ -129,24 +133,24 @@ def _estimate_row(item: Estimate) -> tuple[str, ...]:
     return (
         item.name,
         unit,
-        shown(item.value, decimals=digits),
-        shown(sd, decimals=digits),
-        shown(*ends, decimals=digits),
-        shown(item.sd),
-        shown(*item.interval_68),
-        shown(*item.interval_95),
+        join_scaled(item.value, decimals=digits),
+        join_scaled(sd, decimals=digits),
+        join_scaled(*ends, decimals=digits),
+        join_scaled(item.sd),
+        join_scaled(*item.interval_68),
+        join_scaled(*item.interval_95),
     )
 
 
 def methods_table(results: Sequence[FitResult]) -> Table:
-    """Set the answers of several methods side by side."""
+    """Return a table of the estimates of several methods."""
     names = dict.fromkeys(item.name for result in results for item in result.estimates)
     rows = []
     for name in names:
         cells = [name]
         for result in results:
-            found = next((item for item in result.estimates if item.name == name), None)
-            cells.append(printed(found) if found else "–")
+            estimate = next((item for item in result.estimates if item.name == name), None)
+            cells.append(printed(estimate) if estimate else "–")
         rows.append(cells)
     rows.append(
         ["χ² / degrees of freedom", *(f"{result.chi2:.1f} / {result.dof}" for result in results)]
@@ -155,16 +159,16 @@ def methods_table(results: Sequence[FitResult]) -> Table:
     heads = [
         ("" if one_model else f"{result.model}, ") + METHODS[result.method] for result in results
     ]
-    return Table("The same problem by each method.", ("parameter", *heads), rows)
+    return Table("Estimates by method.", ("parameter", *heads), rows)
 
 
 def scored_laws(laws: LawComparison) -> list[LawScore]:
-    """Return the laws that have a score at held-out distances."""
+    """Return the laws with a cross-validation score."""
     return [score for score in laws.scores if isfinite(score.behind)]
 
 
 def laws_table(laws: LawComparison) -> Table:
-    """Return the laws of thrust against distance side by side, the best first."""
+    """Return a table of ground-effect laws, best first."""
     rows = [
         (
             score.law,
@@ -180,11 +184,11 @@ def laws_table(laws: LawComparison) -> Table:
         for score in laws.scores
     ]
     return Table(
-        f"Laws on {len(laws.distances)} distances, each held out once; loss of log score per "
+        f"Leave-one-out scores of laws on {len(laws.distances)} distances; loss of log score per "
         f"distance, standard errors corrected for overlapping folds (Nadeau and Bengio).",
         (
             *("law", "verdict", "behind", "χ²/dof", "numbers"),
-            *("free", "held-out RMS", "one law with", "why"),
+            *("free", "held-out RMS", "equivalent to", "reason"),
         ),
         rows,
         text_columns=2,
@@ -192,11 +196,11 @@ def laws_table(laws: LawComparison) -> Table:
 
 
 def comparison_table(comparison: Comparison) -> Table:
-    """Return the models side by side, the best first."""
+    """Return a table of models, best first."""
     rows = [
         (
             score.model,
-            "best" if place == 0 else "clearly behind" if score.clearly_behind else "close",
+            "best" if rank == 0 else "clearly behind" if score.clearly_behind else "close",
             str(score.parameters),
             f"{score.chi2_per_dof:.3g}",
             f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
@@ -204,11 +208,11 @@ def comparison_table(comparison: Comparison) -> Table:
             f"{score.aic:.1f}",
             f"{score.bic:.1f}",
         )
-        for place, score in enumerate(comparison.scores)
+        for rank, score in enumerate(comparison.scores)
     ]
-    held_out = f" in {comparison.folds} folds over {comparison.settings} settings"
+    folds = f" in {comparison.folds} folds over {comparison.settings} settings"
     return Table(
-        f"Held-out points{held_out if comparison.folds else ''}.",
+        f"Held-out points{folds if comparison.folds else ''}.",
         (
             *("model", "verdict", "free", "χ²/dof", "log score behind best", "held-out RMS"),
             *("AIC", "BIC"),
