@@ -1,4 +1,4 @@
-"""Ratio and thrust of a sweep over plate distance, beside the closed formulae and a model."""
+"""Figures of a sweep: thrust ratio, thrust, efficiency and quantities over plate distance."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from benchtool.report.ratio import (
 from benchtool.report.style import BASES
 from benchtool.report.sweep.run import SweepRun
 
-ERRORS = "the standard deviation over repeats, or the standard error of a visit where it is larger"
+ERRORS = "the larger of standard deviation over repeats and standard error of a point"
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
@@ -47,25 +47,25 @@ DOTTED = (0, (1.2, 1.6))
 
 
 def model_words(run: SweepRun) -> str:
-    """Say which model stands beside a run, and where its bands come from; empty without."""
+    """Return a caption on the model drawn with a run and its bands; "" without a model."""
     model = run.model
     if model is None:
         return ""
-    spread = f" Its bands: {model.spread}." if model.spread else " It states no uncertainty."
+    bands = f" Bands: {model.spread}." if model.spread else " Without uncertainty."
     fitted = f", fitted to {', '.join(model.fitted_to)}" if model.fitted_to else ""
-    return f" Model: {model.model.name}{fitted}.{spread}"
+    return f" Model: {model.model.name}{fitted}.{bands}"
 
 
 def plain(run: SweepRun) -> NDArray[np.bool_]:
-    """Return which settings have a level plate in the middle (s,): those a curve stands for."""
+    """Return a mask (s,) of settings with a level, centred plate, as in model curves."""
     level: NDArray[np.bool_] = run.measured()
     for name in ("plate_tilt_deg", "plate_x_m"):
         level = level & (np.abs(np.nan_to_num(run.column(name))) < 1e-6)
     return level
 
 
-def _speeds_of(run: SweepRun) -> Array:
-    """Return the speeds (n_rotors, 1) of the setting whose rotors turn fastest: rad/s."""
+def _max_speeds(run: SweepRun) -> Array:
+    """Return the speeds (n_rotors, 1) of the fastest setting: rad/s."""
     numbers = range(1, run.rig.n_rotors + 1)
     speeds = np.array([run.column(f"rpm{rotor}") for rotor in numbers]) * np.pi / 30.0
     if not np.isfinite(speeds).any():
@@ -77,24 +77,26 @@ def _speeds_of(run: SweepRun) -> Array:
 
 
 def _ratios(run: SweepRun, label: str, role: Role = "measurement") -> list[RatioPoints]:
-    """Return the measured ratios of a run; settings with a tilted or shifted plate apart."""
+    """Return the measured ratios of a run; tilted or shifted plates as a separate series."""
     z, straight, near = run.z_over_R(run.settings), plain(run), run.measured()
-    out = []
-    for rows, name, own in (
+    series = []
+    for rows, name, series_role in (
         (straight, label, role),
-        (near & ~straight, f"{label}, plate tilted or to the side", "muted"),
+        (near & ~straight, f"{label}, plate tilted or shifted", "muted"),
     ):
         rows = rows & np.isfinite(run.ratio)
         if rows.any():
-            out.append(RatioPoints(z[rows], run.ratio[rows], run.ratio_error[rows], name, own))
-    return out
+            series.append(
+                RatioPoints(z[rows], run.ratio[rows], run.ratio_error[rows], name, series_role)
+            )
+    return series
 
 
 def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
-    """Return the curve of the model beside a run, with the bands of its uncertain numbers."""
+    """Return the curve of the run's model with its uncertainty bands; empty without a model."""
     if run.model is None:
         return []
-    model, speeds = run.model.model, _speeds_of(run)
+    model, speeds = run.model.model, _max_speeds(run)
     middle = factor_at_distance(model, speeds, z_over_R, basis=run.basis)
     bands = uncertainty_bands(model, speeds, z_over_R, run.model.draws, run.basis)
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
@@ -108,17 +110,17 @@ def _distances(run: SweepRun, series: Sequence[RatioPoints]) -> Array:
 @figure(
     title="Ground effect: {0.name}",
     caption=lambda run: (
-        f"Thrust near the plate over thrust with the plate parked, at "
-        f"{BASES[run.basis]}. Bars: {ERRORS}. Dashed: the closed image formulae (PFI) at the rig's "
-        f"radius, nothing fitted.{model_words(run)}"
+        f"Thrust near the plate over thrust with the plate parked, at {BASES[run.basis]}. Bars: "
+        f"{ERRORS}. Dashed: closed-form image formulae (PFI) at the rig's radius, not fitted."
+        f"{model_words(run)}"
     ),
     when=lambda run: bool(_ratios(run, "")),
 )
 def ratio(figure: Figure, run: SweepRun) -> None:
-    """Draw T_IGE/T_OGE of a run over the closed formulae and a model with its bands."""
+    """Draw T_IGE/T_OGE of a run, the closed-form formulae and a model with its bands."""
     series = _ratios(run, f"{'simulated bench' if run.simulated else 'measured'}, mean ± error")
     z = _distances(run, series)
-    curves = [*_model_curve(run, z), *formula_curves(run.rig, _speeds_of(run), z)]
+    curves = [*_model_curve(run, z), *formula_curves(run.rig, _max_speeds(run), z)]
     draw_ratio(figure, series, curves, run.basis)
 
 
@@ -126,35 +128,35 @@ def ratio(figure: Figure, run: SweepRun) -> None:
     page="sweep.compared",
     title="Runs compared",
     caption=lambda runs: (
-        f"Thrust near the plate over thrust with the plate parked, run by run, at "
-        f"{BASES[runs[0].basis]}. Bars: {ERRORS}. Dashed: the closed image formula at the radius "
+        f"Thrust near the plate over thrust with the plate parked, per run, at "
+        f"{BASES[runs[0].basis]}. Bars: {ERRORS}. Dashed: closed-form image formula at the radius "
         f"of the first run's rig."
     ),
     when=lambda runs: any(_ratios(run, "") for run in runs),
 )
 def ratios(figure: Figure, runs: Sequence[SweepRun]) -> None:
-    """Draw T_IGE/T_OGE of several runs, each with its own marker."""
+    """Draw T_IGE/T_OGE of several runs, one marker per run."""
     series = [
         item
-        for place, run in enumerate(runs)
-        for item in _ratios(run, run.name, RUN_ROLES[place % len(RUN_ROLES)])
+        for index, run in enumerate(runs)
+        for item in _ratios(run, run.name, RUN_ROLES[index % len(RUN_ROLES)])
     ]
     first, z = runs[0], _distances(runs[0], series)
-    formula = formula_curves(first.rig, _speeds_of(first), z)[-1]
+    formula = formula_curves(first.rig, _max_speeds(first), z)[-1]
     draw_ratio(figure, series, [*_model_curve(first, z), formula], first.basis)
 
 
 @figure(
     title="Thrust against distance: {0.name}",
     caption=lambda run: (
-        f"Thrust against plate distance at each throttle level. Bars as above; "
-        f"dotted: the level's mean with the plate parked.{model_words(run)}"
+        f"Thrust against plate distance per throttle level. Bars as above; dotted: mean of the "
+        f"level with the plate parked.{model_words(run)}"
     ),
     when=lambda run: bool(run.measured().any()),
     height_in=4.3,
 )
 def distance(figure: Figure, run: SweepRun) -> None:
-    """Draw thrust with error bars against plate distance, one colour per throttle level."""
+    """Draw thrust against plate distance, one colour per throttle level."""
     thrust = run.settings.column("thrust_N")
     _draw_levels(figure, run, thrust, run.thrust_error_N, "thrust [N]", Model.thrust_N)
 
@@ -162,73 +164,73 @@ def distance(figure: Figure, run: SweepRun) -> None:
 @figure(
     title="Thrust per electrical power: {0.name}",
     caption=lambda run: (
-        "Thrust over electrical power against plate distance at each throttle level; bars: "
-        "standard errors. Dotted: the level's mean with the plate parked. A model's line takes "
-        "torque from the rig's blades and power from its motor, or from its stated efficiency."
+        "Thrust over electrical power against plate distance per throttle level; bars: standard "
+        "errors. Dotted: mean of the level with the plate parked. Model lines use the torque of "
+        "the rig's blades and the power of its motor or its known efficiency."
         f"{model_words(run)}"
     ),
     when=lambda run: run.measured().any() and run.quantity("efficiency_N_W") is not None,
     height_in=4.3,
 )
 def efficiency(figure: Figure, run: SweepRun) -> None:
-    """Draw thrust per electrical power against plate distance, one colour per throttle level."""
-    found = run.quantity("efficiency_N_W")
-    assert found is not None  # `when`
+    """Draw thrust per electrical power against plate distance, one colour per level."""
+    values = run.quantity("efficiency_N_W")
+    assert values is not None  # `when`
     label = "thrust per electrical power [N/W]"
-    _draw_levels(figure, run, found.value, found.total_error, label, thrust_per_power_N_W)
+    _draw_levels(figure, run, values.value, values.total_error, label, thrust_per_power_N_W)
 
 
 @figure(
-    title="What follows from the measurements: {0.name}",
+    title="Derived quantities: {0.name}",
     caption=lambda run: (
-        "Each quantity that the bench allows against "
+        "Available quantities against "
         + (
-            "plate distance, one colour per throttle level; dotted: the level's mean with the "
+            "plate distance, one colour per throttle level; dotted: mean of the level with the "
             "plate parked; "
             if run.measured().any()
-            else "the pulse; "
+            else "pulse width; "
         )
-        + "bars: standard errors. The table below says what each is worked out from."
+        + "bars: standard errors. Origin of each quantity: table below."
     ),
-    when=lambda run: bool(len(run.settings) > 1 and _in_panels(run)),
-    height_in=lambda run: panels_height(_in_panels(run)),
+    when=lambda run: bool(len(run.settings) > 1 and _panel_quantities(run)),
+    height_in=lambda run: panels_height(_panel_quantities(run)),
 )
 def quantities(figure: Figure, run: SweepRun) -> None:
-    """Draw every quantity against plate distance, or pulse without a plate, a panel each."""
+    """Draw one panel per quantity against plate distance, or pulse width without a plate."""
     z, near, levels = run.z_over_R(run.settings), run.measured() & plain(run), run.level_us()
-    found = _in_panels(run)
+    derived = _panel_quantities(run)
     label = DISTANCE_LABEL if run.measured().any() else "pulse [µs]"
-    panels = quantity_panels(figure, [one.quantity for one in found], label)
+    panels = quantity_panels(figure, [item.quantity for item in derived], label)
     if not run.measured().any():
-        for axes, one in zip(panels, found, strict=True):
-            points(axes, levels, one.value, one.total_error, BLUE, ms=3.6)
+        for axes, quantity in zip(panels, derived, strict=True):
+            points(axes, levels, quantity.value, quantity.total_error, BLUE, ms=3.6)
         return
-    for axes, one in zip(panels, found, strict=True):
+    for axes, quantity in zip(panels, derived, strict=True):
         for index, level in enumerate(np.unique(levels[near])):
             color, rows = CYCLE[index % len(CYCLE)], near & (levels == level)
             points(
-                axes, z[rows], one.value[rows], one.total_error[rows], color,
+                axes, z[rows], quantity.value[rows], quantity.total_error[rows], color,
                 MARKERS[index % len(MARKERS)], ms=3.6, label=f"{level:g} µs",
             )  # fmt: skip
-            away = ~run.measured() & (levels == level)
-            if np.isfinite(one.value[away]).any():
-                mean = float(np.nanmean(one.value[away]))
+            parked = ~run.measured() & (levels == level)
+            if np.isfinite(quantity.value[parked]).any():
+                mean = float(np.nanmean(quantity.value[parked]))
                 axes.axhline(mean, color=color, lw=1.0, ls=DOTTED)
         axes.set_xlim(left=0.0)
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower right", ncols=4)
 
 
-def _in_panels(run: SweepRun) -> list[QuantityValues]:
-    """Return the quantities but one that has a figure of its own."""
-    return [one for one in run.quantities if one.name != "efficiency_N_W"]
+def _panel_quantities(run: SweepRun) -> list[QuantityValues]:
+    """Return the quantities without efficiency, which has a separate figure."""
+    return [item for item in run.quantities if item.name != "efficiency_N_W"]
 
 
-Predicted = Callable[[Model, Conditions, Any], Any]  # of model, conditions, values
+Predict = Callable[[Model, Conditions, Any], Any]  # arguments: model, conditions, values
 
 
 def _draw_levels(
-    figure: Figure, run: SweepRun, values: Array, error: Array, label: str, predicted: Predicted
+    figure: Figure, run: SweepRun, values: Array, error: Array, label: str, predict: Predict
 ) -> None:
     """Draw a quantity of each setting (s,) against plate distance, one colour per level."""
     axes = figure.subplots()
@@ -245,7 +247,7 @@ def _draw_levels(
         rows = np.flatnonzero(near & (levels == level))
         rows = rows[np.argsort(z[rows], kind="stable")]
         if run.model is not None:
-            has_band = _model_line(axes, run, run.model, rows, color, predicted)
+            has_band = _model_line(axes, run, run.model, rows, color, predict)
             if has_band and not index:
                 band = "95 % band of the model"
                 handles.append(Patch(facecolor=GREY, alpha=0.3, lw=0.0, label=band))
@@ -253,9 +255,9 @@ def _draw_levels(
             axes, z[rows], values[rows], error[rows], color,
             MARKERS[index % len(MARKERS)], capsize=3.5, label=f"{level:g} µs", zorder=3,
         )  # fmt: skip
-        away = ~run.measured() & (levels == level)
-        if away.any():
-            axes.axhline(float(np.mean(values[away])), color=color, lw=1.0, ls=DOTTED)
+        parked = ~run.measured() & (levels == level)
+        if parked.any():
+            axes.axhline(float(np.mean(values[parked])), color=color, lw=1.0, ls=DOTTED)
     axes.set_xlabel(DISTANCE_LABEL)
     axes.set_ylabel(label)
     axes.set_xlim(left=0.0)
@@ -268,36 +270,38 @@ def _model_line(
     model: NominalModel,
     rows: NDArray[np.intp],
     color: str,
-    predicted: Predicted,
+    predict: Predict,
 ) -> bool:
-    """Draw the model's line at one level's mean speeds; return whether it has a band."""
+    """Draw the model's line at the mean speeds of one level; return True if it has a band."""
     numbers = range(1, run.rig.n_rotors + 1)
     rpm = np.array([np.nanmean(run.column(f"rpm{rotor}")[rows]) for rotor in numbers])
     if not np.isfinite(rpm).all():
         return False
     z = run.z_over_R(run.settings)[rows]
-    at = np.linspace(max(0.5, 0.9 * float(z.min())), 1.05 * float(z.max()), 160)
-    conditions = conditions_over(run.rig, rpm[:, None] * np.pi / 30.0, at)
-    middle = predicted(model.model, conditions, ratio_values(model.model))
+    grid = np.linspace(max(0.5, 0.9 * float(z.min())), 1.05 * float(z.max()), 160)
+    conditions = conditions_over(run.rig, rpm[:, None] * np.pi / 30.0, grid)
+    middle = predict(model.model, conditions, ratio_values(model.model))
     if model.draws:
-        drawn = predicted(model.model, conditions, ratio_values(model.model, model.draws))
-        spread = np.asarray(drawn, float)
-        band = uncertainty_band(np.broadcast_to(spread, (len(spread), len(at))), 95)
-        axes.fill_between(at, band.lower, band.upper, color=color, alpha=0.2, lw=0.0, gid="band-95")
-    axes.plot(at, np.broadcast_to(middle, at.shape), color=color, lw=1.2)
+        drawn = predict(model.model, conditions, ratio_values(model.model, model.draws))
+        samples = np.asarray(drawn, float)
+        band = uncertainty_band(np.broadcast_to(samples, (len(samples), len(grid))), 95)
+        axes.fill_between(
+            grid, band.lower, band.upper, color=color, alpha=0.2, lw=0.0, gid="band-95"
+        )
+    axes.plot(grid, np.broadcast_to(middle, grid.shape), color=color, lw=1.2)
     return bool(model.draws)
 
 
 @figure(
     page="sweep.calibration",
     title="Calibration {0[id]}",
-    caption="The calibration. Above: mean raw reading of each known mass and the line. Below: what "
-    "the line leaves over; a gap between the two ways is hysteresis, an arch a bent line.",
-    simulated=lambda known: bool(known["simulated"]),
+    caption="Calibration. Above: mean raw reading per known mass, and fitted line. Below: "
+    "residuals; a gap between loading and unloading is hysteresis, an arch is nonlinearity.",
+    simulated=lambda calibration_data: bool(calibration_data["simulated"]),
     height_in=5.2,
 )
 def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
-    """Draw counts against force with the line, and below the residuals up and down."""
+    """Draw counts against force with the line; below: residuals of loading and unloading."""
     newtons_per_kg = calibration_data["gravity_m_s2"] / calibration_data["lever_ratio"]
     force_N = np.array(calibration_data["masses_kg"], float) * newtons_per_kg
     counts, residual_N = (
@@ -305,30 +309,30 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
         np.array(calibration_data["residuals_N"], float),
     )
     loading = np.arange(len(force_N)) <= int(force_N.argmax())
-    line, left = rows_of(figure, (1.6, 1.0))
+    line, residuals = rows_of(figure, (1.6, 1.0))
     order = np.argsort(force_N + residual_N, kind="stable")
     line.plot((force_N + residual_N)[order], counts[order], color=GREY, lw=1.2, label="line")
     for rows, marker, color, label in (
         (loading, "^", BLUE, "masses added"),
-        (~loading, "v", ORANGE, "masses taken off"),
+        (~loading, "v", ORANGE, "masses removed"),
     ):
         if rows.any():
             residual_mN = from_si(residual_N[rows], "mN")
             line.plot(force_N[rows], counts[rows], marker, color=color, label=label)
-            left.plot(force_N[rows], residual_mN, marker + "-", color=color, lw=0.8, ms=5.0)
-    left.axhline(0.0, color=GREY, linewidth=0.9)
+            residuals.plot(force_N[rows], residual_mN, marker + "-", color=color, lw=0.8, ms=5.0)
+    residuals.axhline(0.0, color=GREY, linewidth=0.9)
     line.set_ylabel("reading [counts]")
     line.legend(loc="upper left")
-    left.set_ylabel("reading −\nforce [mN]")
-    left.set_xlabel("known force [N]")
-    figure.align_ylabels([line, left])
+    residuals.set_ylabel("reading −\nforce [mN]")
+    residuals.set_xlabel("known force [N]")
+    figure.align_ylabels([line, residuals])
 
 
 figure(
     page="sweep",
     title="Uncertainty budget: {0.name}",
-    caption="What each source contributes to thrusts at the fastest level: standard uncertainty in "
-    "percent of the value, in the errors of their means and beside them; dashed: all together.",
+    caption="Contributions of sources to thrust at the highest level: standard uncertainty in "
+    "percent of the value, included in the standard error of the mean or not; dashed: combined.",
     when=lambda run: run.budget is not None,
     height_in=lambda run: chart_height(run.budget),
 )(budget)

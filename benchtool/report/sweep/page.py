@@ -1,4 +1,4 @@
-"""The report page of a sweep: what was measured, how, and what stands behind it."""
+"""Report page of a sweep: results, quantities, samples, drift, budget, conditions."""
 
 from __future__ import annotations
 
@@ -49,23 +49,23 @@ from benchtool.report.sweep.tables import (
     tares_table,
 )
 
-NO_SAMPLES = Paragraph("The folder holds no samples, only points made of them.")
+NO_SAMPLES = Paragraph("The folder contains no samples, only points averaged from them.")
 
 
 def _drift(run: SweepRun) -> list[Block]:
     _, change, error = anchor_changes(run)
-    text = "No anchor was repeated, so drift of the load cell was not watched."
+    text = "No anchor was repeated, so load cell drift is unknown."
     if not run.uses_plate:
-        text = "What the load cell showed at rest after each tare:"
+        text = "Load cell reading at standstill after each tare:"
     if len(change) > 1:
         worst = int(np.argmax(np.abs(change)))
-        moved = value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))
+        drift_text = value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))
         text = (
-            f"{len(change)} anchors: since the first the load cell moved by at most {moved} mN at "
-            f"equal rotor speed."
+            f"{len(change)} anchors: maximum load cell drift since the first is {drift_text} mN "
+            f"at equal rotor speed."
         )
     elif len(change) == 1:
-        text = "One anchor was measured; drift shows from the second on."
+        text = "One anchor was measured; drift needs at least two."
     tares = [] if run.tares is None else [tares_table(run.tares)]
     return [Paragraph(text), *tares]
 
@@ -75,9 +75,9 @@ def _conditions(run: SweepRun) -> list[Block]:
     blocks: list[Block] = [
         FactTable(run_state_table(facts) | air_facts(facts) | calibration_facts(facts))
     ]
-    if known := facts.get("calibration"):
+    if calibration := facts.get("calibration"):
         blocks += render_figures(
-            "sweep.calibration", {**known, "simulated": run.simulated}
+            "sweep.calibration", {**calibration, "simulated": run.simulated}
         ).values()
     return blocks
 
@@ -90,35 +90,35 @@ def _data(run: SweepRun) -> Block:
 
 
 def run_sentence(run: SweepRun) -> str:
-    """Say in a few sentences what was measured and what came out."""
+    """Return a summary of settings, results and state of a run in a few sentences."""
     measured, z = run.measured(), run.z_over_R(run.settings)
     levels = np.unique(run.level_us()[measured])
-    visits = sum(kind == "measure" for kind in run.kinds)
+    n_points = sum(kind == "measure" for kind in run.kinds)
     if measured.any():
-        words = (
-            f"{pluralize(visits, 'visit')} of {pluralize(int(measured.sum()), 'setting')} on rig "
+        text = (
+            f"{pluralize(n_points, 'point')} of {pluralize(int(measured.sum()), 'setting')} on rig "
             f"{run.rig.name}, plate at z/R {np.nanmin(z[measured]):.3g} to "
             f"{np.nanmax(z[measured]):.3g}, pulses "
             f"{', '.join(f'{level:g}' for level in levels)} µs."
         )
     elif not run.uses_plate:
         pulses = ", ".join(f"{level:g}" for level in np.unique(run.level_us()))
-        words = (
-            f"{pluralize(len(run.kinds), 'visit')} of "
+        text = (
+            f"{pluralize(len(run.kinds), 'point')} of "
             f"{pluralize(len(run.settings), 'throttle level')} "
             f"without a plate on rig {run.rig.name}, pulses {pulses} µs."
         )
     else:
-        words = f"No setting near the plate was measured on rig {run.rig.name}."
-    if (place := _largest(run)) is not None:
-        largest = value_with_sd(float(run.ratio[place]), float(run.ratio_error[place]))
-        words += f" T_IGE/T_OGE at {BASES[run.basis]} is largest, {largest}, at z/R {z[place]:.3g}."
+        text = f"No setting near the plate was measured on rig {run.rig.name}."
+    if (row := _largest(run)) is not None:
+        largest = value_with_sd(float(run.ratio[row]), float(run.ratio_error[row]))
+        text += f" T_IGE/T_OGE at {BASES[run.basis]} is largest, {largest}, at z/R {z[row]:.3g}."
     state = str(run.metadata.get("state", ""))
     if state == "stopped":
-        words += f" The run was stopped: {run.metadata.get('reason')}."
+        text += f" The run was stopped: {run.metadata.get('reason')}."
     elif state == "running":
-        words += " The run was never closed: it still goes on, or its process was killed."
-    return words
+        text += " The run was not closed: it is still running, or its process was killed."
+    return text
 
 
 def _largest(run: SweepRun) -> int | None:
@@ -127,28 +127,28 @@ def _largest(run: SweepRun) -> int | None:
 
 
 def _highlights(run: SweepRun) -> dict[str, str]:
-    shown = {}
-    if (place := _largest(run)) is not None:
-        z = run.z_over_R(run.settings)[place]
-        shown[f"T_IGE/T_OGE at z/R = {z:.3g}"] = value_with_sd(
-            float(run.ratio[place]), float(run.ratio_error[place])
+    tiles = {}
+    if (row := _largest(run)) is not None:
+        z = run.z_over_R(run.settings)[row]
+        tiles[f"T_IGE/T_OGE at z/R = {z:.3g}"] = value_with_sd(
+            float(run.ratio[row]), float(run.ratio_error[row])
         )
     se = run.points.column("thrust_se_N")
-    shown["standard error of a point, median"] = f"{1e3 * np.nanmedian(se):.2g} mN"
+    tiles["standard error of a point, median"] = f"{1e3 * np.nanmedian(se):.2g} mN"
     if run.tares is not None:
         worst = float(np.nanmax(np.abs(run.tares.column("thrust_N"))))
-        shown["largest rest after a tare"] = f"{1e3 * worst:.2g} mN"
-    shown["points not settled"] = f"{_unsettled(run)} of {len(run.points)}"
-    return shown
+        tiles["largest offset after a tare"] = f"{1e3 * worst:.2g} mN"
+    tiles["points not settled"] = f"{_unsettled(run)} of {len(run.points)}"
+    return tiles
 
 
 def _unsettled(run: SweepRun) -> int:
-    """Return how many points were taken although settling timed out."""
+    """Return the number of points measured after a settling timeout."""
     return int((run.points.column("settled") == 0.0).sum()) if "settled" in run.points else 0
 
 
 def _outliers(run: SweepRun) -> Iterator[str]:
-    """Give how many samples the points leave out, and which points hold outliers all the same."""
+    """Yield warnings on rejected outliers and suspect points."""
     names = [name for name in run.points.names if name.endswith(REJECTED)]
     columns = {name: run.points.column(name) for name in names}
     if total := int(sum(column.sum() for column in columns.values())):
@@ -157,55 +157,59 @@ def _outliers(run: SweepRun) -> Iterator[str]:
             for name, column in columns.items()
             if column.any()
         )
-        yield f"{pluralize(total, 'outlier')} left out of the means: {listed}."
+        yield f"{pluralize(total, 'outlier')} excluded from the means: {listed}."
     if "suspect" in run.points and (count := int(run.points.column("suspect").sum())):
         yield (
-            f"{pluralize(count, 'point')} suspect: too many samples lie apart to be outliers, or a "
-            f"rotor's vibration reads as thrust; the events below say which."
+            f"{pluralize(count, 'point')} suspect: too many deviating samples to be outliers, or "
+            f"rotor vibration in the thrust channel; see the events below."
         )
 
 
 def run_warnings(run: SweepRun) -> list[str]:
-    """Return what a reader must know before using a number."""
-    out = []
+    """Return the warnings to read before using a number."""
+    warnings = []
     state = str(run.metadata.get("state", ""))
     if state == "stopped":
-        out.append(f"The run was stopped: {run.metadata.get('reason', 'no reason is stated')}.")
+        warnings.append(
+            f"The run was stopped: {run.metadata.get('reason', 'no reason is stated')}."
+        )
     elif state != "ended":
-        out.append("The run was never closed; close it with benchtool sweep --resume.")
+        warnings.append("The run was not closed; close it with benchtool sweep --resume.")
     if count := _unsettled(run):
-        out.append(f"{pluralize(count, 'point')} taken although thrust or speed had not settled.")
-    out += _outliers(run)
+        warnings.append(
+            f"{pluralize(count, 'point')} measured although thrust or speed had not settled."
+        )
+    warnings += _outliers(run)
     if not (run.metadata.get("air") or {}).get("measured"):
-        out.append("Nobody measured the air: its density is that of the standard atmosphere.")
+        warnings.append("Air was not measured: the density is that of the standard atmosphere.")
     if not run.metadata.get("calibration") and not run.simulated:
-        out.append("No calibration is attached: thrust is what the device sends.")
+        warnings.append("No calibration is attached: thrust is the device value.")
     if old := age_text(run.metadata):
-        out.append(f"{old[0].upper()}{old[1:]}.")
+        warnings.append(f"{old[0].upper()}{old[1:]}.")
     lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
     if lost:
-        out.append(f"{pluralize(lost, 'sample')} lost on the link.")
+        warnings.append(f"{pluralize(lost, 'sample')} lost on the link.")
     if run.measured().any() and not np.isfinite(run.ratio[run.measured()]).any():
-        out.append("There are no references with the plate parked, so no T_IGE/T_OGE.")
-    stated = (run.metadata.get("samples") or {}).get("csv_sha256")
-    if stated and run.files.get("samples.csv") not in (None, stated):
-        out.append("samples.csv has changed since the run was closed: its hash is another one.")
-    out += changed_points(run.path)
+        warnings.append("No references with the plate parked, required for T_IGE/T_OGE.")
+    stored_hash = (run.metadata.get("samples") or {}).get("csv_sha256")
+    if stored_hash and run.files.get("samples.csv") not in (None, stored_hash):
+        warnings.append("samples.csv has changed since the run was closed: its hash differs.")
+    warnings += changed_points(run.path)
     for recording in (run.points, run.samples):
         repairs = recording.provenance.get("repairs", "") if recording is not None else ""
         if repairs:
-            out.append(f"Mended while reading: {repairs}.")
-    return out
+            warnings.append(f"Repaired while reading: {repairs}.")
+    return warnings
 
 
 def _motor_sections(run: SweepRun) -> Sequence[Section]:
-    """Return thrust curve and motor constants of a run without a plate."""
+    """Return sections on the motor constants of a run without a plate."""
     if run.measured().any() or "reference" not in run.kinds:
         return []
     try:
         return MOTOR.sections(fit_motor([run.path]))
     except BenchtoolError as error:
-        return [Section("Motor constants", [Paragraph(f"None could be fitted: {error}.")])]
+        return [Section("Motor constants", [Paragraph(f"The fit failed: {error}.")])]
 
 
 SWEEP = Page(
@@ -237,7 +241,7 @@ SWEEP = Page(
         ("Conditions and calibration", [_conditions]),
         (
             "Plan",
-            [lambda run: Listing("The plan, every number filled in (plan.toml).", run.plan_text)],
+            [lambda run: Listing("Plan with all defaults resolved (plan.toml).", run.plan_text)],
         ),
         ("Software and data", [_data]),
     ],
@@ -249,41 +253,42 @@ SWEEP = Page(
 Page("sweep.calibration", [("Calibration", ["calibration"])])
 
 
-CLEAR = 3.0  # a difference of more than so many of its standard deviations is called one
+MIN_SIGNIFICANCE = 3.0  # standard deviations of a significant difference; assumed
 
 
 def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
-    """Return the ratios at common settings, and in words their differences from the first run."""
-    found = [_by_setting(run) for run in runs]
-    common = [place for place in found[0] if all(place in one for one in found[1:])]
-    rows, apart, worst = [], 0, (0.0, "")
-    for place in common:
-        (first, first_error), *others = (one[place] for one in found)
-        cells = [f"{place[0]:.3g}", f"{place[1]:g}", value_with_sd(first, first_error)]
+    """Return a table of ratios at common settings, and a sentence on their differences."""
+    ratios = [_by_setting(run) for run in runs]
+    common = [setting for setting in ratios[0] if all(setting in other for other in ratios[1:])]
+    rows, n_significant, worst = [], 0, (0.0, "")
+    for setting in common:
+        (first, first_error), *others = (ratio[setting] for ratio in ratios)
+        z_over_R, pulse_us = setting
+        cells = [f"{z_over_R:.3g}", f"{pulse_us:g}", value_with_sd(first, first_error)]
         for run, (value, error) in zip(runs[1:], others, strict=True):
-            spread = hypot(error, first_error)
-            size = abs(value - first) / spread if spread > 0.0 else float("nan")
+            sd = hypot(error, first_error)
+            size = abs(value - first) / sd if sd > 0.0 else float("nan")
             cells += [value_with_sd(value, error), f"{size:.1f}" if isfinite(size) else "–"]
-            apart += size > CLEAR
+            n_significant += size > MIN_SIGNIFICANCE
             if size > worst[0]:
-                worst = (size, f"{run.name} at z/R {place[0]:.3g}, {place[1]:g} µs")
+                worst = (size, f"{run.name} at z/R {z_over_R:.3g}, {pulse_us:g} µs")
         rows.append(cells)
     header = ["plate z/R", "pulse [µs]", runs[0].name]
     for run in runs[1:]:
-        header += [run.name, "apart [sd]"]
+        header += [run.name, "difference [sd]"]
     table = Table(
-        "T_IGE/T_OGE at the settings that all runs have; apart: difference from the first run over "
-        "its standard deviation.",
+        "T_IGE/T_OGE at common settings; difference: from the first run, over its standard "
+        "deviation.",
         header,
         rows,
     )
     if not common:
-        return table, "The runs have no setting of the same distance and pulse in common."
+        return table, "The runs have no common setting of distance and pulse width."
     text = (
-        f"{apart} of {len(common) * (len(runs) - 1)} ratios at common settings are more than "
-        f"{CLEAR:g} standard deviations from the first run's"
+        f"{n_significant} of {len(common) * (len(runs) - 1)} ratios at common settings differ from "
+        f"the first run by more than {MIN_SIGNIFICANCE:g} standard deviations"
     )
-    return table, f"{text}, the farthest {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{text}."
+    return table, f"{text}; largest: {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{text}."
 
 
 def _common(runs: Sequence[SweepRun]) -> Table | None:
@@ -292,7 +297,7 @@ def _common(runs: Sequence[SweepRun]) -> Table | None:
 
 
 def _by_setting(run: SweepRun) -> dict[tuple[float, float], tuple[float, float]]:
-    """Return ratio and error by plate distance z/R and pulse in µs."""
+    """Return ratio and error by plate distance z/R and pulse width in µs."""
     z, levels = run.z_over_R(run.settings).round(2), run.level_us().round(0)
     return {
         (float(z[row]), float(levels[row])): (float(run.ratio[row]), float(run.ratio_error[row]))
@@ -301,7 +306,7 @@ def _by_setting(run: SweepRun) -> dict[tuple[float, float], tuple[float, float]]
 
 
 def facts_table(runs: Sequence[SweepRun]) -> Table:
-    """Set who measured what, when and in which air side by side."""
+    """Return a table of runs: rig, device, time, state, air, calibration, hash."""
     columns = []
     for run in runs:
         air, state = air_facts(run.metadata), run_state_table(run.metadata)
@@ -313,20 +318,20 @@ def facts_table(runs: Sequence[SweepRun]) -> Table:
                 "state": state["state"],
                 "air density": air.get("density", air["air"]),
                 "calibration": calibration_facts(run.metadata)["calibration"],
-                "visits": str(len(run.points)),
+                "points": str(len(run.points)),
                 "sha256 of the data": f"{run.sha256[:16]}…",
             }
         )
     return Table(
         "The runs.",
         ("", *(run.name for run in runs)),
-        [(key, *(one[key] for one in columns)) for key in columns[0]],
+        [(key, *(column[key] for column in columns)) for key in columns[0]],
         text_columns=1 + len(runs),
     )
 
 
 def _in_full(runs: Sequence[SweepRun]) -> list[Section]:
-    """Return a section for each run, whose own sections become parts of it."""
+    """Return one section per run, with the run's sections as parts."""
     sections = []
     for run in runs:
         parts: list[Block] = [Paragraph(run_sentence(run))]

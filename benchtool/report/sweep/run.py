@@ -1,4 +1,4 @@
-"""A sweep's run folder as a report takes it: everything read once, nothing worked out twice."""
+"""Data of a sweep's run folder for reports, each file read once."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ FILES = (  # files of a run folder in the order of their hashes in a report
 )
 
 
-_HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels whose limits are looked at
+_HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels with limits
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SweepRun:
-    """Hold a run of `benchtool sweep`."""
+    """Run of `benchtool sweep`."""
 
     path: Path
     metadata: Mapping[str, Any]
@@ -48,15 +48,15 @@ class SweepRun:
     tares: Recording | None  # residuals after each tare
     samples: Recording | None  # None in `recalibrated-...` folders
     settings: Recording
-    thrust_error_N: Array  # (s,) larger of deviation over repeats, error of a visit
+    thrust_error_N: Array  # (s,) larger of sd over repeats and standard error of a point
     quantities: tuple[QuantityValues, ...]  # of each setting
-    ratio: Array  # (s,) T_IGE/T_OGE; nan where there is none
+    ratio: Array  # (s,) T_IGE/T_OGE; nan without reference
     ratio_error: Array  # (s,)
     basis: str
     events: tuple[Event, ...]
     sha256: str
     files: Mapping[str, str]
-    model: NominalModel | None = None  # drawn beside the run
+    model: NominalModel | None = None  # drawn with the run
     budget: Budget | None = None  # of its thrusts
 
     @property
@@ -69,37 +69,37 @@ class SweepRun:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What each visit was for."""
+        """Kind of each point."""
         return tuple(code_to_word("kind", code) for code in self.points.column("kind"))
 
     @property
     def uses_plate(self) -> bool:
-        """Whether the run is one over a plate, not of throttle alone."""
+        """True for a run over a plate, False for throttle only."""
         return self.metadata.get("plate", {}).get("used", True) is not False
 
     def z_over_R(self, recording: Recording) -> Array:
-        """Return the plate distance of rows over the rig's rotor radius; nan without one."""
+        """Return the plate distance of rows over the rotor radius; nan without a plate."""
         if "plate_z_m" not in recording:
             return np.full(len(recording), np.nan)
         return recording.column("plate_z_m") / self.rig.propulsion.radius_m
 
     def quantity(self, name: str) -> QuantityValues | None:
-        """Return a quantity by name; None where the bench does not allow it."""
-        return next((one for one in self.quantities if one.name == name), None)
+        """Return a quantity by name; None if the bench does not measure it."""
+        return next((item for item in self.quantities if item.name == name), None)
 
     def measured(self) -> NDArray[np.bool_]:
-        """Tell which settings are near the plate, not references (s,)."""
+        """Return a mask (s,) of settings near the plate, False for references."""
         near: NDArray[np.bool_] = self.settings.column("kind") == word_to_code("kind", "measure")
         return near
 
     def column(self, name: str) -> Array:
-        """Return a column of the settings (s,), nan where the run has none of the name."""
+        """Return a column of the settings (s,), nan if the run has no such column."""
         if name in self.settings:
             return self.settings.column(name)
         return np.full(len(self.settings), np.nan)
 
     def level_us(self) -> Array:
-        """Return the longest pulse of each setting (s,): its throttle level."""
+        """Return the maximum pulse width of each setting (s,), which is its throttle level."""
         names = speed_columns(self.settings.names, "pwm")
         if not names:
             return np.full(len(self.settings), np.nan)
@@ -123,7 +123,9 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
         tares=_tares(path),
         samples=_samples(path) if (path / "samples.csv").is_file() else None,
         settings=settings,
-        thrust_error_N=_larger(settings, "thrust_sd_N", points, points.column("thrust_se_N")),
+        thrust_error_N=_combine_errors(
+            settings, "thrust_sd_N", points, points.column("thrust_se_N")
+        ),
         quantities=settings_quantities(path, points),
         ratio=ratio,
         ratio_error=error,
@@ -137,7 +139,7 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
 
 
 def _samples(path: Path) -> Recording:
-    """Return the samples of the columns that pages show; a long run has no room for the others."""
+    """Return the samples of the columns shown on pages; others are skipped to save memory."""
     names = ("time_s", "point", "phase", "thrust_N", "thrust_raw", "plate_z_m", *_HEALTH)
     return read_samples(path, [*names, *speed_columns(sample_names(path))])
 
@@ -151,22 +153,26 @@ def _tares(path: Path) -> Recording | None:
 
 def _ratio(points: Recording, settings: Recording) -> tuple[str, Array, Array]:
     """Return T_IGE/T_OGE of each setting at equal squared speed, else at equal pulse width."""
-    known = np.isfinite(settings.column("ratio_equal_rpm2")).any()
-    basis = "equal_rpm2" if known else "equal_pwm"
+    has_rpm2 = np.isfinite(settings.column("ratio_equal_rpm2")).any()
+    basis = "equal_rpm2" if has_rpm2 else "equal_pwm"
     ratio, sd = settings.column(f"ratio_{basis}"), f"ratio_{basis}_sd"
     try:
-        return basis, ratio, _larger(settings, sd, points, ratios(points, basis).total_error)
-    except InputError:  # a sweep without references has no ratio
+        return (
+            basis,
+            ratio,
+            _combine_errors(settings, sd, points, ratios(points, basis).total_error),
+        )
+    except InputError:  # no references
         return basis, ratio, settings.column(sd)
 
 
-def _larger(settings: Recording, sd: str, points: Recording, visit_error: Array) -> Array:
-    """Return the scatter over repeats (s,), or the mean error of a visit where that is larger."""
+def _combine_errors(settings: Recording, sd: str, points: Recording, point_error: Array) -> Array:
+    """Return the larger of sd over repeats and mean standard error of a point (s,)."""
     numbers = points.column("setting")
     single = np.full(len(settings), np.nan)
-    for place, number in enumerate(settings.column("setting")):
-        known = visit_error[(numbers == number) & np.isfinite(visit_error)]
-        if known.size:
-            single[place] = known.mean()
+    for row, number in enumerate(settings.column("setting")):
+        errors = point_error[(numbers == number) & np.isfinite(point_error)]
+        if errors.size:
+            single[row] = errors.mean()
     larger: Array = np.fmax(settings.column(sd), single)
     return larger

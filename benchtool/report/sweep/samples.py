@@ -1,4 +1,4 @@
-"""The samples of a run over time, beside their averages, and in the order of measurement."""
+"""Figures of samples over time, of samples with point means, and of the measurement order."""
 
 from __future__ import annotations
 
@@ -34,30 +34,32 @@ from benchtool.report.sweep.run import SweepRun
 
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
 MINUTES_FROM_S = 600.0  # runs longer than this have their time axis in minutes
-Window = tuple[float, float, str]  # begin and end, s, of the samples of a point, and its kind
+Window = tuple[float, float, str]  # start and end (s) of the samples of a point, and its kind
 _PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}  # relative heights
 
 
 def _signals(recording: Recording) -> dict[str, Array]:
-    """Return the panels' signals (rows, n) that the recording has; thrust is always there."""
+    """Return the available signals (rows, n) by panel; thrust is always included."""
 
     def rows(stem: str, suffix: str) -> Array:
         names = [f"{stem}{number}{suffix}" for number in range(1, 1 + len(recording.names))]
-        found = [recording.to_si(name) for name in names if name in recording]
-        return np.array(found).reshape(len(found), len(recording))
+        columns = [recording.to_si(name) for name in names if name in recording]
+        return np.array(columns).reshape(len(columns), len(recording))
 
-    def one(name: str) -> Array:
+    def single(name: str) -> Array:
         blank = np.full(len(recording), np.nan)
         return np.array([recording.to_si(name) if name in recording else blank])
 
-    known = {
-        "thrust": one("thrust_N"),
+    signals = {
+        "thrust": single("thrust_N"),
         "speed": from_si(rows("rpm", ""), "rpm"),
         "pwm": rows("pwm", "_us"),
-        "plate": from_si(one("plate_z_m"), "mm"),
+        "plate": from_si(single("plate_z_m"), "mm"),
     }
     return {
-        name: each for name, each in known.items() if name == "thrust" or np.isfinite(each).any()
+        name: signal
+        for name, signal in signals.items()
+        if name == "thrust" or np.isfinite(signal).any()
     }
 
 
@@ -69,60 +71,64 @@ def samples_height(recording: Recording) -> float:
 def draw_samples(
     figure: Figure,
     recording: Recording,
-    windows: Sequence[Window] = (),  # stretches whose samples became points
-    radius_m: float | None = None,  # for a second axis in z/R
+    windows: Sequence[Window] = (),  # sampling windows of points
+    radius_m: float | None = None,  # adds an axis in z/R
 ) -> None:
-    """Draw the signals of a run one above the other, the windows of its points shaded."""
+    """Draw the signals of a run as stacked panels; windows of points are shaded."""
     time_s, signals = recording.to_si("time_s"), _signals(recording)
     last_s = float(np.nanmax(time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
-    every = rows_of(figure, [_PANELS[name] for name in signals])
-    shown = dict(zip(signals, every, strict=True))
+    panels = rows_of(figure, [_PANELS[name] for name in signals])
+    panel_by_signal = dict(zip(signals, panels, strict=True))
     labels = ("thrust [N]", "rotor speed\n[rpm]", "pwm [µs]", "plate [mm]")
     single = {"thrust": BLUE, "plate": VERMILION}
     for name, label in zip(_PANELS, labels, strict=True):
         for index, row in enumerate(signals.get(name, ())):
             color = single.get(name, rotor_color(index))
-            shown[name].plot(*envelope(time_s / per_unit_s, row), color=color, linewidth=0.8)
-        if name in shown:
-            shown[name].set_ylabel(label)
-    if "plate" in shown and radius_m:
-        in_radii(shown["plate"], radius_m)
+            panel_by_signal[name].plot(
+                *envelope(time_s / per_unit_s, row), color=color, linewidth=0.8
+            )
+        if name in panel_by_signal:
+            panel_by_signal[name].set_ylabel(label)
+    if "plate" in panel_by_signal and radius_m:
+        in_radii(panel_by_signal["plate"], radius_m)
     kinds = {kind: KIND_COLORS.get(kind, PURPLE) for *_, kind in windows}
-    for axes in every:
+    for axes in panels:
         for kind, color in kinds.items():
             axes.broken_barh(
                 [
-                    (begin / per_unit_s, (end - begin) / per_unit_s)
-                    for begin, end, own in windows
-                    if own == kind
+                    (start_s / per_unit_s, (end_s - start_s) / per_unit_s)
+                    for start_s, end_s, window_kind in windows
+                    if window_kind == kind
                 ],
                 (0.0, 1.0), transform=axes.get_xaxis_transform(), color=color, alpha=0.16,
                 linewidth=0.0, zorder=0,
             )  # fmt: skip
-    every[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
-    every[-1].set_xlabel(f"time [{unit}]")
-    figure.align_ylabels(every)
+    panels[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
+    panels[-1].set_xlabel(f"time [{unit}]")
+    figure.align_ylabels(panels)
     legend_over(
-        shown["thrust"],
+        panel_by_signal["thrust"],
         [Patch(color=color, alpha=0.3, linewidth=0.0, label=kind) for kind, color in kinds.items()],
     )
     rotors = max(len(signals.get("speed", ())), len(signals.get("pwm", ())))
-    rotor_legend(shown.get("speed", shown.get("pwm", shown["thrust"])), rotors)
+    rotor_legend(
+        panel_by_signal.get("speed", panel_by_signal.get("pwm", panel_by_signal["thrust"])), rotors
+    )
 
 
 @figure(
-    title="Every sample: {0.name}",
+    title="Samples: {0.name}",
     caption=lambda run: (
-        "Every sample as the device sent it"
-        + (", before the calibration" if run.metadata.get("calibration") else "")
-        + "; shaded: the stretches whose samples became points."
+        "Samples as received from the device"
+        + (", before calibration" if run.metadata.get("calibration") else "")
+        + "; shaded: sampling windows of the points."
     ),
     when=lambda run: run.samples is not None,
     height_in=lambda run: samples_height(run.samples),
 )
 def samples(figure: Figure, run: SweepRun) -> None:
-    """Draw every sample with the stretches that became points."""
+    """Draw all samples with the sampling windows of the points."""
     assert run.samples is not None
     number, time_s = run.samples.column("point"), run.samples.column("time_s")
     sampled = run.samples.column("phase") == word_to_code("phase", "sample")
@@ -135,7 +141,7 @@ def samples(figure: Figure, run: SweepRun) -> None:
 
 
 def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
-    """Return visit and thrust (n,) of raw samples, counts about the visit's mean; None without."""
+    """Return point number and thrust (n,) of raw samples, shifted to point means; None without."""
     if run.samples is None:
         return None
     slope = float((run.metadata.get("calibration") or {}).get("slope_N_per_count", np.nan))
@@ -149,20 +155,20 @@ def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
         return number, values
     thrust = np.full(values.shape, np.nan)
     for point, mean in zip(run.points.column("point"), run.points.column("thrust_N"), strict=True):
-        own = number == point
-        if own.any():
-            thrust[own] = mean + slope * (values[own] - values[own].mean())
+        in_point = number == point
+        if in_point.any():
+            thrust[in_point] = mean + slope * (values[in_point] - values[in_point].mean())
     return number, thrust
 
 
 @figure(
-    title="Raw samples beside their means: {0.name}",
+    title="Raw samples and point means: {0.name}",
     caption=lambda run: (
-        "Raw samples of each visit beside their mean: nothing is filtered but by "
-        "averaging over the shaded stretches above. Standard errors count the samples' "
-        "autocorrelation (initial positive sequence, Geyer 1992) and leave vibrations out."
+        "Raw samples of each point and their mean over the shaded windows above, without "
+        "filters. Standard errors include the autocorrelation of the samples (initial positive "
+        "sequence, Geyer 1992) and exclude vibrations."
         + (
-            " Raw counts are shown through the calibration's slope."
+            " Raw counts are converted with the slope of the calibration."
             if run.metadata.get("calibration")
             else ""
         )
@@ -171,44 +177,46 @@ def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
     height_in=5.0,
 )
 def visits(figure: Figure, run: SweepRun) -> None:
-    """Draw means over raw samples in the order of measurement; below, samples minus their mean."""
+    """Draw point means and raw samples in order of measurement; below: deviations."""
     raw = _raw_thrust(run)
     assert raw is not None
-    visit_of_sample, sample_N = raw
-    top, left = rows_of(figure, (1.0, 1.0))
+    sample_points, sample_N = raw
+    top, bottom = rows_of(figure, (1.0, 1.0))
     number, mean_N = run.points.column("point"), run.points.column("thrust_N")
-    place, away = np.full((2, len(sample_N)), np.nan)
-    for visit, mean in zip(number, mean_N, strict=True):
-        rows = np.flatnonzero(visit_of_sample == visit)
-        place[rows] = visit + WIDTH * (np.linspace(0.0, 1.0, len(rows)) - 0.5)
-        away[rows] = sample_N[rows] - mean
-    for axes, values in ((top, sample_N), (left, from_si(away, "mN"))):
+    position, deviation_N = np.full((2, len(sample_N)), np.nan)
+    for point, mean in zip(number, mean_N, strict=True):
+        rows = np.flatnonzero(sample_points == point)
+        position[rows] = point + WIDTH * (np.linspace(0.0, 1.0, len(rows)) - 0.5)
+        deviation_N[rows] = sample_N[rows] - mean
+    for axes, values in ((top, sample_N), (bottom, from_si(deviation_N, "mN"))):
         axes.plot(
-            place, values, ".", color=GREY, ms=1.6, alpha=0.45, rasterized=True, zorder=1.5,
+            position, values, ".", color=GREY, ms=1.6, alpha=0.45, rasterized=True, zorder=1.5,
             label="raw samples",
         )  # fmt: skip
-    for kind, own in _rows_of_kinds(run).items():
+    for kind, kind_rows in _rows_of_kinds(run).items():
         color = KIND_COLORS.get(kind, BLACK)
-        top.plot(number[own], mean_N[own], "_", color=color, ms=9.0, mew=2.2, label=kind)
+        top.plot(
+            number[kind_rows], mean_N[kind_rows], "_", color=color, ms=9.0, mew=2.2, label=kind
+        )
     for name, label, color, width, cap in (
         ("sd", "± standard deviation", BLACK, 0.9, 2.5),
         ("se", "± standard error of the mean", BLUE, 4.0, 0.0),
     ):
         half = from_si(run.points.column(f"thrust_{name}_N"), "mN")
-        left.errorbar(
+        bottom.errorbar(
             number, np.zeros(len(number)), yerr=half, fmt="none", color=color, elinewidth=width,
             capsize=cap, label=label,
         )  # fmt: skip
     top.set_ylabel("thrust [N]")
-    left.set_ylabel("sample − mean\nof its visit [mN]")
-    left.set_xlabel("visit, in the order of measurement")
-    figure.align_ylabels([top, left])
+    bottom.set_ylabel("sample − mean\nof its point [mN]")
+    bottom.set_xlabel("point, in order of measurement")
+    figure.align_ylabels([top, bottom])
     dot = Line2D([], [], color=GREY, marker=".", ls="none", ms=6.0)
-    legend_below(figure, [top, left], 3, raw_samples=dot)
+    legend_below(figure, [top, bottom], 3, raw_samples=dot)
 
 
-WIDTH = 0.7  # width that the samples of a visit take, in visits
-MOST_TICKS = 6  # plate distances that are written beside their axis; more would touch each other
+WIDTH = 0.7  # width of the samples of a point, in points
+MAX_TICKS = 6  # labelled plate distances, limited so that labels do not overlap
 MARKERS = {"measure": "o", "reference": "s", "anchor": "D"}
 
 
@@ -219,49 +227,49 @@ def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
 
 @figure(
     title="Order, anchors and tares: {0.name}",
-    caption="Above: plate distances in the order of measurement. Below: change of thrust at the "
-    "anchors, brought to the first anchor's rotor speed, and what the load cell showed after each "
+    caption="Above: plate distances in order of measurement. Below: change of thrust at the "
+    "anchors, scaled to the rotor speed of the first anchor, and load cell reading after each "
     "tare.",
     when=lambda run: run.uses_plate,
     height_in=4.8,
 )
 def order(figure: Figure, run: SweepRun) -> None:
-    """Draw plate distances in the order of measurement; below, anchors and tares."""
-    places, drift = rows_of(figure, (1.3, 1.0))
+    """Draw plate distances in order of measurement; below: anchors and tares."""
+    distances, drift = rows_of(figure, (1.3, 1.0))
     minutes, z = run.points.column("time_s") / 60.0, run.z_over_R(run.points)
     for kind, rows in _rows_of_kinds(run).items():
-        places.plot(
+        distances.plot(
             minutes[rows], z[rows], MARKERS.get(kind, "o"), ms=4.8,
             color=KIND_COLORS.get(kind, GREY), label=kind,
         )  # fmt: skip
-    places.plot(minutes, z, color=PALE, lw=0.9, zorder=1.0)
-    places.set_yscale("log")
-    known = np.unique(z[np.isfinite(z)].round(2))
-    ticks = known[np.unique(np.linspace(0, len(known) - 1, MOST_TICKS).astype(int))]
-    places.set_yticks(ticks, [f"{value:g}" for value in ticks])
-    places.minorticks_off()
-    places.set_ylabel("plate $z/R$ [–]")
+    distances.plot(minutes, z, color=PALE, lw=0.9, zorder=1.0)
+    distances.set_yscale("log")
+    levels = np.unique(z[np.isfinite(z)].round(2))
+    ticks = levels[np.unique(np.linspace(0, len(levels) - 1, MAX_TICKS).astype(int))]
+    distances.set_yticks(ticks, [f"{value:g}" for value in ticks])
+    distances.minorticks_off()
+    distances.set_ylabel("plate $z/R$ [–]")
     spread(drift, from_si(_residual_N(run.plan_text), "mN"), "tare-limit", alpha=0.5)
     anchors = anchor_changes(run)
     if run.tares is None:
         tares: Sequence[Array] = [np.empty(0)] * 3
     else:
         tares = [run.tares.column(name) for name in ("time_s", "thrust_N", "thrust_se_N")]
-    for (at, value, error), color, marker, look in (
+    for (times, value, error), color, marker, style in (
         (anchors, KIND_COLORS["anchor"], "D-", {"ms": 4.8, "label": "anchor since the first"}),
-        (tares, VERMILION, "v", {"ms": 5.5, "label": "left after a tare"}),
+        (tares, VERMILION, "v", {"ms": 5.5, "label": "offset after a tare"}),
     ):
         lw: dict[str, Any] = {"lw": 0.9} if marker == "D-" else {}
         mN, error_mN = from_si(value, "mN"), from_si(error, "mN")
-        points(drift, at / 60.0, mN, error_mN, color, marker, **look, **lw)
+        points(drift, times / 60.0, mN, error_mN, color, marker, **style, **lw)
     drift.set_ylabel("change of the\nload cell [mN]")
-    drift.set_xlabel("time [min]    (grey band: what the plan lets a tare leave)")
-    figure.align_ylabels([places, drift])
-    legend_below(figure, [places, drift], 5)
+    drift.set_xlabel("time [min]    (grey band: allowed offset after a tare)")
+    figure.align_ylabels([distances, drift])
+    legend_below(figure, [distances, drift], 5)
 
 
 def _residual_N(plan_text: str) -> float:
-    """Return the largest rest that a plan lets a tare leave: N; nan where it states none."""
+    """Return the allowed offset after a tare of a plan: N; nan if missing."""
     try:
         return float(parse_toml(plan_text, "plan.toml")["tare"]["residual_N"])
     except (FileFormatError, KeyError, TypeError, ValueError):
@@ -269,7 +277,7 @@ def _residual_N(plan_text: str) -> float:
 
 
 def anchor_changes(run: SweepRun) -> tuple[Array, Array, Array]:
-    """Return time, change since the first and standard error of anchors (a,) at equal speeds."""
+    """Return time, thrust change since the first and its error of anchors (a,) at equal speeds."""
     part = run.points.select(np.flatnonzero(np.array(run.kinds) == "anchor"))
     if not len(part):
         return np.empty(0), np.empty(0), np.empty(0)
