@@ -1,5 +1,1 @@
-"""The page in the browser; the only async code.
-
-The server sends commands and shows events. What turns motors runs in a process of its own
-(`bench_process`).
-"""
+"""Browser interface, the only async code. The separate `bench_process` drives the motors."""

@@ -1,4 +1,4 @@
-"""Which requests the server answers: host names, origins and the token. Pure."""
+"""Access rules of the server: host names, origins and the token. No input or output."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})  # names of the loopback
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RequestFacts:
-    """Hold what a browser states about a request; empty strings where it states nothing."""
+class RequestInfo:
+    """Security headers of a request; "" if absent."""
 
     host: str
     origin: str = ""
@@ -25,47 +25,44 @@ class RequestFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """Judge requests.
+    """Access rules of a server.
 
     Attributes:
-        names: host names that are ours; another name may be a page elsewhere whose name was pointed
-            at our address (DNS rebinding).
-        any_address: take every numeric address for ours, for a server on all interfaces. An
-            address cannot be pointed elsewhere.
-        token: that a browser must have shown; None where only this machine can reach the server.
+        names: host names of the server; another name may be an attacker's (DNS rebinding).
+        any_address: accept every numeric address as host, for a server on all interfaces;
+            numeric addresses cannot be rebound.
+        token: required token; None if only this machine can reach the server.
     """
 
     names: frozenset[str] = LOOPBACK
     any_address: bool = False
     token: str | None = None
 
-    def refusal(self, request: RequestFacts) -> str | None:
-        """Return why a request is refused, in one sentence, or None when it is not."""
+    def find_rejection(self, request: RequestInfo) -> str | None:
+        """Return the message if a request is rejected, else None."""
         host = host_name(request.host)
         if host not in self.names and not (self.any_address and _is_address(host)):
             return (
-                f"the request names the host {request.host!r}, which is none of its names; open "
-                f"the address that benchtool web has printed"
+                f"host {request.host!r} is not a name of this server; open the address printed by "
+                f"benchtool web"
             )
         if request.origin:
             if request.origin not in (f"http://{request.host}", f"https://{request.host}"):
-                return f"a page of {request.origin!r} may not use this one; open this one by itself"
+                return f"requests from {request.origin!r} are not allowed; open this page directly"
         elif request.is_socket or (not request.reads_only and request.site != "same-origin"):
-            return (
-                "a request that does not state from which page it comes is refused; use a browser"
-            )
+            return "the request has no Origin header; use a browser"
         if request.site in ("cross-site", "same-site") and request.mode != "navigate":
-            return "another site's page may not use this one; open this one by itself"
+            return "requests from other sites are not allowed; open this page directly"
         if self.token is not None and not self.is_token(request.token):
             return (
-                "the token is missing or wrong; open the whole address that benchtool web has "
-                "printed, with its token"
+                "the token is missing or wrong; open the complete address printed by benchtool "
+                "web, including its token"
             )
         return None
 
-    def is_token(self, given: str) -> bool:
-        """Return whether this is the token; the time taken does not depend on it."""
-        return self.token is not None and compare_digest(given.encode(), self.token.encode())
+    def is_token(self, text: str) -> bool:
+        """Return whether a text is the token, compared in constant time."""
+        return self.token is not None and compare_digest(text.encode(), self.token.encode())
 
 
 def _is_address(host: str) -> bool:
@@ -76,7 +73,7 @@ def _is_address(host: str) -> bool:
 
 
 def host_name(host: str) -> str:
-    """Return the name in a Host header, lower case, without port or brackets; or ""."""
+    """Return the name in a Host header in lower case, without port and brackets; "" if invalid."""
     if not host or set(host) & set("/?#@\\ \t"):
         return ""
     try:
@@ -86,5 +83,5 @@ def host_name(host: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a server bound to this host can only be reached from the same machine."""
+    """Return whether only the same machine can reach a server bound to this host."""
     return host == "localhost" or (_is_address(host) and ip_address(host).is_loopback)

@@ -1,4 +1,4 @@
-"""Check every request and websocket before the application; set the cookie of the token."""
+"""Middleware that checks every request and websocket and sets the token's cookie."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
 from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
-from benchtool.web.access import Access, RequestFacts, host_name
+from benchtool.web.access import Access, RequestInfo, host_name
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-HEADERS = (  # no other site can frame this page, nor learn its address
+HEADERS = (  # prevent framing by other sites and disclosure of the address
     (b"x-frame-options", b"DENY"),
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
@@ -29,23 +29,21 @@ POLICY = (
     "connect-src 'self' ws://{host} wss://{host}{stop}; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
-"""Nothing is loaded from, or sent to, anywhere else. NiceGUI runs inline scripts and evaluates
-text, so these two are allowed."""
+"""Own content only; NiceGUI needs inline scripts and eval."""
 
-MAX_BODY_BYTES = MAX_UPLOAD_BYTES + 100_000  # a table and the form around it
-WRONG_TOKEN_DELAY_S = 1.0  # Wrong tokens are answered one after another, so much apart; a choice
-
-MAX_WAITING = 50  # wrong tokens that wait for their answer
-REFUSED = 403
+MAX_BODY_BYTES = MAX_UPLOAD_BYTES + 100_000  # a table and its multipart form
+WRONG_TOKEN_DELAY_S = 1.0  # between responses to wrong tokens; assumed
+MAX_WAITING = 50  # delayed responses to wrong tokens
+FORBIDDEN = 403
 TOO_LARGE = 413
 TOO_MANY = 429
-CLOSED = 1008  # Close code of a websocket that breaks the rules (RFC 6455, section 7.4.1)
+POLICY_VIOLATION = 1008  # close code of a websocket (RFC 6455, section 7.4.1)
 
 
 class AccessMiddleware:
-    """Guard an application.
+    """ASGI middleware with the access rules.
 
-    The cookie's name has the port in it: browsers share cookies between the ports of a host.
+    The cookie's name must contain the port: browsers share cookies between the ports of a host.
     """
 
     def __init__(
@@ -58,73 +56,74 @@ class AccessMiddleware:
     ) -> None:
         self._app, self._access, self._cookie, self._sleep = app, access, cookie, sleep
         self._stop_port = stop_port
-        self._turn = asyncio.Lock()
+        self._delay_lock = asyncio.Lock()
         self._waiting = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        given = HTTPConnection(scope)
+        connection = HTTPConnection(scope)
         query = parse_qs(scope["query_string"].decode("latin-1"))
-        shown = query.pop("token", [""])[0] if scope["type"] == "http" else ""
-        right = bool(shown) and self._access.is_token(shown)
-        request = RequestFacts(
-            host=given.headers.get("host", ""),
-            origin=given.headers.get("origin", ""),
-            site=given.headers.get("sec-fetch-site", ""),
-            mode=given.headers.get("sec-fetch-mode", ""),
-            token=shown if right else given.cookies.get(self._cookie, ""),
+        url_token = query.pop("token", [""])[0] if scope["type"] == "http" else ""
+        is_valid = bool(url_token) and self._access.is_token(url_token)
+        request = RequestInfo(
+            host=connection.headers.get("host", ""),
+            origin=connection.headers.get("origin", ""),
+            site=connection.headers.get("sec-fetch-site", ""),
+            mode=connection.headers.get("sec-fetch-mode", ""),
+            token=url_token if is_valid else connection.cookies.get(self._cookie, ""),
             reads_only=scope.get("method") in ("GET", "HEAD"),
             is_socket=scope["type"] == "websocket",
         )
-        refusal = self._access.refusal(request)
+        rejection = self._access.find_rejection(request)
         if scope["type"] == "websocket":
-            if refusal is None:
+            if rejection is None:
                 await self._app(scope, receive, send)
             else:
                 if request.token:
-                    await self._slow_down()
+                    await self._delay()
                 await receive()
-                await send({"type": "websocket.close", "code": CLOSED})
+                await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
-        answer: Response | None = None
-        if refusal is not None:
-            guessed = self._access.token is not None and bool(shown or request.token)
-            status = REFUSED
-            if guessed and not await self._slow_down():
-                status, refusal = TOO_MANY, "too many wrong tokens; try again later"
-            answer = PlainTextResponse(f"benchtool: {refusal}\n", status)
-        elif shown and self._access.token is not None:
-            # The token leaves the address bar, and with it the history and what people copy.
-            rest = urlencode(query, doseq=True)
-            target = escape("/" + scope["path"].lstrip("/") + (f"?{rest}" if rest else ""))
-            # From a page of our own: a browser that came from another site
-            # does not send a strict cookie where it is merely redirected.
-            answer = HTMLResponse(
+        response: Response | None = None
+        if rejection is not None:
+            has_wrong_token = self._access.token is not None and bool(url_token or request.token)
+            status = FORBIDDEN
+            if has_wrong_token and not await self._delay():
+                status, rejection = TOO_MANY, "too many wrong tokens; try again later"
+            response = PlainTextResponse(f"benchtool: {rejection}\n", status)
+        elif url_token and self._access.token is not None:
+            # Remove the token from the address bar and the history.
+            query_text = urlencode(query, doseq=True)
+            path = "/" + scope["path"].lstrip("/")
+            target = escape(path + (f"?{query_text}" if query_text else ""))
+            # Refresh by a page of this server: after a link from another site, browsers
+            # do not send a strict cookie with a redirect.
+            response = HTMLResponse(
                 f'<!doctype html><meta http-equiv="refresh" content="0; url={target}">',
                 headers={"cache-control": "no-store"},
             )
-            answer.set_cookie(self._cookie, shown, httponly=True, samesite="strict")
+            response.set_cookie(self._cookie, url_token, httponly=True, samesite="strict")
         policy = "default-src 'none'"
-        if refusal is None:
+        if rejection is None:
             name = host_name(request.host)
             name = f"[{name}]" if ":" in name else name
             stop = "" if self._stop_port is None else f" http://{name}:{self._stop_port}"
             policy = POLICY.format(host=request.host, stop=stop)
         body = SizeLimitedBody(receive, _with_headers(send, policy))
         try:
-            await (answer or self._app)(scope, body.receive, body.send)
+            await (response or self._app)(scope, body.receive, body.send)
         except BodyTooLarge:
             pass
 
-    async def _slow_down(self) -> bool:
-        """Wait until a wrong token is answered; return whether there was room to wait."""
+    async def _delay(self) -> bool:
+        """Delay the response to a wrong token; return False if too many are waiting."""
         if self._waiting >= MAX_WAITING:
             return False
         self._waiting += 1
         try:
-            async with self._turn:
+            async with self._delay_lock:
                 await self._sleep(WRONG_TOKEN_DELAY_S)
         finally:
             self._waiting -= 1
@@ -132,28 +131,28 @@ class AccessMiddleware:
 
 
 class BodyTooLarge(Exception):
-    """Break off an application that reads a body beyond its bound."""
+    """The application has read a body beyond the size limit."""
 
 
 class SizeLimitedBody:
-    """Count a request's body while it arrives; beyond the bound the answer is ours."""
+    """Request body with a size limit; above it, the middleware sends the response."""
 
     def __init__(self, receive: Receive, send: Send) -> None:
         self._receive, self._send = receive, send
-        self._bytes = 0
-        self._begun = False
+        self._n_bytes = 0
+        self._has_started = False
 
     async def receive(self) -> Message:
         """Return the next part.
 
         Raises:
-            BodyTooLarge: it was answered that the body is too large.
+            BodyTooLarge: the error response was sent.
         """
         message = await self._receive()
-        self._bytes += len(message.get("body", b""))
-        if self._bytes > MAX_BODY_BYTES:
-            if not self._begun:
-                text = f"benchtool: more than {MAX_BODY_BYTES / 1e6:.1f} MB were sent; send less\n"
+        self._n_bytes += len(message.get("body", b""))
+        if self._n_bytes > MAX_BODY_BYTES:
+            if not self._has_started:
+                text = f"benchtool: request is too large; allowed: {MAX_BODY_BYTES / 1e6:.1f} MB\n"
                 headers = [(b"content-type", b"text/plain"), (b"connection", b"close")]
                 await self.send(
                     {"type": "http.response.start", "status": TOO_LARGE, "headers": headers}
@@ -163,18 +162,18 @@ class SizeLimitedBody:
         return message
 
     async def send(self, message: Message) -> None:
-        """Send on, unless the body was too large."""
-        if self._bytes <= MAX_BODY_BYTES or not self._begun:
-            self._begun = True
+        """Forward a message unless the body is too large."""
+        if self._n_bytes <= MAX_BODY_BYTES or not self._has_started:
+            self._has_started = True
             await self._send(message)
 
 
 def _with_headers(send: Send, policy: str) -> Send:
-    added = (*HEADERS, (b"content-security-policy", policy.encode("latin-1")))
+    extra = (*HEADERS, (b"content-security-policy", policy.encode("latin-1")))
 
-    async def sent(message: Message) -> None:
+    async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", ()), *added]}
+            message = {**message, "headers": [*message.get("headers", ()), *extra]}
         await send(message)
 
-    return sent
+    return send_with_headers

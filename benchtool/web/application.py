@@ -1,4 +1,4 @@
-"""The page's application. Heavy to import, by the web framework; `serve` does that last."""
+"""Web application. `serve` imports this module last, as the web framework is slow to import."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from benchtool.web.access import Access
 from benchtool.web.access_middleware import AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Notice
-from benchtool.web.bench_process.publisher import merged
+from benchtool.web.bench_process.publisher import merge_frames
 from benchtool.web.bench_process.spawn import ProcessHandle
 from benchtool.web.context import ServerState
-from benchtool.web.control_socket import serve_control_line
+from benchtool.web.control_socket import serve_control_sockets
 from benchtool.web.page import serve_page
 from benchtool.web.theme import serve_static
 from benchtool.web.widgets import notify_all_pages, notify_error
 
-RECONNECT_S = 15.0  # a page silent for longer is dropped; assumed
-MAX_MESSAGE_BYTES = 1_000_000  # of a websocket; files come as requests
+RECONNECT_TIMEOUT_S = 15.0  # a page disconnected for longer is dropped; assumed
+MAX_MESSAGE_BYTES = 1_000_000  # of a websocket; files are uploaded by requests
 
 
 def run_application(
@@ -46,22 +46,22 @@ def run_application(
     app.on_shutdown(server.close)
     app.on_exception(notify_error)
     serve_static()
-    serve_control_line(server)
+    serve_control_sockets(server)
     serve_stream(server.bench)
     serve_page(server)
-    # NiceGUI answers differently under pytest; here the server decides.
+    # NiceGUI behaves differently if this is set.
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     guarded = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     guarded.add_middleware(
         AccessMiddleware, access=access, cookie=f"benchtool-{port}",
         stop_port=process.stop_endpoint.port if process.stop_endpoint else None,
     )  # fmt: skip
-    # Quasar's bar at every request has no name for a screen reader and stands in no landmark.
+    # Quasar's loading bar has no accessible name and is in no landmark.
     app.config.quasar_config["loadingBar"]["skipHijack"] = True
     ui.run_with(
         guarded, title="benchtool", show_welcome_message=False,
-        reconnect_timeout=RECONNECT_S, language="en-US", tailwind=False,
-        # Without a network between, packing costs more than it saves.
+        reconnect_timeout=RECONNECT_TIMEOUT_S, language="en-US", tailwind=False,
+        # On the loopback interface, compression costs more time than it saves.
         gzip_middleware_factory=None if access.token is None else GZipMiddleware,
     )  # fmt: skip
     config = uvicorn.Config(
@@ -71,14 +71,14 @@ def run_application(
 
 
 class FrameBuffer:
-    """Hold what one page has not been sent yet: frames that wait become one, none is lost."""
+    """Buffer of frames for one page; pending frames are merged, no extreme is lost."""
 
     def __init__(self) -> None:
-        self._waiting: bytes | None = None
+        self._pending: bytes | None = None
         self._ready = asyncio.Event()
 
     def put(self, frame: bytes) -> None:
-        self._waiting = frame if self._waiting is None else merged(self._waiting, frame)
+        self._pending = frame if self._pending is None else merge_frames(self._pending, frame)
         self._ready.set()
 
     async def send_all(self, socket: WebSocket) -> None:
@@ -86,32 +86,32 @@ class FrameBuffer:
             while True:
                 await self._ready.wait()
                 self._ready.clear()
-                frame, self._waiting = self._waiting, None
+                frame, self._pending = self._pending, None
                 assert frame is not None
                 await socket.send_bytes(frame)
 
 
 def serve_stream(bench: BenchClient) -> None:
-    """Give every page under /stream every frame of the live stream."""
-    viewers: set[FrameBuffer] = set()
+    """Serve the frames of the live stream under /stream."""
+    buffers: set[FrameBuffer] = set()
 
     def publish(frame: bytes) -> None:
-        for viewer in viewers:
-            viewer.put(frame)
+        for buffer in buffers:
+            buffer.put(frame)
 
     bench.on_frame = publish
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
         await socket.accept()
-        viewer = FrameBuffer()
-        viewers.add(viewer)
-        sending = asyncio.ensure_future(viewer.send_all(socket))
+        buffer = FrameBuffer()
+        buffers.add(buffer)
+        sending = asyncio.ensure_future(buffer.send_all(socket))
         try:
-            while True:  # a page sends nothing: what comes is its end
+            while True:  # a page sends nothing; this raises on disconnection
                 await socket.receive_bytes()
         except (WebSocketDisconnect, RuntimeError, KeyError):
             pass
         finally:
             sending.cancel()
-            viewers.discard(viewer)
+            buffers.discard(buffer)

@@ -1,4 +1,4 @@
-"""The websockets that carry Stop and the reports of the throttle button, and nothing else."""
+"""Websockets for STOP, heartbeats and reports of the throttle button."""
 
 from __future__ import annotations
 
@@ -14,86 +14,83 @@ from benchtool.web.bench_process.throttle import RELEASE_TIMEOUT_S
 from benchtool.web.context import PageContext, ServerState
 
 MAX_NAME_LENGTH = 64
-
 _HOLD = re.compile(r"hold (\d{1,15}) (\d{1,5}) (\d{1,2}(?:,\d{1,2}){0,15}) (\d{1,6})")
 _RELEASE = re.compile(r"release (\d{1,15})")
-_BEAT = re.compile(r"beat (\d{1,9})")
+_HEARTBEAT = re.compile(r"beat (\d{1,9})")
+PAGES: dict[str, PageContext] = {}  # by client id
 
 
-PAGES: dict[str, PageContext] = {}  # Pages by the name of their connection
+def add_control_script(context: PageContext) -> None:
+    """Add the script for STOP, space bar, Escape and the throttle button to the current page.
 
-
-def add_control_line(context: PageContext) -> None:
-    """Give the present page its end: Stop buttons, space bar and Escape, the button that is held.
-
-    Called before anything else of the page is made: the script's listeners must be the first.
+    Must be called before other elements are created: its listeners must be the first.
     """
     client = ui.context.client
     PAGES[client.id] = context
     client.on_delete(lambda: PAGES.pop(client.id, None))
-    facts = f'data-page="{client.id}" data-silence-ms="{1e3 * RELEASE_TIMEOUT_S:.0f}"'
+    data = f'data-page="{client.id}" data-silence-ms="{1e3 * RELEASE_TIMEOUT_S:.0f}"'
     if (stop := context.server.stop_endpoint) is not None:
-        facts += f' data-stop-port="{stop.port}" data-stop-token="{stop.token}"'
-    ui.add_head_html(f'<script src="/static/stop.js" {facts}></script>')
+        data += f' data-stop-port="{stop.port}" data-stop-token="{stop.token}"'
+    ui.add_head_html(f'<script src="/static/stop.js" {data}></script>')
 
 
-def forward(server: ServerState, tab: str, word: str) -> None:
+def forward(server: ServerState, tab: str, message: str) -> None:
     """Forward a report of the throttle button to the bench process.
 
-    Known are `hold PRESS PULSE ROTORS AGE_MS` and `release PRESS`. Anything else is ignored, and a
-    button without reports counts as released.
+    Messages are `hold PRESS PULSE ROTORS AGE_MS` and `release PRESS`; others are ignored. A button
+    without reports counts as released.
     """
-    if (match := _RELEASE.fullmatch(word)) is not None:
+    if (match := _RELEASE.fullmatch(message)) is not None:
         server.bench.send(ReleaseThrottle(tab, int(match[1])))
-    elif (match := _HOLD.fullmatch(word)) is not None:
+    elif (match := _HOLD.fullmatch(message)) is not None:
         rotors = tuple(int(number) for number in match[3].split(","))
         server.bench.send(
             HoldThrottle(tab, int(match[1]), float(match[2]), rotors, 1e-3 * float(match[4]))
         )
 
 
-async def _send(socket: WebSocket, word: str) -> None:
-    """Send a word; that the page has gone meanwhile is noticed by its handler."""
+async def _send(socket: WebSocket, message: str) -> None:
+    """Send a message; a disconnection is detected by the socket's handler."""
     with suppress(WebSocketDisconnect, RuntimeError):
-        await socket.send_text(word)
+        await socket.send_text(message)
 
 
-def serve_control_line(server: ServerState) -> None:
-    """Take control lines under /control."""
-    lines: set[tuple[str, WebSocket]] = set()
+def serve_control_sockets(server: ServerState) -> None:
+    """Serve /control, /hold and /stop."""
+    connections: set[tuple[str, WebSocket]] = set()
 
-    def press_ended(ended: PressEnded) -> None:
-        for tab, socket in lines:
-            if tab == ended.tab:
-                background_tasks.create(_send(socket, f"let go {ended.reason}"))
+    def report_end(event: PressEnded) -> None:
+        for tab, socket in connections:
+            if tab == event.tab:
+                background_tasks.create(_send(socket, f"let go {event.reason}"))
 
-    server.bench.on_press_ended = press_ended
+    server.bench.on_press_ended = report_end
 
     @app.websocket("/control")
     async def control(socket: WebSocket, page: str, tab: str) -> None:
         await socket.accept()
         tab = tab[:MAX_NAME_LENGTH]
-        server.control.arrive(tab)
-        lines.add((tab, socket))
+        server.control.connect(tab)
+        connections.add((tab, socket))
         if (context := PAGES.get(page)) is not None:
-            context.arrive(tab)
+            context.connect(tab)
         try:
             while True:
-                word = await socket.receive_text()
-                if word == "stop":
+                message = await socket.receive_text()
+                if message == "stop":
                     server.bench.stop("the page")
                     await socket.send_text("stopped")
-                elif word == "ping":
+                elif message == "ping":
                     await socket.send_text("pong")
-                elif word in ("dark 0", "dark 1") and context is not None:
-                    context.dark = word == "dark 1"
-                elif server.control.held_by(tab):
-                    forward(server, tab, word)
+                elif message in ("dark 0", "dark 1") and context is not None:
+                    context.dark = message == "dark 1"
+                elif server.control.is_held_by(tab):
+                    forward(server, tab, message)
         except WebSocketDisconnect:
             pass
         finally:
-            lines.discard((tab, socket))
-            server.control.leave(tab, monotonic())
+            connections.discard((tab, socket))
+            server.control.disconnect(tab, monotonic())
 
     @app.websocket("/hold")
     async def hold(socket: WebSocket, tab: str) -> None:
@@ -101,12 +98,12 @@ def serve_control_line(server: ServerState) -> None:
         tab = tab[:MAX_NAME_LENGTH]
         with suppress(WebSocketDisconnect):
             while True:
-                word = await socket.receive_text()
-                if (match := _BEAT.fullmatch(word)) is not None:
-                    server.watch.beat(tab, 1e-3 * float(match[1]), monotonic())
-                elif server.control.held_by(tab):
-                    forward(server, tab, word)
-        server.watch.leave(tab)
+                message = await socket.receive_text()
+                if (match := _HEARTBEAT.fullmatch(message)) is not None:
+                    server.watch.record_heartbeat(tab, 1e-3 * float(match[1]), monotonic())
+                elif server.control.is_held_by(tab):
+                    forward(server, tab, message)
+        server.watch.disconnect(tab)
         server.bench.send(ReleaseThrottle(tab))
 
     @app.post("/stop")

@@ -1,7 +1,6 @@
-"""Blocks of a report as HTML for the page: the same words and tables, figures as SVG.
+"""Report blocks as HTML with SVG figures; call only in worker processes, as drawing is slow.
 
-This draws: it belongs into a process of its own, never into the server's loop. A figure is shown
-as an image, so that no script in a file that somebody put into the runs folder can run.
+Figures are embedded as images, so scripts in files of the runs folder cannot run.
 """
 
 from __future__ import annotations
@@ -32,11 +31,9 @@ TOOLS = "".join(
 
 @dataclass(frozen=True, slots=True)
 class FigureImage:
-    """Hold a figure as SVG with its caption.
+    """Figure as SVG with its caption.
 
-    Attributes:
-        axes: `figure_axes` it, so that the page reads values under the pointer; empty where
-            unknown.
+    `axes` from `figure_axes` let the page read values under the pointer; "" if unknown.
     """
 
     svg: bytes
@@ -45,27 +42,26 @@ class FigureImage:
 
 
 def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
-    """Return blocks as HTML, their figures drawn; figures and tables may stand side by side."""
-    beside = FigureBlock | FigureImage | Table
+    """Return blocks as HTML with drawn figures; figures and tables may be placed side by side."""
     return "".join(
         f'<div class="block-beside">{as_html(block)}</div>'
-        if isinstance(block, beside)
+        if isinstance(block, FigureBlock | FigureImage | Table)
         else as_html(block)
         for block in blocks
     )
 
 
 def as_html(block: Block | FigureImage) -> str:
-    """Return a block as HTML, everything in it escaped."""
+    """Return a block as HTML with escaped text."""
     if isinstance(block, FigureBlock):
         block = FigureImage(
             figure_bytes(block.figure, "svg"), block.caption, figure_axes(block.figure)
         )
     if isinstance(block, FigureImage):
-        address = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
+        source = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         caption = escape(block.caption)
         return (
-            f'<figure class="shown"><img src="{address}" alt="{caption}" '
+            f'<figure class="shown"><img src="{source}" alt="{caption}" '
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
@@ -88,23 +84,23 @@ def as_html(block: Block | FigureImage) -> str:
         return _table(block)
     if isinstance(block, Listing):
         return f"<p>{escape(block.caption)}</p><pre><code>{escape(block.text)}</code></pre>"
-    raise TypeError(f"nothing shows a block of kind {type(block).__name__}")
+    raise TypeError(f"block type {type(block).__name__} is not supported")
 
 
 def _table(table: Table) -> str:
     def head_cell(text: str, column: int) -> str:
-        number = ' class="number"' if column >= table.text_columns else ""
-        return f'<th scope="col"{number}><button type="button">{escape(text)}</button></th>'
+        css_class = ' class="number"' if column >= table.text_columns else ""
+        return f'<th scope="col"{css_class}><button type="button">{escape(text)}</button></th>'
 
     def cell(tag: str, text: str, column: int, scope: str = "") -> str:
-        number = ' class="number"' if column >= table.text_columns else ""
-        return f"<{tag}{scope}{number}>{escape(text)}</{tag}>"
+        css_class = ' class="number"' if column >= table.text_columns else ""
+        return f"<{tag}{scope}{css_class}>{escape(text)}</{tag}>"
 
-    head = "".join(head_cell(text, at) for at, text in enumerate(table.header))
+    head = "".join(head_cell(text, column) for column, text in enumerate(table.header))
     body = "".join(
         "<tr>"
         + cell("th", row[0], 0, ' scope="row"')
-        + "".join(cell("td", text, at) for at, text in enumerate(row[1:], 1))
+        + "".join(cell("td", text, column) for column, text in enumerate(row[1:], 1))
         + "</tr>"
         for row in table.rows
     )

@@ -1,4 +1,4 @@
-"""Form fields made of declared inputs: text, choices or a box to tick, by the type of each."""
+"""Form fields built from declared inputs: text field, select or checkbox by type."""
 
 from __future__ import annotations
 
@@ -15,91 +15,86 @@ T = TypeVar("T", bound=Inputs)
 
 
 class InputForm(Generic[T]):
-    """Hold the fields of a dataclass of inputs and read what was typed.
+    """Form of an inputs dataclass; its values survive a page reload."""
 
-    A page that is loaded anew finds them as they were.
-    """
-
-    def __init__(self, cls: type[T], changed: Callable[[], object]) -> None:
-        self._cls, self._changed = cls, changed
+    def __init__(self, cls: type[T], on_change: Callable[[], object]) -> None:
+        self._cls, self._on_change = cls, on_change
         self._items = {item.name: item for item in items(cls)}
         self._fields: dict[str, Any] = {}
 
     def add(self, *names: str, options: Mapping[str, str] | None = None) -> None:
-        """Make fields in the present slot; options are choices with longer labels."""
+        """Create fields in the current slot; `options` are choices with labels."""
         for name in names:
-            item = self._items[name]
-            made = self._field(item, options)
-            self._fields[name] = made.props("dense stack-label")
+            element = self._make_field(self._items[name], options)
+            self._fields[name] = element.props("dense stack-label")
             if (context := PAGES.get(ui.context.client.id)) is not None:
-                context.remember(f"{self._cls.__name__}.{name}", made)
+                context.persist(f"{self._cls.__name__}.{name}", element)
 
-    def _field(self, item: InputField, options: Mapping[str, str] | None) -> Any:
+    def _make_field(self, item: InputField, options: Mapping[str, str] | None) -> Any:
         if item.kind is bool:
-            return ui.checkbox(item.label, value=bool(item.default), on_change=self._changed)
-        empty = f"empty: {item.metadata.default_text or format_value(item.default) or '–'}"
+            return ui.checkbox(item.label, value=bool(item.default), on_change=self._on_change)
+        hint = f"empty: {item.metadata.default_text or format_value(item.default) or '–'}"
         if options is not None:
-            made: Any = ui.select(
+            element: Any = ui.select(
                 dict(options),
                 multiple=item.is_sequence,
                 value=None if item.is_sequence else item.default,
                 label=item.label,
-                on_change=self._changed,
+                on_change=self._on_change,
             )
             if item.is_sequence or item.default is None:
-                made.props("use-chips" if item.is_sequence else "clearable").props(
-                    "hide-bottom-space"
-                )
-                made.props["hint"] = empty
-            return made
+                element.props("use-chips" if item.is_sequence else "clearable")
+                element.props("hide-bottom-space")
+                element.props["hint"] = hint
+            return element
         if item.choices:
-            usual = {"": format_value(item.default)}
-            rest = {each: each for each in item.choices if each != item.default}
-            return ui.select(usual | rest, value="", label=item.label, on_change=self._changed)
-        made = ui.input(item.label, placeholder=empty, on_change=self._changed)
-        return made.props("debounce=300")
+            labels = {"": format_value(item.default)}
+            labels |= {choice: choice for choice in item.choices if choice != item.default}
+            return ui.select(labels, value="", label=item.label, on_change=self._on_change)
+        element = ui.input(item.label, placeholder=hint, on_change=self._on_change)
+        return element.props("debounce=300")
 
     def choose(self, name: str, options: Mapping[str, str], value: str) -> None:
-        """Offer other choices in a field, and choose one."""
+        """Replace the options of a field and select one."""
         self._fields[name].set_options(dict(options), value=value)
 
-    def given(self) -> dict[str, Any]:
-        """Return what was typed or chosen, by name; None where nothing was."""
-        return {name: _given(field.value) for name, field in self._fields.items()}
+    def values(self) -> dict[str, Any]:
+        """Return the field values by name; None for an empty field."""
+        return {name: _parse_empty(field.value) for name, field in self._fields.items()}
 
     def make(self, base: T | None = None) -> T:
         """Return the inputs.
 
         Raises:
-            InputError: something typed cannot be read, or is out of range.
+            InputError: a value is not readable or out of range.
         """
-        return build_inputs(self._cls, self.given(), source="label", base=base)
+        return build_inputs(self._cls, self.values(), source="label", base=base)
 
-    def words(self, more: Mapping[str, Any]) -> list[str]:
-        """Return the words of the command line; `more` are inputs without a field."""
-        return to_arguments(self._cls, {**self.given(), **more})
+    def arguments(self, extra: Mapping[str, Any]) -> list[str]:
+        """Return the command-line arguments; `extra` are inputs without a field."""
+        return to_arguments(self._cls, {**self.values(), **extra})
 
-    def show_empty(self, texts: Mapping[str, str]) -> None:
-        """Show in empty fields what runs instead, by name."""
+    def show_defaults(self, texts: Mapping[str, str]) -> None:
+        """Set the default texts that empty fields display, by name."""
         for name, text in texts.items():
-            field, shown = self._fields.get(name), f"empty: {text}"
-            if field is None:  # a remembered value can come before the fields below it are made
+            field, placeholder = self._fields.get(name), f"empty: {text}"
+            if field is None:  # a restored value can arrive before later fields are created
                 continue
             if choices := self._items[name].choices:
-                options = {"": text} | {each: each for each in choices if each != text}
+                options = {"": text} | {choice: choice for choice in choices if choice != text}
                 if field.options != options:
                     field.set_options(options, value=field.value if field.value in options else "")
-            elif field.props["placeholder"] != shown:
-                field.props["placeholder"] = shown
+            elif field.props["placeholder"] != placeholder:
+                field.props["placeholder"] = placeholder
                 field.update()
 
-    def show_fields(self, names: Collection[str], shown: bool) -> None:
-        """Show or hide fields; one with something typed in it stays."""
+    def show_fields(self, names: Collection[str], is_visible: bool) -> None:
+        """Show or hide fields; fields with a value stay visible."""
         for name in names:
             if (field := self._fields.get(name)) is not None:
-                field.set_visibility(shown or _given(field.value) is not None)
+                field.set_visibility(is_visible or _parse_empty(field.value) is not None)
 
 
-def _given(value: Any) -> Any:
+def _parse_empty(value: Any) -> Any:
     value = value.strip() if isinstance(value, str) else value
     return None if value in ("", []) else value

@@ -1,4 +1,4 @@
-"""What is always on the screen: Stop, the state of the bench, who is at the controls."""
+"""Header of the page: STOP, status of the bench and of the control lock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STOP = (
     '<span class="stop-note" role="alert"></span>'
 )
 
-STANDING = "motors at zero"
+ZERO_THROTTLE_TEXT = "motors at zero"
 
 REFRESH_INTERVAL_S = 0.5
 
@@ -28,7 +28,7 @@ _THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
 
 
 class Header:
-    """Show the top of the page."""
+    """Header with status line, alarm banner and STOP."""
 
     def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
         self._context, self._dark = context, dark
@@ -41,20 +41,21 @@ class Header:
                 with ui.row().classes("status-line grow"):
                     self._state = ui.label().props("role=status")
                     self._control = ui.label().classes("soft")
-                self._take = ui.button("Take over", on_click=self._take_over).props("outline")
+                self._take_button = ui.button("Take over", on_click=self._take_over)
+                self._take_button.props("outline")
                 self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
-                self._theme.props('aria-label="Light, dark, or as the system has it"')
+                self._theme.props('aria-label="Theme: light, dark or system setting"')
                 log = ui.button(icon="history", on_click=self._show_log).props("flat round dense")
                 log.props('aria-label="Messages"')
                 ui.html(STOP, sanitize=False)
                 self._known = ui.label().classes("known")
             with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
                 self._cause = ui.label().classes("grow").props("role=alert")
-                self._dismiss = ui.button(on_click=self._seen).props("outline")
-            self.tabs_place = ui.row().classes("w-full")
+                self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")
+            self.tab_row = ui.row().classes("w-full")
         self._show_theme()
         self.refresh()
-        context.arrived = self.refresh
+        context.on_connect = self.refresh
         ui.timer(REFRESH_INTERVAL_S, self.refresh)
 
     def refresh(self) -> None:
@@ -62,42 +63,42 @@ class Header:
         parts, in_control = status_parts(self._context.bench), self._context.in_control()
         self._known.set_text(f"{', '.join(parts)}.")
         self._state.set_text(" · ".join(parts))
-        self._control.set_text("at the controls" if in_control else "watching")
+        self._control.set_text("in control" if in_control else "watching")
         motors = motors_text(self._context.bench)
-        title = "benchtool" if motors == STANDING else f"{motors} – benchtool"
+        title = "benchtool" if motors == ZERO_THROTTLE_TEXT else f"{motors} – benchtool"
         if title != self._title:
             self._title = title
             with self._state:  # also called from a websocket's task
                 ui.page_title(title)
-        cause, unseen = connection.unseen or connection.reason, bool(connection.unseen)
+        may_turn = bool(connection.standstill_problem)
+        cause = connection.standstill_problem or connection.reason
         self._alarm.set_visibility(bool(cause))
-        if unseen and not cause.startswith("MOTORS MAY STILL TURN"):
+        if may_turn and not cause.startswith("MOTORS MAY STILL TURN"):
             cause = f"MOTORS MAY STILL TURN: {cause}"
         self._cause.set_text(cause)
-        self._alarm.classes(**{"add" if unseen else "remove": "motors"})
-        self._dismiss.set_text("I have looked: they stand" if unseen else "Dismiss")
-        free = self._context.server.control.is_free(monotonic())
-        self._take.set_visibility(free and not in_control and bool(self._context.tab))
+        self._alarm.classes(**{"add" if may_turn else "remove": "motors"})
+        self._dismiss.set_text("I checked: motors at standstill" if may_turn else "Dismiss")
+        is_free = self._context.server.control.is_free(monotonic())
+        self._take_button.set_visibility(is_free and not in_control and bool(self._context.tab))
 
     def _take_over(self) -> None:
-        taken = self._context.server.control.take(self._context.tab, monotonic())
-        notify("this page is at the controls now" if taken else "another page was faster")
+        has_lock = self._context.server.control.acquire(self._context.tab, monotonic())
+        notify("this page has the control lock" if has_lock else "another page has taken over")
         self.refresh()
 
     @show_errors
-    def _seen(self) -> None:
+    def _dismiss_alarm(self) -> None:
         self._context.require_control()
         self._context.bench.dismiss_alarm()
         self.refresh()
 
     def _show_log(self) -> None:
-        """Show what pages have shown, the newest first."""
+        """Open a dialog with the message history, newest first."""
         with open_dialog("Messages") as dialog:
-            shown = reversed(self._context.server.log.messages)
             lines = [
-                f"{one.at:%H:%M:%S}  {'! ' if one.is_error else ''}{one.text}"
-                + (f" ({one.count} times)" if one.count > 1 else "")
-                for one in shown
+                f"{message.time:%H:%M:%S}  {'! ' if message.is_error else ''}{message.text}"
+                + (f" ({message.count} times)" if message.count > 1 else "")
+                for message in reversed(self._context.server.log.messages)
             ]
             ui.label("\n".join(lines) or "no message yet").classes("events w-full")
             ui.button("Close", on_click=dialog.close).props("outline")
@@ -115,29 +116,30 @@ class Header:
 
 
 def status_parts(bench: BenchClient) -> list[str]:
-    """Return what is known of bench, motors and run, a phrase each."""
+    """Return one phrase each about bench, motors, arming and run."""
     connection, live, sweep = bench.connection, bench.live, bench.sweep
     parts = {
         "off": ["no bench is connected"],
         "opening": [f"opening {connection.address}"],
         "on": [connection.address, motors_text(bench), "armed" if live.armed else "not armed"],
     }[connection.status]
-    if connection.unseen:
-        parts = [connection.unseen]
+    if connection.standstill_problem:
+        parts = [connection.standstill_problem]
     if sweep.status != "none":
-        run = f"{sweep.what} {Path(sweep.run).name} {sweep.status}"
-        if sweep.active:
-            run += f", {sweep.done} of {sweep.visits} visits" if sweep.what == "sweep" else ""
-            run += f", about {minutes(sweep.left_s)} left" if sweep.left_s else ""
-        parts.append(run)
+        text = f"{sweep.noun} {Path(sweep.run).name} {sweep.status}"
+        if sweep.active and sweep.noun == "sweep":
+            text += f", {sweep.n_measured} of {sweep.n_points} points"
+        if sweep.active and sweep.remaining_s:
+            text += f", about {minutes(sweep.remaining_s)} left"
+        parts.append(text)
     return parts
 
 
 def motors_text(bench: BenchClient) -> str:
-    """Return the highest commanded pulse, with the highest speed where it is measured."""
-    pulse_us = max(bench.live.pulses_us, default=0.0)
+    """Return the highest commanded pulse width, and the highest measured speed if any."""
+    command_us = max(bench.live.command_pwm_us, default=0.0)
     rig = bench.connection.rig
-    if rig is None or pulse_us <= rig.propulsion.pwm_stop_us:
-        return STANDING
+    if rig is None or command_us <= rig.propulsion.pwm_stop_us:
+        return ZERO_THROTTLE_TEXT
     rpm = [limit.value for limit in bench.live.limits if limit.name == SPEED_LIMIT]
-    return f"motors at {pulse_us:.0f} us" + "".join(f", {value:.0f} rpm" for value in rpm)
+    return f"motors at {command_us:.0f} us" + "".join(f", {value:.0f} rpm" for value in rpm)

@@ -1,9 +1,8 @@
-"""Work that takes processor time, in processes of its own: the page stays quick, Stop too.
+"""Worker processes for computations, so that the server and STOP stay responsive.
 
-Short calls run one after another in one process, which has its libraries loaded (`WorkerProcess`).
-What takes minutes, reports progress and can be cancelled is a `Job`. It belongs to the server, not
-to a browser: a page that is loaded again finds it. Work is a function at the top of a module; its
-arguments and its result are pickled.
+`WorkerProcess` runs short calls sequentially; `Job` is a long computation with progress and
+cancellation, which survives a page reload. Functions must be importable, arguments and results
+picklable.
 """
 
 from __future__ import annotations
@@ -29,42 +28,42 @@ from benchtool.tasks import WorkerProcesses, exit_with_parent
 
 T = TypeVar("T")
 
-ReportProgress = Callable[[str, float], None]  # (what is being done, share from 0 to 1)
+ReportProgress = Callable[[str, float], None]  # (stage, share from 0 to 1)
 NICENESS = 5  # of a job, on POSIX systems; assumed
-TERMINATION_TIMEOUT_S = 2.0  # How long a cancelled job may take to end before it is killed; a guess
+TERMINATION_TIMEOUT_S = 2.0  # a cancelled job still running after this is killed; assumed
 
 
 class WorkerProcess:
-    """Run short work, one call after another, in one process, started with the first of them."""
+    """Process that runs short calls sequentially; started on the first call."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._pool: WorkerProcesses | None = None
 
-    async def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what a function returns.
+    async def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of a function.
 
         Raises:
-            BenchtoolError: what the function raised, with the same sentence.
-            RunInterrupted: the process ended before it was done.
+            BenchtoolError: raised by the function, or an unexpected error of it.
+            RunInterrupted: the process ended unexpectedly.
         """
         pool = self._pool = self._pool or WorkerProcesses(1)
         try:
-            return await asyncio.wrap_future(pool.submit(work, *arguments))
+            return await asyncio.wrap_future(pool.submit(function, *arguments))
         except BrokenProcessPool:
             if self._pool is pool:
                 self.close()
             raise RunInterrupted(
-                f"the process for {self._name} ended before it was done; try again"
+                f"the process for {self._name} ended unexpectedly; try again"
             ) from None
         except BenchtoolError:
             raise
-        except Exception as error:  # noqa: BLE001 -- whatever it is, the page must show it
+        except Exception as error:  # noqa: BLE001 -- the page shows every error
             traceback.print_exception(error)
-            raise BenchtoolError(format_fault(error)) from None
+            raise BenchtoolError(format_internal_error(error)) from None
 
     def close(self) -> None:
-        """End the process, whatever it does; safe to call twice."""
+        """End the process, even during a call; idempotent."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
@@ -72,11 +71,11 @@ class WorkerProcess:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSection:
-    """Hold what a process has made ready for the page.
+    """Section of the page, prepared by a worker process.
 
     Attributes:
-        html: of its blocks, everything in it escaped.
-        command: words behind `benchtool` that make the same; empty where there is none.
+        html: with escaped text.
+        command: arguments of the equivalent `benchtool` command, or ().
     """
 
     title: str
@@ -87,16 +86,16 @@ class PageSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobState(Generic[T]):
-    """State how a job stands.
+    """State of a job.
 
     Attributes:
-        what: is being done, or was done last.
-        stages: everything that was done so far, in order.
-        error: one sentence, where it failed.
+        stage: current or last stage.
+        stages: all stages so far, in order.
+        error: message of a failed job.
     """
 
     status: Literal["running", "done", "failed", "cancelled"] = "running"
-    what: str = "starting"
+    stage: str = "starting"
     share: float = 0.0
     stages: tuple[str, ...] = ()
     result: T | None = None
@@ -108,31 +107,30 @@ class JobState(Generic[T]):
 
 
 class Job(Generic[T]):
-    """Make a folder in a new process.
+    """Computation of an output folder in a new process.
 
     Args:
-        words: behind `benchtool` that do the same.
-        work: called as work(report, out, words, *arguments); calls report(what, share) whenever it
-            likes.
+        command: arguments of the equivalent `benchtool` command.
+        function: called as function(report, out, command, *arguments) with a `ReportProgress`.
     """
 
     def __init__(
-        self, out: Path, words: Sequence[str], work: Callable[..., T], *arguments: Any
+        self, out: Path, command: Sequence[str], function: Callable[..., T], *arguments: Any
     ) -> None:
-        self.out, self.words = out, tuple(words)
+        self.out, self.command = out, tuple(command)
         spawn = get_context("spawn")
-        ours, theirs = spawn.Pipe()
+        pipe, child_pipe = spawn.Pipe()
         self._state: JobState[T] = JobState()
-        self._changing = threading.Lock()
+        self._lock = threading.Lock()
         self._process = spawn.Process(
             target=_run,
-            args=(theirs, work, (out, self.words, *arguments)),
+            args=(child_pipe, function, (out, self.command, *arguments)),
             daemon=True,
-            name=work.__name__,
+            name=function.__name__,
         )
         self._process.start()
-        theirs.close()
-        self._reader = threading.Thread(target=self._read, args=(ours,), daemon=True)
+        child_pipe.close()
+        self._reader = threading.Thread(target=self._read, args=(pipe,), daemon=True)
         self._reader.start()
 
     @property
@@ -140,7 +138,7 @@ class Job(Generic[T]):
         return self._state
 
     def cancel(self) -> None:
-        """End the process where it still runs, and delete what stands under the hidden name."""
+        """End the process if it is running and delete the partial folder."""
         if self._change(status="cancelled"):
             self._process.terminate()
             self._process.join(TERMINATION_TIMEOUT_S)
@@ -149,7 +147,7 @@ class Job(Generic[T]):
         shutil.rmtree(partial_folder(self.out), ignore_errors=True)
 
     def wait(self, timeout_s: float | None = None) -> JobState[T]:
-        """Return how it stands once it has ended, or after so long."""
+        """Wait for the end or a timeout and return the state."""
         self._reader.join(timeout_s)
         return self._state
 
@@ -158,11 +156,11 @@ class Job(Generic[T]):
             while True:
                 status, *content = pipe.recv()
                 if status == "running":
-                    what, share = content
+                    stage, share = content
                     stages = self._state.stages
-                    if stages[-1:] != (what,):
-                        stages = (*stages, what)
-                    self._change(what=what, share=share, stages=stages)
+                    if stages[-1:] != (stage,):
+                        stages = (*stages, stage)
+                    self._change(stage=stage, share=share, stages=stages)
                 elif status == "done":
                     self._change(status="done", share=1.0, result=content[0])
                 else:
@@ -170,47 +168,47 @@ class Job(Generic[T]):
         self._process.join()
         self._change(
             status="failed",
-            error=f"the work ended without an answer (exit code {self._process.exitcode}), as "
-            f"when memory runs out; request less, or close other programs",
+            error=f"the process ended unexpectedly (exit code {self._process.exitcode}), possibly "
+            f"out of memory; reduce the size of the job or close other programs",
         )
 
     def _change(self, **changes: Any) -> bool:
-        with self._changing:
+        with self._lock:
             if not self._state.running:
                 return False
             self._state = replace(self._state, **changes)
             return True
 
 
-def format_fault(error: Exception) -> str:
-    """Return that a fault is benchtool's own; its traceback stands where the server was started."""
+def format_internal_error(error: Exception) -> str:
+    """Return the message of an unexpected error; its traceback is in the server's terminal."""
     summary = " ".join(str(error).split())
     return (
-        f"a fault in benchtool itself, {type(error).__name__}: {summary}; please report it with "
-        f"what was printed where benchtool web runs"
+        f"internal error of benchtool, {type(error).__name__}: {summary}; please report it with "
+        f"the traceback from the terminal of benchtool web"
     )
 
 
-def _outcome(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any]:
-    """Return the status and the result of some work, or its error in one sentence."""
+def _compute(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any]:
+    """Return the status and the result of a function, or its error message."""
     try:
-        return "done", work(*arguments)
+        return "done", function(*arguments)
     except BenchtoolError as error:
         return "failed", str(error)
-    except Exception as error:  # noqa: BLE001 -- whatever it is, the page must show it
+    except Exception as error:  # noqa: BLE001 -- the page shows every error
         traceback.print_exc(file=sys.stderr)
-        return "failed", format_fault(error)
+        return "failed", format_internal_error(error)
 
 
-def _run(pipe: Pipe, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    """Do a job's work in its process and send what comes of it."""
+def _run(pipe: Pipe, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Run a job's function in its process and send progress and outcome."""
     exit_with_parent(pipe)
     with suppress(AttributeError, OSError):
         os.nice(NICENESS)
 
-    def report(what: str, share: float) -> None:
-        pipe.send(("running", what, float(share)))
+    def report(stage: str, share: float) -> None:
+        pipe.send(("running", stage, float(share)))
 
-    outcome = _outcome(work, (report, *arguments))
-    with suppress(OSError):  # the server has gone
+    outcome = _compute(function, (report, *arguments))
+    with suppress(OSError):  # the server has ended
         pipe.send(outcome)

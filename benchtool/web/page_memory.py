@@ -1,4 +1,4 @@
-"""What outlives a page: messages with their times, and what was typed into forms."""
+"""State that survives a page reload: message history and form values."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from typing import Any
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.state import recall_latest, store_state
 
-MAX_MESSAGES = 200  # The log holds so many, the newest; a choice
-MAX_TABS = 20  # The forms of so many browser tabs are remembered, those used last; a choice
-WRITE_AFTER_S = 0.5  # Forms are written so long after a change, several changes together; a choice
+MAX_MESSAGES = 200  # older messages are dropped; assumed
+MAX_TABS = 20  # form values of tabs used longer ago are dropped; assumed
+WRITE_DELAY_S = 0.5  # after a form change, to write several changes together; assumed
 
 
 @dataclass(frozen=True, slots=True)
 class LoggedMessage:
-    """Hold one message of the log; `count` of the same text came one after another."""
+    """Logged message; `count` is the number of consecutive duplicates."""
 
-    at: datetime
+    time: datetime
     text: str
     is_error: bool
     count: int = 1
 
 
 class MessageHistory:
-    """Hold the messages that pages have shown, with times; the same text in a row stands once."""
+    """Message history with times; consecutive duplicates are stored once."""
 
     def __init__(self, now: Callable[[], datetime] = lambda: datetime.now().astimezone()) -> None:
         self._now = now
@@ -44,37 +44,33 @@ class MessageHistory:
 
 
 class FormState:
-    """Remember what was typed into the forms of each browser tab, also when the server ends.
-
-    Args:
-        runs: folder of the server; servers of other folders have forms of their own.
-    """
+    """Form values of each browser tab, stored on disk per runs folder."""
 
     def __init__(self, runs: Path) -> None:
         self._name = str(runs.absolute())
         self._pending = False
         self._tabs: dict[str, dict[str, Any]] = {}
-        with suppress(BenchtoolError):  # a file that cannot be read costs what was typed, no more
+        with suppress(BenchtoolError):  # an unreadable file loses only form values
             self._tabs = recall_latest("page", self._name) or {}
 
     def values(self, tab: str) -> dict[str, Any]:
-        """Return what was typed in a browser tab, by field."""
-        found = self._tabs.get(tab)
-        return found if isinstance(found, dict) else {}
+        """Return the form values of a browser tab by field name."""
+        values = self._tabs.get(tab)
+        return values if isinstance(values, dict) else {}
 
-    def note(self, tab: str, field: str, value: Any) -> None:
-        """Remember a field's value; written a moment later."""
+    def store(self, tab: str, field: str, value: Any) -> None:
+        """Store a field's value and schedule the write."""
         values = self.values(tab)
         self._tabs.pop(tab, None)
         self._tabs[tab] = {**values, field: value}
-        for old in list(self._tabs)[:-MAX_TABS]:
-            del self._tabs[old]
+        for old_tab in list(self._tabs)[:-MAX_TABS]:
+            del self._tabs[old_tab]
         if not self._pending:
             self._pending = True
-            asyncio.get_running_loop().call_later(WRITE_AFTER_S, self.write)
+            asyncio.get_running_loop().call_later(WRITE_DELAY_S, self.write)
 
     def write(self) -> None:
-        """Write what has changed."""
+        """Write pending changes."""
         if self._pending:
             self._pending = False
             with suppress(BenchtoolError):

@@ -1,4 +1,4 @@
-"""Serve the page: on the loopback address, or elsewhere behind a token."""
+"""Web server on the loopback address, or on another address with a token."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def open_page(
     folder: Path | None = None,
     open_address: Callable[[str], object] = webbrowser.open,
 ) -> Path | None:
-    """Open an address in the browser of this user.
+    """Open an address in the user's browser.
 
-    A command line can be read by every user of the machine. So an address with a token is not put
-    on the browser's; it stands in a file that only this user can read and that leads on to it.
+    Every user of the machine can read command lines, so an address with a token is opened through
+    a redirect file that only this user can read.
 
     Args:
-        address: of the page, with its token where it wants one.
-        folder: for that file; that of this user's state when None.
+        address: of the page, with the token if required.
+        folder: of the redirect file; default: the user's state folder.
 
     Returns:
-        The file, to be deleted when the token has expired; None where there is none.
+        The redirect file, to be deleted when the token has expired; None without a token.
     """
     if "token=" not in address:
         open_address(address)
@@ -50,11 +50,9 @@ def open_page(
     return file
 
 
-PORT = 8460  # Where the page is when nobody names a port and this one is free; a choice
-
+DEFAULT_PORT = 8460  # assumed
 TOKEN_BYTES = 24
-
-EVERYWHERE = frozenset({"0.0.0.0", "::"})  # noqa: S104 -- compared with, not bound to
+ALL_INTERFACES = frozenset({"0.0.0.0", "::"})  # noqa: S104 -- compared with, not bound to
 
 
 def serve(
@@ -68,27 +66,26 @@ def serve(
     """Serve the page until Ctrl-C.
 
     Args:
-        port: to bind to; PORT or else a free one when None, a free one when 0.
-        announce: is given the address of the page as soon as a browser may open it; the answer
-            comes a moment later.
-        wants_token: demand the token of this machine's users, too.
+        port: 0 means a free port, None means DEFAULT_PORT or, if taken, a free port.
+        announce: called with the address of the page before the web framework is loaded.
+        wants_token: require the token from users of this machine too.
 
     Raises:
-        InputError: the address cannot be bound to.
+        InputError: the address is not available.
     """
     listening = listen(host, port)
     port = listening.getsockname()[1]
     access = access_for(host, wants_token=wants_token)
-    shown = "127.0.0.1" if host in EVERYWHERE else host
-    url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
-    opened = f"{url}?token={access.token}" if access.token else url
-    # The two import side by side: the bench process what it needs, this one the web framework.
+    name = "127.0.0.1" if host in ALL_INTERFACES else host
+    url = f"http://{f'[{name}]' if ':' in name else name}:{port}/"
+    url_with_token = f"{url}?token={access.token}" if access.token else url
+    # The bench process imports its modules while this one imports the web framework.
     token = access.token or secrets.token_urlsafe(TOKEN_BYTES)
-    stop_endpoint = StopEndpoint(_listening(host, 0), token)
+    stop_endpoint = StopEndpoint(_create_socket(host, 0), token)
     process = ProcessHandle(stop_endpoint)
     process.start()
     try:
-        announce(opened)
+        announce(url_with_token)
         with quick_import():
             from benchtool.web.application import run_application
         run_application(runs, listening, access, process)
@@ -99,40 +96,37 @@ def serve(
 
 
 def access_for(host: str, *, wants_token: bool = False) -> Access:
-    """Return the rules of a server bound to a host; with a token unless only this machine can
-    reach it.
-    """
+    """Return the access rules of a server bound to a host; loopback needs no token by default."""
     if is_loopback(host):
         token = secrets.token_urlsafe(TOKEN_BYTES) if wants_token else None
         return Access(names=LOOPBACK | {host}, token=token)
-    own = {socket.gethostname().lower(), socket.getfqdn().lower(), host.lower()}
+    names = {socket.gethostname().lower(), socket.getfqdn().lower(), host.lower()}
     return Access(
-        names=LOOPBACK | own - EVERYWHERE,
+        names=LOOPBACK | names - ALL_INTERFACES,
         any_address=True,
         token=secrets.token_urlsafe(TOKEN_BYTES),
     )
 
 
 def listen(host: str, port: int | None) -> socket.socket:
-    """Return a socket that listens where the page is to be.
+    """Return a listening socket.
 
     Raises:
-        InputError: the port is taken, or the host is not ours.
+        InputError: the port is taken, or the host is no address of this machine.
     """
     with suppress(OSError):
-        return _listening(host, PORT if port is None else port)
+        return _create_socket(host, DEFAULT_PORT if port is None else port)
     try:
-        return _listening(host, 0 if port is None else port)
+        return _create_socket(host, 0 if port is None else port)
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno else error
+        cause = os.strerror(error.errno) if error.errno else error
         raise InputError(
-            f"nothing can be served on {host} port {port}: {why}; name another with --host and "
-            f"--port"
+            f"port {port} of host {host} is not available: {cause}; use another --host or --port"
         ) from error
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def _create_socket(host: str, port: int) -> socket.socket:
     if ":" not in host:
         return socket.create_server((host, port))
-    both = socket.has_dualstack_ipv6()
-    return socket.create_server((host, port), family=socket.AF_INET6, dualstack_ipv6=both)
+    dual = socket.has_dualstack_ipv6()
+    return socket.create_server((host, port), family=socket.AF_INET6, dualstack_ipv6=dual)

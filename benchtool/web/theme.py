@@ -1,4 +1,4 @@
-"""Colours of the page: the reports' and figures' own, light and dark."""
+"""Colours of the page, from the palette of reports, for light and dark mode."""
 
 from __future__ import annotations
 
@@ -11,21 +11,19 @@ from benchtool.report.palette import BLACK, BLUE, CYCLE, SKY
 STATIC = Path(__file__).parent / "static"
 
 ACCENT = "#0072b2"
-STOP = "#b00020"  # A red used for Stop alone; white on it has a contrast of 7.3 to 1
-ALARM = "#b34700"  # Errors and warnings; white on it has a contrast of 5.7 to 1
-LIGHT_INK = "#e8eaed"  # Stands for black on a dark ground
+STOP = "#b00020"  # red of STOP only; contrast of white text 7.3 to 1
+ALARM = "#b34700"  # errors and warnings; contrast of white text 5.7 to 1
+LIGHT_INK = "#e8eaed"  # replaces black in dark mode
 
 
 def cycle(dark: bool) -> tuple[str, ...]:
-    """Return the colours of numbered things, as in the figures; on a dark ground black turns light,
-    and the two blues change places.
-    """
+    """Return the colour cycle of figures; in dark mode black is light and the blues are swapped."""
     on_dark = {BLACK: LIGHT_INK, BLUE: SKY, SKY: BLUE} if dark else {}
     return tuple(on_dark.get(color, color) for color in CYCLE)
 
 
 def apply_theme(theme: str) -> ui.dark_mode:
-    """Give the present page its colours, and return its dark mode."""
+    """Set the colours of the current page and return its dark mode."""
     ui.colors(primary=ACCENT, negative=ALARM, positive="#00704f", warning=ALARM, info=ACCENT)
     ui.button.default_props("no-caps")
     ui.add_head_html('<meta name="color-scheme" content="light dark">')
@@ -35,5 +33,5 @@ def apply_theme(theme: str) -> ui.dark_mode:
 
 
 def serve_static() -> None:
-    """Offer the style sheets under /static."""
+    """Serve style sheets and scripts under /static."""
     app.add_static_files("/static", STATIC)

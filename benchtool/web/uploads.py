@@ -1,4 +1,4 @@
-"""Files that are handed over to the page, in a process of its own: what `benchtool import` does."""
+"""Import of uploaded files, as `benchtool import`; runs in a worker process."""
 
 from __future__ import annotations
 
@@ -14,53 +14,53 @@ if TYPE_CHECKING:
     from benchtool.report.page import Block
 
 
-def store_upload(root: Path, name: str, data: bytes, date: str, given: ImportInputs) -> str:
+def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportInputs) -> str:
     """Store a file in the runs folder and return its name there.
 
-    A table is stored as it is, and read with its repairs wherever it is used; a log of a flight, or
-    a file with options of the import, becomes a recording.
+    A table is stored unchanged and repaired when it is read; a flight log, or a file with import
+    options, is converted to a recording.
 
     Raises:
-        FileFormatError: it cannot be read; nothing was written.
+        FileFormatError: the file is not readable; nothing was written.
     """
     from benchtool.data.formats.formats import detect_format, import_bytes
     from benchtool.data.repairs.import_result import ImportOptions, import_metadata
     from benchtool.data.run.recording_file import write_recording
 
-    folder, options, found = RunsFolder(root), given.options(), detect_format(data)
-    if options == ImportOptions() and (found is None or found.kind == "table"):
+    folder, options, file_format = RunsFolder(root), inputs.options(), detect_format(data)
+    if options == ImportOptions() and (file_format is None or file_format.kind == "table"):
         return folder.name_of(store_table(folder, name, data, date))
-    read = import_bytes(data, shown_name(name), options)
+    result = import_bytes(data, shown_name(name), options)
     path = new_table(folder, name, date)
-    write_recording(path, read.recording, import_metadata(read, options))
+    write_recording(path, result.recording, import_metadata(result, options))
     return folder.name_of(path)
 
 
 def stand_blocks(path: Path) -> Sequence[Block]:
-    """Return what an import finds in a stand's table; nothing for any other table."""
+    """Return the import report of a test-stand table; empty for other tables."""
     from benchtool.data.formats.formats import import_file, is_stand_table
 
     return import_blocks(import_file(path)) if is_stand_table(path) else ()
 
 
-def import_blocks(read: ImportResult) -> Sequence[Block]:
-    """Return what an import read: its format, which column is which channel, its findings."""
+def import_blocks(result: ImportResult) -> Sequence[Block]:
+    """Return the import report: format, channels with their columns, and findings."""
     from benchtool.report.page import Paragraph, Table
 
-    tally = read.tally
-    kept = f"{tally.kept} of {tally.total} {tally.unit}s are kept, {tally.refused} refused."
-    channels = [(item.name, read.sources.get(item.name, ""), item.unit)
-                for item in read.recording.channels]  # fmt: skip
+    tally = result.tally
+    counts = f"{tally.kept} of {tally.total} {tally.unit}s accepted, {tally.refused} rejected."
+    channels = [(channel.name, result.sources.get(channel.name, ""), channel.unit)
+                for channel in result.recording.channels]  # fmt: skip
     blocks: list[Block] = [
-        Paragraph(f"Read as {read.format}: {kept}"),
-        Table("What is read.", ("channel", "column [unit]", "unit"), channels, text_columns=3),
+        Paragraph(f"Format: {result.format}. {counts}"),
+        Table("Channels.", ("channel", "column [unit]", "unit"), channels, text_columns=3),
     ]
-    if read.findings:
-        found = [
-            (one.kind, one.what, one.channel, f"{one.words} (line {one.lines[:40]})"
-             if one.lines else one.words)
-            for one in read.findings
+    if result.findings:
+        rows = [
+            (item.kind, item.what, item.channel, f"{item.words} (line {item.lines[:40]})"
+             if item.lines else item.words)
+            for item in result.findings
         ]  # fmt: skip
-        head = ("kind", "what", "channel", "words")
-        blocks.append(Table("What the import found.", head, found, text_columns=4))
+        header = ("kind", "finding", "channel", "description")
+        blocks.append(Table("Findings of the import.", header, rows, text_columns=4))
     return blocks

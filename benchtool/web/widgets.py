@@ -1,4 +1,4 @@
-"""Parts that several tabs use: notifications, commands to copy, uploads, the dialog that arms."""
+"""Shared widgets: notifications, command rows, uploads and the arming dialog."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
 from benchtool.web.control_socket import PAGES
-from benchtool.web.jobs import PageSection, format_fault
+from benchtool.web.jobs import PageSection, format_internal_error
 from benchtool.web.uploads import store_upload
 
 STYLE = (
@@ -33,12 +33,12 @@ STYLE = (
 
 
 def today() -> str:
-    """Return the date here, as names of folders begin with it."""
+    """Return the local date, the prefix of folder names."""
     return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
 def open_tab(tab: str, **query: str) -> None:
-    """Open another tab, with parameters in its address."""
+    """Open another tab with query parameters."""
     ui.navigate.to(f"/?{urlencode({'tab': tab, **query})}")
 
 
@@ -46,24 +46,24 @@ def open_tab(tab: str, **query: str) -> None:
 
 
 def log_message(text: str, *, is_error: bool = False) -> None:
-    """Add to the server's log of messages what the present page shows."""
+    """Add a message of the current page to the server's message history."""
     if (context := PAGES.get(ui.context.client.id)) is not None:
         context.server.log.add(text, is_error=is_error)
 
 
 def notify(text: str, *, logged: bool = False) -> None:
-    """Show a short note, and log it unless it is logged already."""
+    """Show a notification and log it, unless already logged."""
     if not logged:
         log_message(text)
     ui.notify(text, type="info", position="bottom-left")
 
 
 def notify_error(error: Exception, *, logged: bool = False) -> None:
-    """Show why something was refused or failed, until it is closed: the command line's sentence."""
-    known = isinstance(error, BenchtoolError)
-    if not known:
+    """Show an error notification with the message of the command line until it is closed."""
+    is_expected = isinstance(error, BenchtoolError)
+    if not is_expected:
         traceback.print_exception(error)
-    text = str(error) if known else format_fault(error)
+    text = str(error) if is_expected else format_internal_error(error)
     if not logged:
         log_message(text, is_error=True)
     ui.notify(
@@ -84,75 +84,75 @@ def notify_all_pages(notice: Notice) -> None:
 
 
 def show_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
-    """Make a handler of the page show its errors instead of losing them in a log."""
+    """Wrap a handler so that its errors are shown as notifications."""
     if iscoroutinefunction(handler):
 
         @wraps(handler)
-        async def waiting(*args: Any, **kwargs: Any) -> Any:
+        async def run_async(*args: Any, **kwargs: Any) -> Any:
             page = ui.context.client
             try:
                 return await handler(*args, **kwargs)
             except Exception as error:  # noqa: BLE001 -- the boundary where errors are shown
-                # On the page, not where the handler began: that card may be gone by now.
+                # In the page's slot: the card of the handler may have been deleted.
                 with page:
                     notify_error(error)
 
-        return waiting
+        return run_async
 
     @wraps(handler)
-    def at_once(*args: Any, **kwargs: Any) -> Any:
+    def run_sync(*args: Any, **kwargs: Any) -> Any:
         try:
             return handler(*args, **kwargs)
         except Exception as error:  # noqa: BLE001 -- as above
             notify_error(error)
 
-    return at_once
+    return run_sync
 
 
-# --- parts --------------------------------------------------------------------------------------
+# --- elements -----------------------------------------------------------------------------------
 
 
 @contextmanager
 def titled_card(title: str) -> Iterator[ui.card]:
-    """Make a card with its title in the present slot, and give it."""
+    """Create a card with a title in the current slot."""
     with ui.card().classes("w-full") as card:
         ui.label(title).classes("card-title").props("role=heading aria-level=2")
         yield card
 
 
-def show_facts(place: ui.element, facts: Mapping[str, str]) -> None:
-    """Fill a place with names and their texts."""
-    place.clear()
-    with place:
+def show_facts(container: ui.element, facts: Mapping[str, str]) -> None:
+    """Replace the contents of a container by names and texts."""
+    container.clear()
+    with container:
         for name, text in facts.items():
             ui.label(name)
             ui.label(text)
 
 
 class LocalSlider(ui.slider):
-    """Move a slider in the browser at once, as NiceGUI's text fields do.
+    """Slider that moves in the browser without a round trip to the server.
 
-    NiceGUI's own slider moves when the server answers: a late answer to an earlier step sets it
-    back, and the steps made since are lost.
+    NiceGUI's slider moves on the server's response: a late response resets it and later steps are
+    lost.
     """
 
     LOOPBACK = False
 
 
 class CommandRow:
-    """Show the command line that does the same as the page, with a button that copies it."""
+    """Equivalent command line with a copy button."""
 
-    def __init__(self, words: Sequence[str] = ()) -> None:
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
         with ui.row(wrap=False).classes("command-row items-center w-full"):
             ui.icon("terminal").props("aria-hidden=true")
             self._text = ui.label().classes("command-text grow")
             ui.button(icon="content_copy", on_click=self._copy).props(
                 'flat dense round aria-label="Copy the command"'
             )
-        self.show(words)
+        self.show(arguments)
 
-    def show(self, words: Sequence[str]) -> None:
-        self._text.set_text(shlex.join(["benchtool", *words]))
+    def show(self, arguments: Sequence[str]) -> None:
+        self._text.set_text(shlex.join(["benchtool", *arguments]))
 
     def _copy(self) -> None:
         ui.clipboard.write(self._text.text)
@@ -160,14 +160,14 @@ class CommandRow:
 
 
 def show_stamp(simulated: bool) -> None:
-    """Mark what no physical bench made."""
+    """Show the stamp of simulated data."""
     if simulated:
         ui.label("SIMULATED").classes("stamp")
 
 
-def show_section(section: PageSection, *, headed: bool = True) -> None:
-    """Make the elements of a section in the present slot, with its title and command if headed."""
-    if headed:
+def show_section(section: PageSection, *, has_header: bool = True) -> None:
+    """Create a section in the current slot, by default with title and command."""
+    if has_header:
         with ui.row().classes("items-center gap-3"):
             ui.label(section.title).classes("card-title")
             show_stamp(section.simulated)
@@ -176,59 +176,59 @@ def show_section(section: PageSection, *, headed: bool = True) -> None:
     ui.html(section.html, sanitize=False).classes("shown-body")
 
 
-def show_waiting(what: str) -> None:
-    """Show that something is being made ready, in the present slot."""
+def show_spinner(text: str) -> None:
+    """Show a spinner with a text in the current slot."""
     with ui.row().classes("items-center").props("role=status"):
         ui.spinner(size="sm")
-        ui.label(what).classes("soft")
+        ui.label(text).classes("soft")
 
 
-def multiple_choice(label: str, changed: Callable[[], object]) -> ui.select:
-    """Make a list of which several can be chosen, and that can be searched."""
-    choice = ui.select({}, multiple=True, label=label, on_change=changed)
-    return choice.props("use-chips use-input input-debounce=0").classes("w-full")
+def multiple_choice(label: str, on_change: Callable[[], object]) -> ui.select:
+    """Create a searchable select with multiple choice."""
+    select = ui.select({}, multiple=True, label=label, on_change=on_change)
+    return select.props("use-chips use-input input-debounce=0").classes("w-full")
 
 
-UPLOADED = ".csv,text/csv,.txt,.log,.bin,.ulg,.tlog"  # of files that an import may read
-UPLOAD_HEAD = """
+UPLOAD_TYPES = ".csv,text/csv,.txt,.log,.bin,.ulg,.tlog"  # readable by an import
+UPLOAD_HEADER = """
 <q-btn flat icon="add" label="LABEL" class="w-full" @click="props.pickFiles" />
 <span style="display: none"><q-uploader-add-trigger /></span>
 """
-"""Quasar's own head puts the input into a link without a name; a screen reader finds neither."""
+"""Accessible header; Quasar's header hides the input in an unnamed link."""
 
 
 def file_upload(label: str, **options: Any) -> ui.upload:
-    """Make a place where a file is dropped, or chosen by a button of that name."""
+    """Create an upload area with a labelled button."""
     upload = ui.upload(auto_upload=True, **options)
-    upload.add_slot("header", UPLOAD_HEAD.replace("LABEL", label))
+    upload.add_slot("header", UPLOAD_HEADER.replace("LABEL", label))
     return upload
 
 
 class TableUpload:
-    """Take tables and logs from a browser: checked as untrusted, stored in the runs folder.
+    """Upload of untrusted tables and logs into the runs folder.
 
     Args:
-        stored: called with the name of each file in the folder.
-        options: of the import; those of the command when left out.
+        on_stored: called with the name of each file in the folder.
+        add_options: adds import options to the inputs; default: none.
     """
 
     def __init__(
         self,
         context: PageContext,
-        stored: Callable[[str], Awaitable[None] | None],
-        options: Callable[[ImportInputs], ImportInputs] = lambda inputs: inputs,
+        on_stored: Callable[[str], Awaitable[None] | None],
+        add_options: Callable[[ImportInputs], ImportInputs] = lambda inputs: inputs,
     ) -> None:
-        self._context, self._stored, self._options = context, stored, options
+        self._context, self._on_stored, self._add_options = context, on_stored, add_options
         self._upload = file_upload(
             "Or upload a CSV file or a log",
             max_file_size=MAX_UPLOAD_BYTES,
-            on_upload=self._received,
-            on_rejected=self._rejected,
+            on_upload=self._on_upload,
+            on_rejected=self._on_rejected,
         )
-        self._upload.props(f'accept="{UPLOADED}" flat bordered').classes("w-full")
+        self._upload.props(f'accept="{UPLOAD_TYPES}" flat bordered').classes("w-full")
 
     @show_errors
-    async def _received(self, event: events.UploadEventArguments) -> None:
+    async def _on_upload(self, event: events.UploadEventArguments) -> None:
         try:
             self._context.claim_control()
             size = event.file.size()
@@ -236,21 +236,21 @@ class TableUpload:
                 await event.file.read() if size <= MAX_UPLOAD_BYTES else bytes(MAX_UPLOAD_BYTES + 1)
             )
             name = event.file.name
-            inputs = self._options(ImportInputs(files=(Path(name),)))
-            stored = await self._context.worker("tables").run(
+            inputs = self._add_options(ImportInputs(files=(Path(name),)))
+            stored_name = await self._context.worker("tables").run(
                 store_upload, self._context.runs, name, data, today(), inputs
             )
         finally:
             self._upload.reset()
-        following = self._stored(stored)
-        if isawaitable(following):
-            await following
+        result = self._on_stored(stored_name)
+        if isawaitable(result):
+            await result
 
-    def _rejected(self) -> None:
+    def _on_rejected(self) -> None:
         notify_error(
             InputError(
-                f"this is no table or log of at most {MAX_UPLOAD_BYTES / 1e6:.0f} MB; choose "
-                f"another, or put it into the runs folder yourself"
+                f"the file is no table or log, or larger than {MAX_UPLOAD_BYTES / 1e6:.0f} MB; "
+                f"use another, or copy it to the runs folder"
             )
         )
 
@@ -260,9 +260,9 @@ class TableUpload:
 
 @contextmanager
 def open_dialog(title: str) -> Iterator[ui.dialog]:
-    """Open a dialog that is filled in the block; closed, it is gone with all that is in it."""
-    named = ui.dialog().props(f'aria-label="{title}"')
-    with named as dialog, ui.card().classes("w-96"):
+    """Open a dialog whose contents are created in the with block; it is deleted on close."""
+    element = ui.dialog().props(f'aria-label="{title}"')
+    with element as dialog, ui.card().classes("w-96"):
         ui.label(title).classes("card-title").props("role=heading aria-level=2")
         yield dialog
     dialog.on_value_change(lambda change: None if change.value else dialog.delete())
@@ -270,42 +270,42 @@ def open_dialog(title: str) -> Iterator[ui.dialog]:
 
 
 def confirm_arming(
-    context: PageContext, place: ui.element, text: str, begin: Callable[[str, bool], object]
+    context: PageContext, parent: ui.element, text: str, start: Callable[[str, bool], object]
 ) -> None:
-    """Ask before motors turn: what will spin, and the typed word unless the bench is simulated.
+    """Open the arming dialog; a real bench needs the typed confirmation.
 
     Args:
-        place: what stays when the dialog is gone; errors are shown there.
-        begin: called with what was typed, empty on a simulated bench, and whether the run needs
+        parent: element that outlives the dialog; errors are shown in its slot.
+        start: called with the confirmation ("" for a simulated bench) and whether the run needs
             this page.
     """
     connection = context.bench.connection
     identity, rig = connection.identity, connection.rig
-    simulated = identity is not None and identity.simulated
-    with open_dialog("About to spin") as dialog:
+    is_simulated = identity is not None and identity.simulated
+    with open_dialog("Motors will turn") as dialog:
         ui.label(text).style("white-space: pre-line")
         if identity is not None and rig is not None:
             show_warnings(identity, rig)
         typed = ui.input(f"Type {CONFIRMATION} to arm").classes("w-full")
-        typed.set_visibility(not simulated)
-        if simulated:
-            ui.label("A simulated bench: no motor turns.").classes("soft")
+        typed.set_visibility(not is_simulated)
+        if is_simulated:
+            ui.label("Simulated bench: no real motor turns.").classes("soft")
         without_page = ui.checkbox("Let it run without this page")
-        ui.label(
-            "Off: motors go to zero when this page is closed, blocked or loses its connection."
-        ).classes("soft")
+        ui.label("Off: motors stop if this page is closed, blocked or disconnected.").classes(
+            "soft"
+        )
 
         @show_errors
-        def confirmed() -> None:
+        def check_and_start() -> None:
             context.require_control()
-            if not simulated and not typed.value.strip():
-                raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
-            begin("" if simulated else typed.value, not without_page.value)
+            if not is_simulated and not typed.value.strip():
+                raise InputError(f"not armed: {CONFIRMATION} was not typed; no motor was started")
+            start("" if is_simulated else typed.value, not without_page.value)
 
         def press() -> None:
-            # In a place that stays: a dialog that is closed is gone with all that is in it.
-            with place:
-                confirmed()
+            # The dialog is deleted on close, so errors need another slot.
+            with parent:
+                check_and_start()
             dialog.close()
 
         with ui.row():

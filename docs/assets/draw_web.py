@@ -66,14 +66,14 @@ def fill(page: Page, label: str, text: str) -> None:
 
 def sweep(page: Page) -> None:
     """Connect a simulated bench and measure a small sweep, fast; then let it run in real time."""
-    page.get_by_text("at the controls").wait_for()
+    page.get_by_text("in control", exact=True).wait_for()
     page.get_by_role("button", name="Connect", exact=True).click()
     page.locator(".strips").wait_for()
     choose(page, "Virtual clock", "20 times faster")
     page.get_by_role("tab", name="Sweep").click()
     page.get_by_label("Plate distances, z/R").fill("0.6,0.8,1,1.5,2,3")
     page.get_by_label("Repeats").fill("2")
-    page.get_by_text("limits hold").wait_for()
+    page.get_by_text("expected maxima").wait_for()
     page.get_by_role("button", name="Start the sweep").click()
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text(re.compile("^ended: ")).wait_for(timeout=LONG_MS)
@@ -104,8 +104,8 @@ def explain(page: Page) -> None:
         page.get_by_role("button", name="Simulate", exact=True).click()
         page.locator(".card-title", has_text=f"-pitch-{schedule}").wait_for(timeout=LONG_MS)
     page.get_by_role("button", name="Explain", exact=True).click()
-    page.get_by_text("no recording to check on").wait_for()
-    choose(page, "Others to check on", "-pitch-triangle/pid.csv")
+    page.get_by_text("no validation recording").wait_for()
+    choose(page, "Validation recordings", "-pitch-triangle/pid.csv")
     page.get_by_role("button", name="Explain", exact=True).locator("visible=true").click()
     page.get_by_text("The gap", exact=True).or_(page.get_by_role("alert")).first.wait_for()
     page.get_by_role("button", name="Accept").click()

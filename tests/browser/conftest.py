@@ -1,7 +1,7 @@
-"""A real browser, the page's server, and a virtual bench on a pseudo-terminal.
+"""Fixtures: a real browser, the web server, and a virtual bench on a pseudo-terminal.
 
-A tab's tests take `page` (a page at the controls), `web` (the server and its folder of runs) and,
-where a bench is needed, `device`. `connect` joins page and device, `begin` starts a sweep.
+Tests use `page` (with the control lock), `web` (server and runs folder) and, if a bench is needed,
+`device`. `connect` connects page and device, `begin` starts a sweep.
 """
 
 from __future__ import annotations
@@ -34,15 +34,13 @@ CHROMIUM = next(
     ),
     None,
 )
-PATIENCE_MS = 20_000
-
-PLOTLYS_OWN = "Resize must be passed a displayed plot div element."
-"""What NiceGUI's plot says on the page's console when its tab is left; nothing comes of it."""
+TIMEOUT_MS = 20_000
+PLOTLY_ERROR = "Resize must be passed a displayed plot div element."  # harmless, on leaving a tab
 
 
 @dataclass(frozen=True)
 class Web:
-    """Hold a server: its address as it printed it, its folder of runs, its process."""
+    """Server with printed address, runs folder and process."""
 
     url: str
     runs: Path
@@ -51,9 +49,9 @@ class Web:
 
 @pytest.fixture(scope="module")
 def browser():
-    """Give a headless browser, or skip where none is installed.
+    """Return a headless browser; skip if none is installed.
 
-    Not for the whole session: its event loop would run under the tests of other folders.
+    Not session-scoped: its event loop would run during tests of other folders.
     """
     if os.name != "posix":
         pytest.skip("the virtual bench of these tests needs pseudo-terminals")
@@ -61,21 +59,21 @@ def browser():
         pytest.skip("no browser is installed; on Debian or Ubuntu: apt install chromium")
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as tool:
-        opened = tool.chromium.launch(
+        chromium = tool.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
         )
-        yield opened
-        opened.close()
+        yield chromium
+        chromium.close()
 
 
 @contextmanager
 def serving(runs: Path, state: Path, *options: str) -> Iterator[Web]:
     """Run `benchtool web` until the end of the block."""
-    # Not coverage of a test: NiceGUI acts otherwise when it believes to be in one.
+    # NiceGUI behaves differently if it detects pytest.
     environment = {key: text for key, text in os.environ.items() if not key.startswith("PYTEST_")}
-    words = ["web", "--port", "0", "--no-browser", *options, "--runs", str(runs)]
+    arguments = ["web", "--port", "0", "--no-browser", *options, "--runs", str(runs)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "benchtool", *words],
+        [sys.executable, "-m", "benchtool", *arguments],
         stdout=subprocess.PIPE,
         text=True,
         env={**environment, "BENCHTOOL_STATE": str(state)},
@@ -94,69 +92,66 @@ def serving(runs: Path, state: Path, *options: str) -> Iterator[Web]:
 
 @pytest.fixture
 def web(browser, tmp_path):
-    """Give a server of its own."""
+    """Return a new server."""
     with serving(tmp_path / "runs", tmp_path / "state") as server:
         yield server
 
 
 @pytest.fixture
 def device():
-    """Give a virtual quadrotor bench in real time."""
+    """Return a virtual quadrotor bench in real time."""
     with served_device() as served:
         yield served
 
 
 @pytest.fixture
 def fast_device():
-    """Give a virtual quadrotor bench, five times faster than life."""
+    """Return a virtual quadrotor bench with real-time factor 5."""
     with served_device(speed=5.0) as served:
         yield served
 
 
 @pytest.fixture
 def open_page(browser):
-    """Give a function that opens an address in a window of its own; scripts must not fail."""
-    contexts, faults = [], []
+    """Return a function that opens an address in a new window; script errors fail the test."""
+    contexts, errors = [], []
 
-    def opened(url: str) -> Page:
+    def open_url(url: str) -> Page:
         context = browser.new_context(viewport={"width": 1280, "height": 900})
         contexts.append(context)
-        new = context.new_page()
-        new.set_default_timeout(PATIENCE_MS)
-        new.on("pageerror", lambda error: faults.append(str(error)))
-        new.goto(url)
-        return new
+        page = context.new_page()
+        page.set_default_timeout(TIMEOUT_MS)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(url)
+        return page
 
-    yield opened
+    yield open_url
     for context in contexts:
         context.close()
-    assert [fault for fault in faults if fault != PLOTLYS_OWN] == []
+    assert [error for error in errors if error != PLOTLY_ERROR] == []
 
 
 @pytest.fixture
 def page(web, open_page):
-    """Give a page at the controls."""
-    opened = open_page(web.url)
-    opened.get_by_text("at the controls", exact=True).wait_for()
-    return opened
+    """Return a page with the control lock."""
+    page = open_page(web.url)
+    page.get_by_text("in control", exact=True).wait_for()
+    return page
 
 
 def expect(element: Locator) -> LocatorAssertions:
-    """Return playwright's assertions about an element: each waits until it holds.
+    """Return playwright's assertions about an element, which wait until they are true.
 
-    What is read from a page right after an action may be what stood there before.
+    Immediately after an action, the page can still show the previous state.
     """
     from playwright import sync_api
 
-    sync_api.expect.set_options(timeout=PATIENCE_MS)
+    sync_api.expect.set_options(timeout=TIMEOUT_MS)
     return sync_api.expect(element)
 
 
 def centre(element: Locator) -> tuple[float, float]:
-    """Return the middle of an element on the page.
-
-    One that a tab is just being changed to has no place yet.
-    """
+    """Return the centre of an element; wait until a changing tab has placed it."""
     while (box := element.bounding_box()) is None:
         element.wait_for()
     return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
@@ -212,12 +207,12 @@ def start(page: Page, repeats: int, distances: str, *, needs_page: bool = True) 
 
 
 def only_run(web: Web) -> Run:
-    """Return the run that was made."""
+    """Return the only run."""
     (path,) = web.runs.iterdir()
     return Run.open(path)
 
 
 def wait_for_points(page: Page, count: int) -> None:
-    """Wait until so many visits are done."""
-    done = r"Number(document.body.innerText.match(/(\d+) of \d+ visits/)?.[1])"
-    page.wait_for_function(f"{done} >= {count}", timeout=SWEEP_MS)
+    """Wait until a number of points is measured."""
+    n_measured = r"Number(document.body.innerText.match(/(\d+) of \d+ points/)?.[1])"
+    page.wait_for_function(f"{n_measured} >= {count}", timeout=SWEEP_MS)

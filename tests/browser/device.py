@@ -1,7 +1,6 @@
-"""A virtual bench on a pseudo-terminal that prints, with the time of day, each order to its motors
-and each change of its own highest pulse.
+"""Virtual bench on a pseudo-terminal that prints motor commands and changes of its pulse width.
 
-Run as a script it is the device; imported it gives the fixture's end of it.
+As a script it is the device; as a module it contains the client for fixtures.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ from benchtool.virtual.server import BenchServer
 
 ROOT = Path(__file__).parents[2]
 ORDER = re.compile(rb"\$C,\d+,(stop|pwm)(?:,\d+)?((?:,[\d.]+)*)\*")
-"""Number, command, the device time that the host has read, pulses."""
-NAP_S = 0.001
+"""Motor command: name, device time read by the host, pulse widths."""
+POLL_INTERVAL_S = 0.001
 
 
 class PrintingLink(DeviceLink):
-    """Print every order to the motors as it is taken from the wire."""
+    """Device link that prints every received motor command."""
 
     def __init__(self, firmware: Firmware) -> None:
         super().__init__(firmware)
@@ -46,11 +45,11 @@ class PrintingLink(DeviceLink):
         self._pulse_us = 0.0
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
-        said = super().tick(n, now_s)
-        self._note_pulse()
-        return said
+        output = super().tick(n, now_s)
+        self._print_pulse()
+        return output
 
-    def _note_pulse(self) -> None:
+    def _print_pulse(self) -> None:
         pulse_us = float(self.firmware.pwm_us.max())
         if pulse_us != self._pulse_us:
             self._pulse_us = pulse_us
@@ -58,25 +57,25 @@ class PrintingLink(DeviceLink):
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         if data:
-            now = time.time()
-            whole = self._tail + data
-            end = whole.rfind(b"\n") + 1
-            for match in ORDER.finditer(whole[:end]):
+            wall_time_s = time.time()
+            buffer = self._tail + data
+            end = buffer.rfind(b"\n") + 1
+            for match in ORDER.finditer(buffer[:end]):
                 pulses = [float(number) for number in match[2].split(b",") if number]
-                highest = max(pulses, default=0.0)
-                print(f"{now:.6f} {match[1].decode()} {highest:.0f}", flush=True)
-            self._tail = whole[end:]
-        answer = super().receive(data, now_s)
-        self._note_pulse()
-        return answer
+                max_us = max(pulses, default=0.0)
+                print(f"{wall_time_s:.6f} {match[1].decode()} {max_us:.0f}", flush=True)
+            self._tail = buffer[end:]
+        response = super().receive(data, now_s)
+        self._print_pulse()
+        return response
 
 
 @dataclass
 class Device:
-    """Hold the address of a device and the orders to its motors: time of day, word, pulse.
+    """Address and sampling rate of a device with its received motor commands.
 
-    `pulses` are its own: time of day and highest pulse, at each change. `rate_Hz` is that of its
-    samples."""
+    `orders` contains wall time, command name and highest pulse width; `pulses` wall time and
+    highest output pulse width at each change."""
 
     address: str
     rate_Hz: float
@@ -84,46 +83,47 @@ class Device:
     pulses: list[tuple[float, float]] = field(default_factory=list)
 
     def turning_us(self) -> float:
-        """Return the highest pulse that was ordered last; 0 after a stop."""
-        last = [highest for _, _, highest in self.orders[-1:]]
+        """Return the highest pulse width of the last command; 0 after a stop."""
+        last = [max_us for _, _, max_us in self.orders[-1:]]
         return last[0] if last else 0.0
 
-    def wait_for_us(self, wanted: float, timeout_s: float = 5.0) -> None:
-        """Wait until the ramp has reached a pulse."""
+    def wait_for_us(self, pulse_us: float, timeout_s: float = 5.0) -> None:
+        """Wait until the ramp has reached a pulse width."""
         deadline = time.monotonic() + timeout_s
-        while self.turning_us() != wanted:
-            assert time.monotonic() < deadline, f"{wanted} was not reached: {self.orders[-5:]}"
+        while self.turning_us() != pulse_us:
+            assert time.monotonic() < deadline, f"{pulse_us} not reached: {self.orders[-5:]}"
             time.sleep(0.01)
 
     def stopped_after(self, since: float, timeout_s: float = 5.0, word: str = "") -> float:
-        """Return when the first stop after a time of day came, in seconds after it.
+        """Return the time from a wall time to the first stop after it, in s.
 
         Args:
-            word: "stop" takes that order alone, and no pulse of zero.
+            word: "stop" accepts only that command, no zero throttle.
         """
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            for at, order, highest in list(self.orders):
-                if at >= since and (order == "stop" or (not word and highest <= 1000.0)):
-                    return at - since
+            for time_s, order, max_us in list(self.orders):
+                if time_s >= since and (order == "stop" or (not word and max_us <= 1000.0)):
+                    return time_s - since
             time.sleep(0.005)
-        raise AssertionError(f"no stop came within {timeout_s} s: {self.orders[-5:]}")
+        raise AssertionError(f"no stop within {timeout_s} s: {self.orders[-5:]}")
 
-    def pulse_at(self, at: float) -> float:
-        """Return its own highest pulse at a time of day."""
-        return ([highest for since, highest in list(self.pulses) if since <= at] or [0.0])[-1]
+    def pulse_at(self, wall_time_s: float) -> float:
+        """Return the highest output pulse width at a wall time."""
+        pulses = list(self.pulses)
+        return ([max_us for time_s, max_us in pulses if time_s <= wall_time_s] or [0.0])[-1]
 
     def zero_after(self, since: float, timeout_s: float = 5.0) -> float:
-        """Return after how many seconds its own pulses were zero; 0 where they were before."""
+        """Return the time from a wall time to zero output, in s; 0 if it was zero already."""
         if self.pulse_at(since) <= 1000.0:
             return 0.0
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            for at, highest in list(self.pulses):
-                if at >= since and highest <= 1000.0:
-                    return at - since
+            for time_s, max_us in list(self.pulses):
+                if time_s >= since and max_us <= 1000.0:
+                    return time_s - since
             time.sleep(0.005)
-        raise AssertionError(f"its pulse was not zero within {timeout_s} s: {self.pulses[-5:]}")
+        raise AssertionError(f"output not zero within {timeout_s} s: {self.pulses[-5:]}")
 
 
 @contextmanager
@@ -134,7 +134,7 @@ def served_device(
     warning: str = "",
     mode: str = "plate",
 ) -> Iterator[Device]:
-    """Give a device in a process of its own; `warning` is a fact of its hello."""
+    """Run a device in a separate process; `warning` is part of its hello."""
     options = [rig, str(speed), str(rate_Hz), warning, mode]
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.browser.device", *options],
@@ -147,15 +147,15 @@ def served_device(
     assert process.stdin is not None
     device = Device(process.stdout.readline().strip(), rate_Hz)
 
-    def note() -> None:
+    def read() -> None:
         for line in process.stdout or ():
-            at, word, highest = line.split()
-            if word == "pulse":
-                device.pulses.append((float(at), float(highest)))
+            wall_time, name, max_us = line.split()
+            if name == "pulse":
+                device.pulses.append((float(wall_time), float(max_us)))
             else:
-                device.orders.append((float(at), word, float(highest)))
+                device.orders.append((float(wall_time), name, float(max_us)))
 
-    reader = threading.Thread(target=note, daemon=True)
+    reader = threading.Thread(target=read, daemon=True)
     reader.start()
     try:
         yield device
@@ -168,7 +168,7 @@ def served_device(
 
 
 def end_with_the_test() -> None:
-    """End this process once whoever ran the test is gone, killed perhaps."""
+    """End this process when the test process ends or is killed."""
     sys.stdin.read()
     os._exit(0)
 
@@ -181,7 +181,7 @@ def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> No
         serve(device_server(plant, pitch_hello(plant, 0), link, protocol=PrintingLink), link)
         return
 
-    def speak(firmware: Firmware) -> PrintingLink:
+    def make_link(firmware: Firmware) -> PrintingLink:
         if warning:
             facts = {**firmware.hello.facts, "warning": warning}
             firmware.hello = replace(firmware.hello, facts=facts)
@@ -189,14 +189,14 @@ def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> No
 
     truth = load_model(standard_truth(rig), rig).model
     options = {"speed": float(speed), "rate_Hz": float(rate_Hz)}
-    serve(virtual_server(rig, truth, link, protocol=speak, **options), link)
+    serve(virtual_server(rig, truth, link, protocol=make_link, **options), link)
 
 
 def serve(server: BenchServer, link: PtyLink) -> None:
     threading.Thread(target=end_with_the_test, daemon=True).start()
     print(link.address, flush=True)
-    with suppress(KeyboardInterrupt):  # a terminal's Ctrl-C ends whoever started this, too
-        server.run(nap_s=NAP_S)
+    with suppress(KeyboardInterrupt):  # Ctrl-C in a terminal ends the test process too
+        server.run(nap_s=POLL_INTERVAL_S)
 
 
 if __name__ == "__main__":

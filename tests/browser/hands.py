@@ -1,4 +1,4 @@
-"""Hands on the page: fingers, a mouse, keys; they hold the throttle, and press STOP."""
+"""Touch, mouse and keyboard input to hold the throttle and press STOP."""
 
 from __future__ import annotations
 
@@ -13,23 +13,21 @@ from tests.browser.device import Device
 if TYPE_CHECKING:
     from playwright.sync_api import CDPSession, Locator, Page
 
-STOPPED_S = 1.0
-"""Whether STOP works is the question here; the processor is shared with the tool that presses, and
-how quick STOP is stands in `test_bench_page.py`."""
+STOPPED_S = 1.0  # generous, as the test tool shares the processor; latency: test_bench_page.py
 
 HOLDING, STOPPING = 0, 1  # fingers
 
 
 class Hands:
-    """Touch a page with several fingers, and press STOP in every way."""
+    """Multi-touch, mouse and keyboard input on a page."""
 
     def __init__(self, page: Page, device: Device) -> None:
         self._page, self._device = page, device
         self._line: CDPSession = page.context.new_cdp_session(page)
         self._fingers: dict[int, tuple[float, float]] = {}
 
-    def touch(self, finger: int, place: tuple[float, float]) -> None:
-        self._fingers[finger] = place
+    def touch(self, finger: int, position: tuple[float, float]) -> None:
+        self._fingers[finger] = position
         self._send("touchStart")
 
     def lift(self, finger: int) -> None:
@@ -41,27 +39,27 @@ class Hands:
         self._line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
     def stop_by(self, way: str) -> float:
-        """Press STOP once, and do not let go; return the time of day just before."""
-        place = centre(self._page.locator(".stop-button"))
+        """Press STOP without release; return the wall time just before."""
+        position = centre(self._page.locator(".stop-button"))
         if "mouse" in way:
-            self._page.mouse.move(*place)
-        return self.press(way, place)
+            self._page.mouse.move(*position)
+        return self.press(way, position)
 
-    def press(self, way: str, place: tuple[float, float]) -> float:
-        """Press there, where the mouse is already; return the time of day just before."""
+    def press(self, way: str, position: tuple[float, float]) -> float:
+        """Press at a position, where the mouse is already; return the wall time just before."""
         pressed = time.time()
         if way == "mouse":
             self._page.mouse.down()
         elif way == "second mouse button":
             self._page.mouse.down(button="right")
         elif way == "touch":
-            self.touch(STOPPING, place)
+            self.touch(STOPPING, position)
         else:
             self._page.keyboard.down(way)
         return pressed
 
     def let_go(self) -> None:
-        """Lift every finger, button and key, also that of a mouse that drags."""
+        """Release all fingers, buttons and keys."""
         self._page.mouse.up()
         self._page.mouse.up(button="right")
         for finger in list(self._fingers):
@@ -71,7 +69,7 @@ class Hands:
 
     @contextmanager
     def turning(self) -> Iterator[None]:
-        """Hold the throttle with a finger until motors turn; lift it at the end."""
+        """Press the throttle button with a finger until motors turn; release it at the end."""
         button = self._page.locator(".hold-button:not([disabled])")
         button.wait_for()
         for _ in range(6):
@@ -89,7 +87,7 @@ class Hands:
             self.let_go()
 
     def stops(self, way: str) -> None:
-        """Press STOP, and see the device's pulse at zero, also while the fingers stay."""
+        """Press STOP and check for zero throttle at the device while the fingers stay."""
         pressed = self.stop_by(way)
         assert self._device.stopped_after(pressed) < STOPPED_S, way
         self._page.wait_for_timeout(100)
@@ -97,7 +95,7 @@ class Hands:
 
 
 def drag(page: Page, slider: Locator) -> None:
-    """Begin to drag a slider."""
+    """Start to drag a slider."""
     slider.scroll_into_view_if_needed()
     x, y = centre(slider)
     page.mouse.move(x, y)
@@ -106,9 +104,9 @@ def drag(page: Page, slider: Locator) -> None:
 
 
 def visible(page: Page, selector: str) -> list[Locator]:
-    return [each for each in page.locator(selector).all() if each.is_visible()]
+    return [element for element in page.locator(selector).all() if element.is_visible()]
 
 
 def click(element: Locator) -> None:
-    """Click without a pointer: one finger is on the throttle."""
+    """Click by script, as a finger holds the throttle."""
     element.evaluate("element => element.click()")

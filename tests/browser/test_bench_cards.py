@@ -39,4 +39,4 @@ def test_a_pitch_recording_goes_from_the_bench_to_explain(page, web):
     assert run.metadata["samples"]["parquet_sha256"]
     page.get_by_role("button", name="Explain", exact=True).click()
     page.get_by_text(f"{path.name} (pitch recording").wait_for()
-    page.get_by_text("no recording to check on is chosen").wait_for()
+    page.get_by_text("no validation recording is selected").wait_for()

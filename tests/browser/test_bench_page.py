@@ -15,16 +15,13 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
-STOPPED_S = 0.3
-"""A throttle that was let go or stopped is at zero by then, measured at the device; one that nobody
-is heard to hold so long after the dead-man time."""
+STOPPED_S = 0.3  # maximum time from release, STOP or dead-man timeout to zero at the device
 
 
 def hold(page: Page, device: Device, presses: int = 6) -> None:
-    """Press the button that turns motors until they turn, and leave the pointer down.
+    """Press the throttle button until motors turn, and keep it pressed.
 
-    On a machine that stands still for a moment the throttle lets go by itself, as it should: then
-    the hand presses again.
+    If the machine stalls for a moment, the dead-man switch releases the throttle: press again.
     """
     for _ in range(presses):
         page.locator(".hold-button:not([disabled])").hover()
@@ -43,11 +40,11 @@ def test_a_bench_on_a_port_is_seen_live(page, device):
     expect(page.get_by_role("status").first).to_contain_text(device.address)
     page.get_by_text("virtual-pquad-0 (virtual)").wait_for()
     frames = "Number(document.querySelector('.strips').dataset.frames)"
-    before, begun = page.evaluate(frames), time.monotonic()
+    before, start_s = page.evaluate(frames), time.monotonic()
     page.wait_for_timeout(2000)
-    rate_Hz = (page.evaluate(frames) - before) / (time.monotonic() - begun)
+    rate_Hz = (page.evaluate(frames) - before) / (time.monotonic() - start_s)
     assert rate_Hz > 10.0
-    # Lines of the charts: a gap stays one, slow channels do not fall to pieces.
+    # Chart lines have breaks at gaps, but not between samples of slow channels.
     joins = "async (times) => (await import('/static/strip_chart.js')).joins(times)"
     assert page.evaluate(joins, [0.0, 0.05, 0.1, 2.0, 2.05]) == [False, True, True, False, True]
     assert page.evaluate(joins, [0.0, 0.5, 1.0, 1.6, 4.0]) == [False, True, True, True, False]
@@ -55,20 +52,20 @@ def test_a_bench_on_a_port_is_seen_live(page, device):
     command = f"benchtool bench check {device.address} --rig pquad"
     page.locator(".command-text", has_text=command).wait_for()
     page.get_by_text("0 lost, 0 corrupt").first.wait_for()
-    # A number that is none, or too large, turns nothing.
+    # Invalid or too large numbers drive no motor.
     pulse = page.get_by_role("spinbutton", name="Pulse, us")
-    for typed, taken in (("99999", "1950"), ("abc", "")):
+    for typed, accepted in (("99999", "1950"), ("abc", "")):
         pulse.fill("")
         pulse.press_sequentially(typed)
         pulse.press("Tab")
-        expect(pulse).to_have_value(taken)
+        expect(pulse).to_have_value(accepted)
     expect(page.locator(".q-notification__message")).to_have_count(0)
     assert device.turning_us() <= 1000.0
 
 
 def test_motors_turn_while_the_button_is_held_and_keys_stop_them(page, device):
     connect(page, device.address)
-    # The field loses the focus to the button, with the first press already.
+    # The field loses the focus to the button with the first press.
     page.get_by_role("spinbutton", name="Pulse, us").click()
     hold(page, device, presses=1)
     released = time.time()
@@ -80,12 +77,12 @@ def test_motors_turn_while_the_button_is_held_and_keys_stop_them(page, device):
         page.keyboard.down(key)
         assert device.stopped_after(pressed) < STOPPED_S
         page.get_by_text("stopped from the page").first.wait_for()
-        # The button that is still held does not turn them again.
+        # The held button must not restart the motors.
         page.wait_for_timeout(500)
         assert device.turning_us() == 0.0
         page.keyboard.up(key)
         page.mouse.up()
-    # In a text field a space is a letter; Escape stops there, too.
+    # In a text field the space bar types a space; Escape is STOP there too.
     field = page.get_by_label("Address of the bench")
     field.fill("a")
     typed = time.time()
@@ -129,7 +126,7 @@ def test_a_page_whose_main_thread_is_blocked_lets_go_and_says_why(page, device):
     page.wait_for_function("window.blockedAt")
     assert device.stopped_after(page.evaluate("window.blockedAt")) < RELEASE_TIMEOUT_S + STOPPED_S
     page.get_by_text(": the page is too busy").wait_for()
-    # The button that is still held does not turn them again.
+    # The held button must not restart the motors.
     page.wait_for_timeout(500)
     assert device.turning_us() == 0.0
     page.mouse.up()
@@ -137,7 +134,7 @@ def test_a_page_whose_main_thread_is_blocked_lets_go_and_says_why(page, device):
     blurred = time.time()
     page.evaluate("window.dispatchEvent(new Event('blur'))")
     assert device.stopped_after(blurred) < STOPPED_S
-    page.get_by_text("let go: the window lost the focus").wait_for()
+    page.get_by_text("released: the window lost the focus").wait_for()
 
 
 CLOSE_IS_SEEN_LATE = """
@@ -146,7 +143,7 @@ window.WebSocket = class extends Plain {
   set onclose(act) { super.onclose = act && ((event) => setTimeout(act, 400, event)); }
 };
 """
-"""The page's own thread sees that a connection closed after its worker did."""
+"""Delays the close event in the main thread, so that the worker receives it first."""
 
 
 @pytest.mark.parametrize("script", ["", CLOSE_IS_SEEN_LATE], ids=["plain", "worker_first"])
@@ -155,19 +152,19 @@ def test_a_server_that_dies_with_the_throttle_held_stops_motors(script, page, we
     page.reload()
     connect(page, device.address)
     hold(page, device)
-    died = time.time()
+    killed = time.time()
     web.process.kill()
-    assert device.stopped_after(died) < STOPPED_S
+    assert device.stopped_after(killed) < STOPPED_S
     note = page.locator(".stop-note")
     note.get_by_text("No connection to benchtool since").wait_for()
-    # Whether the server had said "motors ordered to 1050 us" before it died is chance.
+    # The server may have sent "motors at 1050 us" before its end or not.
     expect(note).to_contain_text("The throttle was held here, at up to 1")
     expect(note).to_contain_text(f"Last known: {device.address}, motors ")
     expect(note).to_contain_text("cut the power")
     expect(page.locator(".q-page-container")).to_have_css("filter", "grayscale(1)")
     page.mouse.up()
     lost = note.get_by_text("STOP did not reach benchtool. Cut the power.")
-    for _ in range(40):  # the bench process answers STOP until it has ended
+    for _ in range(40):  # the bench process accepts STOP until it has ended
         page.keyboard.press("Escape")
         page.wait_for_timeout(500)
         if lost.is_visible():
@@ -195,7 +192,7 @@ def test_of_two_pages_one_is_at_the_controls(page, web, device, open_page):
     second.get_by_text("watching").wait_for()
     expect(second.get_by_role("button", name="Take over")).to_be_hidden()
     second.get_by_role("button", name="Tare").click()
-    second.get_by_text("another page is at the controls, this one watches").wait_for()
+    second.get_by_text("another page has the control lock").wait_for()
     hold(page, device)
     pressed = time.time()
     second.mouse.move(*centre(second.locator(".stop-button")))
@@ -203,4 +200,4 @@ def test_of_two_pages_one_is_at_the_controls(page, web, device, open_page):
     assert device.stopped_after(pressed) < STOPPED_S
     page.close()
     second.get_by_role("button", name="Take over").click()
-    second.get_by_text("at the controls", exact=True).wait_for()
+    second.get_by_text("in control", exact=True).wait_for()

@@ -1,4 +1,4 @@
-"""Live charts of the Bench tab: what is shown, pause and zoom, picture and table, annotations."""
+"""Live charts of the Bench tab: selection, pause and zoom, image and table, live recording."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ pytestmark = pytest.mark.real_time(deadline_s=0.1)
 BENCH = "sim:pquad?rate=100"
 
 
-def seen_s(page: Page, folder: Path) -> tuple[list[str], list[float]]:
-    """Return the columns and times in s of the table of what is seen."""
+def save_table(page: Page, folder: Path) -> tuple[list[str], list[float]]:
+    """Save the table of the visible frames; return its columns and times in s."""
     with page.expect_download() as download:
         page.get_by_role("button", name="CSV").click()
-    path = folder / "seen.csv"
+    path = folder / "live.csv"
     download.value.save_as(path)
-    head, *rows = list(csv.reader(path.read_text("utf-8").splitlines()))
+    header, *rows = list(csv.reader(path.read_text("utf-8").splitlines()))
     assert all(float(low) <= float(high) for _, low, high, *_ in rows if low)
-    return head, [float(row[0]) for row in rows]
+    return header, [float(row[0]) for row in rows]
 
 
 def test_paused_charts_zoom_and_give_what_is_seen(page, tmp_path):
     connect(page, BENCH)
     page.wait_for_function("Number(document.querySelector('.strips').dataset.frames) > 80")
     page.get_by_role("button", name="Pause").click()
-    page.get_by_text("Nothing is lost meanwhile").wait_for()
-    columns, whole_s = seen_s(page, tmp_path)
+    page.get_by_text("No data are lost").wait_for()
+    columns, whole_s = save_table(page, tmp_path)
     measured = ("thrust_N", "torque_Nm", "temperature_degC", "plate_tilt_deg", "plate_x_m")
     assert {f"{name}_least" for name in measured} < set(columns)
     assert len(whole_s) > 40
@@ -46,23 +46,23 @@ def test_paused_charts_zoom_and_give_what_is_seen(page, tmp_path):
     strips.hover(position={"x": 400, "y": 60})
     page.mouse.wheel(0, -400)
     page.wait_for_timeout(300)
-    _, part_s = seen_s(page, tmp_path)
+    _, part_s = save_table(page, tmp_path)
     assert whole_s[0] < part_s[0] < part_s[-1] < whole_s[-1] or len(part_s) < len(whole_s)
-    # The crosshair names what it crosses.
+    # The tooltip shows the values at the crosshair.
     strips.hover(position={"x": 500, "y": 60})
     expect(strips).to_contain_text("Plate tilt: 0.00 deg")
     with page.expect_download() as download:
         page.get_by_role("button", name="PNG").click()
-    download.value.save_as(tmp_path / "seen.png")
-    assert (tmp_path / "seen.png").read_bytes()[:4] == b"\x89PNG"
+    download.value.save_as(tmp_path / "live.png")
+    assert (tmp_path / "live.png").read_bytes()[:4] == b"\x89PNG"
     page.get_by_role("combobox", name="Charts").click()
     page.get_by_role("option", name="Torque").click()
     page.keyboard.press("Tab")
     page.get_by_role("button", name="Live").click()
     page.wait_for_timeout(300)
-    columns, live_s = seen_s(page, tmp_path)
+    columns, live_s = save_table(page, tmp_path)
     assert "torque_Nm_least" not in columns
-    # What came while the charts stood still is there, too.
+    # Frames received during the pause are included.
     gaps_s = [later - earlier for earlier, later in itertools.pairwise(live_s)]
     assert live_s[-1] > whole_s[-1] + 0.5
     assert max(gaps_s) < 0.5
@@ -82,6 +82,6 @@ def test_stop_ends_a_live_recording_with_motors_at_zero(page, web, device):
     run = only_run(web)
     assert run.metadata["state"] == "stopped"
     assert "stopped from the page" in run.metadata["reason"]
-    # The bench is held on, and turns by hand again.
+    # The bench is still connected and accepts manual throttle.
     hold(page, device)
     page.mouse.up()

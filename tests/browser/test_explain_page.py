@@ -1,4 +1,4 @@
-"""Explain as somebody uses it: a recording with a hidden effect gets it named and accepted."""
+"""Explain tab: a hidden effect is identified and accepted into a model."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ EXPLAINS_MS = 150_000
 MODEL = str(Path(__file__).parents[2] / "datasets/pitch_bench/model.toml")
 
 
-def recorded(path: Path, duration_s: float, seed: int) -> None:
-    """Write a recording of a bench whose hinge drags, which its model does not know."""
+def write_example(path: Path, duration_s: float, seed: int) -> None:
+    """Write a recording of a bench with hinge friction, which its model lacks."""
     setup = pitch_setup(model=MODEL, gains="stiff", controllers=("pid",), schedule="identify")
     setup = with_changes(setup, {"coulomb_friction.torque_Nm": 0.012})
     setup = replace(setup, schedule=setup.schedule.with_duration(duration_s))
@@ -35,11 +35,11 @@ def recorded(path: Path, duration_s: float, seed: int) -> None:
 
 @pytest.fixture
 def lab(browser, tmp_path):
-    """Give a server whose folder holds two recordings and a model."""
+    """Return a server with two recordings and a model."""
     bench = tmp_path / "runs" / "bench"
     bench.mkdir(parents=True)
-    recorded(bench / "learn.csv", 10.0, seed=21)
-    recorded(bench / "check.csv", 8.0, seed=22)
+    write_example(bench / "learn.csv", 10.0, seed=21)
+    write_example(bench / "check.csv", 8.0, seed=22)
     shutil.copy(MODEL, bench / "model.toml")
     (bench / "odd.csv").write_text("a,b\n1,2\n3,4\n")
     with serving(tmp_path / "runs", tmp_path / "state") as web:
@@ -51,7 +51,7 @@ def choose(page: Page, label: str, name: str) -> None:
     page.keyboard.type(name)
     page.get_by_role("option", name=name).first.click()
     page.keyboard.press("Tab")
-    # A list that is still closing would take the next choice.
+    # A list that is still closing would receive the next input.
     expect(page.get_by_role("option")).to_have_count(0)
 
 
@@ -59,12 +59,12 @@ def choose(page: Page, label: str, name: str) -> None:
 def test_a_hidden_effect_is_named_accepted_and_found_again(lab, open_page):
     page = open_page(f"{lab.url}?tab=explain")
     explain = page.get_by_role("button", name="Explain", exact=True)
-    page.get_by_text("no recording to learn from is chosen").wait_for()
-    choose(page, "Recordings to learn from", "bench/odd.csv")
-    choose(page, "Others to check on", "bench/odd.csv")
-    page.get_by_text("is to learn from and to check on").wait_for()
+    page.get_by_text("no training recording is selected").wait_for()
+    choose(page, "Training recordings", "bench/odd.csv")
+    choose(page, "Validation recordings", "bench/odd.csv")
+    page.get_by_text("is selected for both training and validation").wait_for()
     page.get_by_label("Remove").last.click()
-    choose(page, "Others to check on", "bench/check.csv")
+    choose(page, "Validation recordings", "bench/check.csv")
     choose(page, "Model", "bench/model.toml")
     explain.click()
     alert = page.get_by_role("alert").filter(has_text="odd.csv")
@@ -72,7 +72,7 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(lab, open_page):
     expect(alert).to_contain_text("its columns are a, b")
 
     page.get_by_label("Remove").first.click()
-    choose(page, "Recordings to learn from", "bench/learn.csv")
+    choose(page, "Training recordings", "bench/learn.csv")
     page.get_by_text("benchtool explain").wait_for()
     explain.click()
     page.locator(".stages li").first.wait_for(timeout=EXPLAINS_MS)

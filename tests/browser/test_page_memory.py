@@ -1,4 +1,4 @@
-"""What a page shows and holds when it is loaded again, when its server starts anew, when narrow."""
+"""Form values after a reload of the page and a restart of the server."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
 def test_forms_survive_a_reload_and_a_restart_of_the_server(open_page, tmp_path):
-    places = tmp_path / "runs", tmp_path / "state"
-    with serving(*places) as web:
+    folders = tmp_path / "runs", tmp_path / "state"
+    with serving(*folders) as web:
         page = open_page(f"{web.url}?tab=fit")
         page.get_by_role("checkbox", name="emcee").click()
         page.get_by_label("Name of the fit's folder").fill("my-fit")
@@ -26,7 +26,7 @@ def test_forms_survive_a_reload_and_a_restart_of_the_server(open_page, tmp_path)
         page.reload()
         expect(page.get_by_role("checkbox", name="emcee")).to_be_checked()
         port = urlsplit(web.url).port
-    with serving(*places, "--port", str(port)) as web:
+    with serving(*folders, "--port", str(port)) as web:
         page.goto(f"{web.url}?tab=fit")
         expect(page.get_by_role("checkbox", name="emcee")).to_be_checked()
         expect(page.get_by_label("Name of the fit's folder")).to_have_value("my-fit")

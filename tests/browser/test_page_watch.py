@@ -1,4 +1,4 @@
-"""Runs that need their page: blocked, closed, hidden pages and servers that hang."""
+"""Runs that need their page: blocked, closed and hidden pages, unresponsive servers."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
-STOPPED_S = 0.3
-"""Longest time from a press or from the end of a watch's limit to zero at the device."""
+STOPPED_S = 0.3  # maximum time from a press or the end of a timeout to zero at the device
 
 BLOCK = """milliseconds => setTimeout(() => {
   const end = performance.now() + milliseconds;
@@ -32,7 +31,7 @@ BLOCK = """milliseconds => setTimeout(() => {
 
 
 def wait_until_turning(page: Page, device: Device) -> None:
-    """Wait until a sweep turns the motors at its pulse."""
+    """Wait until a sweep has reached its pulse width."""
     for _ in range(300):
         if device.turning_us() >= 1500.0:
             return
@@ -42,7 +41,7 @@ def wait_until_turning(page: Page, device: Device) -> None:
 
 @contextmanager
 def hanging(web: Web) -> Iterator[float]:
-    """Suspend the server; give the time of day at which it was suspended."""
+    """Suspend the server; return the wall time of the suspension."""
     web.process.send_signal(signal.SIGSTOP)
     try:
         yield time.time()
@@ -58,7 +57,7 @@ def test_a_page_that_is_blocked_pauses_its_sweep(page, web, device):
     zero_s = device.zero_after(page.evaluate("window.blockedAt"))
     assert zero_s < MAX_BLOCKED_S + STOPPED_S
     page.get_by_text("paused: ").first.wait_for()
-    page.get_by_text("the page at the controls was blocked").first.wait_for()
+    page.get_by_text("the page with the control lock was blocked").first.wait_for()
     page.get_by_role("button", name="Continue", exact=True).click()
     wait_until_turning(page, device)
     assert only_run(web).metadata["needs_page"] is True
@@ -117,12 +116,12 @@ def test_esc_stops_while_text_is_composed(page, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.get_by_label("Repeats").focus()
-    line = page.context.new_cdp_session(page)
-    line.send("Input.imeSetComposition", {"text": "n", "selectionStart": 1, "selectionEnd": 1})
+    session = page.context.new_cdp_session(page)
+    session.send("Input.imeSetComposition", {"text": "n", "selectionStart": 1, "selectionEnd": 1})
     page.locator(".stop-note").get_by_text("Press the STOP button to stop").wait_for()
     pressed = time.time()
     key = {"key": "Process", "code": "Escape", "windowsVirtualKeyCode": 229}
-    line.send("Input.dispatchKeyEvent", {"type": "rawKeyDown", **key})
+    session.send("Input.dispatchKeyEvent", {"type": "rawKeyDown", **key})
     assert device.zero_after(pressed) < STOPPED_S
 
 

@@ -1,4 +1,4 @@
-"""Runs and Fit as somebody uses them: find, compare, take home, fit, and never leave the folder."""
+"""Runs and Fit tabs: search, view, download and fit, limited to the runs folder."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 TOP = Path(__file__).parents[2]
 
-COLD_MS = 90_000
-"""What starts a process and loads the libraries that draw may take so long on a busy machine."""
+COLD_MS = 90_000  # start of a process with the plot libraries on a busy machine
 
 REPORT = "<!doctype html><title>Fit: earlier</title>"
 
@@ -33,7 +32,7 @@ Opens = Callable[[str], "Page"]
 
 @pytest.fixture(scope="module")
 def filled(browser, tmp_path_factory):
-    """Give a server whose folder holds two sweeps, a fit and a run that broke."""
+    """Return a server with two sweeps, a fit and a broken run."""
     runs = tmp_path_factory.mktemp("page") / "runs"
     for name in ("quad", "single_rotor"):
         shutil.copytree(TOP / "datasets" / name / "run", runs / name)
@@ -47,14 +46,14 @@ def filled(browser, tmp_path_factory):
 
 
 def wait_for_controls(page: Page) -> None:
-    """Wait until the page of an earlier test has left the controls."""
+    """Wait until the page of an earlier test has released the control lock."""
     take = page.get_by_role("button", name="Take over")
-    take.or_(page.get_by_text("at the controls", exact=True)).first.wait_for()
+    take.or_(page.get_by_text("in control", exact=True)).first.wait_for()
 
 
 def test_a_run_is_found_and_shows_its_numbers(filled, open_page):
     page = open_page(f"{filled.url}?tab=runs")
-    page.get_by_text("4 in runs, 1 cannot be read").wait_for()
+    page.get_by_text("4 in runs, 1 not readable").wait_for()
     names = page.locator(".run-name")
     expect(names).to_have_count(4)
     assert set(names.all_inner_texts()) == {"quad", "single_rotor", "earlier", "broken"}
@@ -66,27 +65,27 @@ def test_a_run_is_found_and_shows_its_numbers(filled, open_page):
     page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
     expect(page.get_by_role("img", name=re.compile("Thrust near the plate"))).to_be_visible()
     expect(page.locator(".command-text").last).to_contain_text("benchtool report")
-    with page.expect_download(timeout=COLD_MS) as taken:
+    with page.expect_download(timeout=COLD_MS) as download:
         page.get_by_role("button", name="points, CSV").click()
     expected = filled.runs / "single_rotor" / "points.csv"
-    assert taken.value.suggested_filename == "single_rotor-points.csv"
-    # The points of the run, with quantities that follow from them behind.
-    shown, run = (pd.read_csv(path) for path in (taken.value.path(), expected))
-    pd.testing.assert_frame_equal(shown[run.columns], run, check_dtype=False)
+    assert download.value.suggested_filename == "single_rotor-points.csv"
+    # The points of the run, followed by derived quantities.
+    table, run = (pd.read_csv(path) for path in (download.value.path(), expected))
+    pd.testing.assert_frame_equal(table[run.columns], run, check_dtype=False)
     page.get_by_label("Search name, rig, date, state, note").fill("fit")
     page.get_by_role("button", name="earlier").click()
     page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.892 ± 0.022")).first.wait_for()
     with page.expect_download(timeout=COLD_MS) as report:
         page.get_by_role("button", name="Report, HTML").click()
     assert Path(report.value.path()).read_text("utf-8") == REPORT
-    # A report that is still being made comes, although another entry was opened meanwhile.
+    # A pending report is downloaded even if another entry is opened meanwhile.
     page.get_by_label("Search name, rig, date, state, note").fill("")
     page.get_by_role("button", name="single_rotor").click()
     page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
-    with page.expect_download(timeout=COLD_MS) as late:
+    with page.expect_download(timeout=COLD_MS) as pending:
         page.get_by_role("button", name="Report, HTML").click()
         page.get_by_role("button", name="earlier").click()
-    assert late.value.suggested_filename == "single_rotor-report.html"
+    assert pending.value.suggested_filename == "single_rotor-report.html"
 
 
 def test_a_fit_gives_the_numbers_of_the_command(filled, open_page):
@@ -94,32 +93,32 @@ def test_a_fit_gives_the_numbers_of_the_command(filled, open_page):
     page.get_by_label("body_lift.K_b is free").wait_for()
     wait_for_controls(page)
     name = page.get_by_label("Name of the fit's folder")
-    for taken, reason in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
-        name.fill(taken)
-        page.locator(".command-text", has_text=taken).wait_for()
+    for invalid_name, reason in (("../evil", "cannot name a run"), ("quad", "quad exists already")):
+        name.fill(invalid_name)
+        page.locator(".command-text", has_text=invalid_name).wait_for()
         page.get_by_role("button", name="Fit", exact=True).click()
         page.locator(".q-notification__message", has_text=reason).wait_for()
     name.fill("fit-here")
     command = page.locator(".command-text", has_text="fit-here")
     command.wait_for()
-    words = shlex.split(command.inner_text())
-    page.get_by_label("neighbour_images.strength is held at").fill("0.9")
+    arguments = shlex.split(command.inner_text())
+    page.get_by_label("neighbour_images.strength is fixed at").fill("0.9")
     page.locator(".command-text", has_text="--fix neighbour_images.strength=0.9").wait_for()
-    page.get_by_label("neighbour_images.strength is held at").fill("1")
+    page.get_by_label("neighbour_images.strength is fixed at").fill("1")
     page.locator(".command-text", has_text=re.compile("^((?!--fix).)*$")).first.wait_for()
     page.get_by_role("button", name="Fit", exact=True).click()
     row = page.locator(".shown-body").get_by_role("row", name=re.compile("^body_lift.K_b"))
     row.wait_for(timeout=COLD_MS)
-    shown = row.locator("td").all_inner_texts()
-    assert (words[0], words[-2:]) == ("benchtool", ["--out", str(filled.runs / "fit-here")])
+    cells = row.locator("td").all_inner_texts()
+    assert (arguments[0], arguments[-2:]) == ("benchtool", ["--out", str(filled.runs / "fit-here")])
     printed = subprocess.run(
-        [sys.executable, "-m", "benchtool", *words[1:-2]],
+        [sys.executable, "-m", "benchtool", *arguments[1:-2]],
         capture_output=True,
         encoding="utf-8",
         check=True,
     ).stdout
     line = next(text for text in printed.splitlines() if text.strip().startswith("body_lift.K_b"))
-    assert line.split() == ["body_lift.K_b", *" ".join(shown).split()]
-    made = {item.name for item in (filled.runs / "fit-here").iterdir()}
-    assert {"result.json", "model.toml", "report.html", "ratio.svg"} <= made
+    assert line.split() == ["body_lift.K_b", *" ".join(cells).split()]
+    files = {path.name for path in (filled.runs / "fit-here").iterdir()}
+    assert {"result.json", "model.toml", "report.html", "ratio.svg"} <= files
     assert not (filled.runs.parent / "evil").exists()

@@ -1,4 +1,4 @@
-"""Simulate as somebody uses it: fill in the form, simulate, read the report, go to Explain."""
+"""Simulate tab: form, simulation, report and transfer to Explain."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COMPILES_MS = 150_000  # the first simulation of a machine compiles
 def choose(page: Page, label: str, option: str) -> None:
     page.get_by_label(label, exact=True).locator("visible=true").click()
     page.get_by_role("option", name=option, exact=True).click()
-    page.mouse.click(5.0, 5.0)  # a list of several stays open
+    page.mouse.click(5.0, 5.0)  # closes a multiple-choice list
     expect(page.get_by_role("option")).to_have_count(0)
 
 
@@ -46,20 +46,20 @@ def test_a_recording_with_a_hidden_effect_goes_to_explain(web, open_page):
     assert not list(web.runs.glob("*"))
 
     numbers.fill("coulomb_friction.torque_Nm=0.0145, gains.attitude=1.1")
-    words = "--set coulomb_friction.torque_Nm=0.0145 --set gains.attitude=1.1"
-    expect(command(page)).to_contain_text(words)
-    typed = shlex.split(command(page).inner_text())
+    options = "--set coulomb_friction.torque_Nm=0.0145 --set gains.attitude=1.1"
+    expect(command(page)).to_contain_text(options)
+    arguments = shlex.split(command(page).inner_text())
     simulate.click()
     explain = page.get_by_role("button", name="Explain", exact=True)
     explain.wait_for(timeout=COMPILES_MS)
     expect(page.get_by_text("SIMULATED", exact=True)).to_be_visible()
     expect(page.locator("figure.shown img")).to_be_visible()
     (out,) = web.runs.iterdir()
-    assert typed[typed.index("--out") + 1] == str(out)
+    assert arguments[arguments.index("--out") + 1] == str(out)
     assert out.joinpath("pid.csv").is_file()
 
     explain.click()
-    page.get_by_text("no recording to check on is chosen").wait_for()
+    page.get_by_text("no validation recording is selected").wait_for()
     expect(page.locator(".q-chip")).to_have_text(re.compile(rf"{out.name}/pid\.csv"))
 
 

@@ -1,6 +1,6 @@
-"""STOP against everything that lies over the page: drags, menus, dialogs, notes.
+"""STOP during drags and with menus, dialogs and notifications above the page.
 
-A finger holds the throttle, so that the pulse of the device is above zero whenever STOP is pressed.
+A finger holds the throttle, so the device is above zero throttle when STOP is pressed.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
-NOWHERE = (640.0, 890.0)  # a place of the page where nothing is
+EMPTY_POSITION = (640.0, 890.0)  # no element there
 
 
 @pytest.fixture
 def hands(page, device):
-    """Give hands on a page that is connected to a device."""
+    """Return input on a page that is connected to a device."""
     connect(page, device.address)
     return Hands(page, device)
 
@@ -48,7 +48,7 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(page, devi
     page.mouse.move(x - 60.0, y)
     moved = "[type=number][aria-label^=Pulse]"
     page.wait_for_function(f"Number(document.querySelector('{moved}').value) < 1450")
-    # In mid-drag everything on the page is without pointer events.
+    # During a drag, no element receives pointer events.
     for way in ("second mouse button", "Escape"):
         pressed = hands.stop_by(way)
         assert device.stopped_after(pressed) < STOPPED_S
@@ -57,16 +57,16 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(page, devi
         page.mouse.down()
         page.mouse.move(x - 62.0, y)
     page.mouse.up()
-    # The way to STOP dragged the slider along; it is back once the last move was worked off.
+    # The move to STOP dragged the slider; wait until the last move is processed.
     slid = "Number(document.querySelector('[role=slider][aria-label=Pulse]').ariaValueNow)"
     page.wait_for_function(f"1050 < {slid} && {slid} < 1450")
     slider_us = page.get_by_role("slider", name="Pulse").get_attribute("aria-valuenow")
     assert slider_us is not None
     expect(pulse).to_have_value(slider_us)
-    wanted = float(slider_us)
+    target_us = float(slider_us)
     for way in ("mouse", "touch", "Escape"):
         with hands.turning():
-            device.wait_for_us(wanted)
+            device.wait_for_us(target_us)
             hands.stops(way)
 
 
@@ -78,10 +78,10 @@ def test_a_key_that_stops_says_so_and_does_nothing_else(page, device, hands):
     pressed = time.time()
     page.keyboard.press(" ")
     assert device.stopped_after(pressed) < STOPPED_S
-    note.get_by_text("The space bar is STOP wherever no text is typed").wait_for()
+    note.get_by_text("The space bar is STOP outside text fields").wait_for()
     assert before is not None
     expect(box).to_have_attribute("aria-checked", before)
-    # Nobody types a space into a number.
+    # In a number field the space bar is STOP.
     page.get_by_role("spinbutton", name="Pulse, us").focus()
     pressed = time.time()
     page.keyboard.press(" ")
@@ -110,17 +110,17 @@ def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page):
 
 
 TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 4, "Explain": 3}
-"""Tabs, with how many lists and sliders each shows at least."""
+"""Tabs with their minimum number of lists and sliders."""
 
 
 def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
-    """Give the name of everything that lies over the page or drags, and what brings it up."""
+    """Yield the name of each overlay or draggable element and a function that activates it."""
     for tab, count in TABS.items():
         before = page.query_selector_all(".q-select:visible") if tab != "Bench" else []
         go_to(page, tab)
-        for left in before:
-            left.wait_for_element_state("hidden")
-        # NiceGUI builds a tab when it is first shown.
+        for element in before:
+            element.wait_for_element_state("hidden")
+        # NiceGUI builds a tab when first shown.
         page.wait_for_function(
             "count => [...document.querySelectorAll('.q-select, .q-slider')]"
             ".filter((each) => each.checkVisibility()).length >= count",
@@ -150,28 +150,28 @@ def test_stop_works_over_every_list_menu_dialog_note_and_dragged_slider(page, we
     stopped.mkdir(parents=True)
     (stopped / "metadata.json").write_text('{"state": "stopped"}', "utf-8")
     (stopped / "plan.toml").write_text("", "utf-8")
-    seen = []
-    for number, (name, bring_up) in enumerate(overlays(page)):
+    names = []
+    for number, (name, activate) in enumerate(overlays(page)):
         ways = WAYS[number % 3 :] + WAYS[: number % 3]
         tab = name.partition(":")[0]
         if tab == "Bench" or "dialog" in name:
             go_to(page, "Bench")
             with hands.turning():
                 click(page.get_by_role("tab", name=tab))
-                bring_up()
+                activate()
                 page.wait_for_timeout(250)
                 for way in ways:
                     hands.stops(way)
         else:
-            bring_up()
+            activate()
             page.wait_for_timeout(250)
             hands.stops(ways[0])
             hands.let_go()
-        seen.append(name)
-        # A click beside a dialog closes it, too: its button would be gone while it is looked for.
+        names.append(name)
+        # A click outside a dialog also closes it, so press its button first.
         for dialog in visible(page, ".q-dialog"):
             dialog.get_by_role("button", name="Cancel").click()
-        page.mouse.click(*NOWHERE)
-    assert len(seen) >= 20, seen
+        page.mouse.click(*EMPTY_POSITION)
+    assert len(names) >= 20, names
     for kind in ("list", "slider", "menu", "notes", "dialog"):
-        assert any(kind in name for name in seen)
+        assert any(kind in name for name in names)

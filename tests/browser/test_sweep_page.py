@@ -30,7 +30,7 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
     begin(page, fast_device, repeats=2, needs_page=needs_page)
     wait_for_points(page, 1)
     page.reload()
-    page.get_by_text("at the controls", exact=True).wait_for()
+    page.get_by_text("in control", exact=True).wait_for()
     if needs_page:
         page.get_by_role("button", name="Continue", exact=True).click()
     run = only_run(web)
@@ -61,13 +61,13 @@ def test_stop_in_mid_sweep_and_go_on_later(page, web, fast_device):
     run = only_run(web)
     assert run.metadata["state"] == "stopped"
     assert "stopped from the page" in run.metadata["reason"]
-    done = len(read_points(run.path))
+    n_measured = len(read_points(run.path))
     page.get_by_role("button", name="Resume a stopped run").click()
     page.get_by_role("dialog").get_by_role("button", name="Resume").click()
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text(f"ended: {run.path}").wait_for(timeout=SWEEP_MS)
     points = read_points(run.path)
-    assert len(points) > done >= 2
+    assert len(points) > n_measured >= 2
     assert points.column("point").tolist() == [float(i + 1) for i in range(len(points))]
     assert run.metadata["state"] == "ended"
 
@@ -76,11 +76,11 @@ def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page):
     with served_device(warning="a late order may turn its motors") as device:
         connect(page, device.address)
         warning = page.get_by_text("Warning: a late order may turn its motors")
-        warning.wait_for()  # beside the throttle
+        warning.wait_for()  # next to the throttle
         go_to(page, "Sweep")
         page.get_by_label("Pulses, us").fill("1500")
         page.get_by_role("button", name="Start the sweep").click()
-        page.get_by_text("About to spin").wait_for()
+        page.get_by_text("Motors will turn").wait_for()
         page.get_by_role("dialog").locator(warning).wait_for()
         assert "late order" in page.get_by_role("dialog").inner_text()
         page.get_by_role("button", name="Cancel").click()

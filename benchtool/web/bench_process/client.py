@@ -1,4 +1,4 @@
-"""The server's end of the bench process: send commands, store the latest events."""
+"""Client of the bench process: sends commands and stores the latest events."""
 
 from __future__ import annotations
 
@@ -14,18 +14,15 @@ from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import FRAME, frame_time_s
 from benchtool.web.bench_process.spawn import ProcessHandle
 
-SHOWN_EVENTS = 200  # Events of a run that pages show; the run folder has them all
-
+MAX_EVENTS = 200  # events of a run sent to pages; the run folder has all; assumed
 HEARTBEAT_INTERVAL_S = 0.1
-
 SHUTDOWN_TIMEOUT_S = 5.0  # for the bench process to stop motors and close a run
 
 
 class BenchClient:
-    """Send commands to the bench process, and hold its latest snapshots for every page.
+    """Connection to the bench process with its latest events; all methods run in the event loop.
 
-    `marks` are the annotations of this connection: time of the stream in s, and text.
-    Everything here runs in the page's loop; `start` is called there.
+    `marks` are the annotations of this connection: stream time in s and text.
     """
 
     def __init__(self, process: ProcessHandle | None = None) -> None:
@@ -56,19 +53,19 @@ class BenchClient:
         ).start()
 
     def send(self, command: messages.Command) -> None:
-        """Send a command; the bench process answers with events."""
-        # That a process is gone is reported, and another started, where it is listened to.
+        """Send a command; the bench process responds with events."""
+        # A missing process is reported and replaced by the listener thread.
         self._process.send(pickle.dumps(command))
 
     def stop(self, who: str) -> None:
         self.send(messages.StopMotors(who))
 
     def dismiss_alarm(self) -> None:
-        """Take somebody's word that the motors stand, and that why the bench is off was read."""
-        self.connection = replace(self.connection, unseen="", reason="")
+        """Clear the standstill warning and the disconnect reason after a user's confirmation."""
+        self.connection = replace(self.connection, standstill_problem="", reason="")
 
     def close(self) -> None:
-        """End the process: it stops the motors and closes its run first."""
+        """End the process; it first stops the motors and closes its run."""
         self._closing.set()
         self.send(messages.Shutdown())
         self._process.end(SHUTDOWN_TIMEOUT_S)
@@ -83,24 +80,26 @@ class BenchClient:
                 message = process.receive()
             except (EOFError, OSError):
                 break
-            # A loop that is closed has no page any more.
+            # A closed loop has no pages left.
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(self._receive, message)
         if not self._closing.is_set():
             loop.call_soon_threadsafe(self._restart)
 
     def _restart(self) -> None:
-        """Start another process for one that ended by itself."""
+        """Replace a process that ended unexpectedly."""
         reason = (
-            "the process that held the bench has ended; its motors were not seen to stand: look, "
-            "cut the power if they turn, then connect it anew"
+            "the bench process ended unexpectedly, standstill is not confirmed; look at the "
+            "motors, cut the power if they turn, then reconnect"
         )
-        unseen = reason if self.connection.status == "on" else ""
+        problem = reason if self.connection.status == "on" else ""
         session = self.connection.session
-        self._process = self._process.successor()
+        self._process = self._process.make_replacement()
         self._process.start()
         self._listen_to_process(asyncio.get_running_loop())
-        self.connection = messages.ConnectionStatus(reason=reason, session=session, unseen=unseen)
+        self.connection = messages.ConnectionStatus(
+            reason=reason, session=session, standstill_problem=problem
+        )
         self.live = messages.LiveStatus()
         if self.sweep.active:
             self.sweep = replace(self.sweep, status="stopped", reason=reason)
@@ -128,7 +127,7 @@ class BenchClient:
             self.sweep = event
         elif isinstance(event, messages.RunEvent):
             self.events.append(event.event)
-            del self.events[:-SHOWN_EVENTS]
+            del self.events[:-MAX_EVENTS]
             if event.event.event == ANNOTATION:
                 self.marks.append((frame_time_s(self._frame), event.event.text))
         elif isinstance(event, messages.PressEnded):

@@ -1,7 +1,6 @@
-"""Messages between the page's server and the bench process: commands one way, events the other.
+"""Messages between web server and bench process: commands and events.
 
-`StopMotors` is not queued behind other commands. Events are whole snapshots, so that a page that
-is opened late misses nothing.
+`StopMotors` bypasses the command queue. Status events are complete snapshots.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ class Connect:
     """Open a bench.
 
     Attributes:
-        rig: may be empty where the address names one.
-        weighs: hold it without the guard's limits, for masses on the load cell; no motor can turn.
+        rig: may be empty if the address names one.
+        weighs: connect without the guard's limits to calibrate the load cell; motors are locked.
     """
 
     address: str
@@ -36,22 +35,22 @@ class Connect:
 
 @dataclass(frozen=True, slots=True)
 class Disconnect:
-    """Close the bench, motors at zero."""
+    """Set zero throttle and close the bench."""
 
 
 @dataclass(frozen=True, slots=True)
 class StopMotors:
-    """Stop the motors and whatever runs, now."""
+    """Stop motors, sweep and recording at once."""
 
     who: str = "the page"
 
 
 @dataclass(frozen=True, slots=True)
 class ServerHeartbeat:
-    """Heartbeat of the page's server; silence stops the motors.
+    """Heartbeat of the web server; the motors stop if heartbeats are missing.
 
     Attributes:
-        page_problem: why the page that has the control lock cannot press STOP; empty if it can.
+        page_problem: reason why STOP cannot be pressed on the page with the control lock, or "".
     """
 
     page_problem: str = ""
@@ -59,24 +58,24 @@ class ServerHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class Shutdown:
-    """Stop, close the bench, and end the process."""
+    """Stop the motors, close the bench and end the process."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmMotors:
-    """Allow motors to turn by hand, with what the operator typed."""
+    """Arm the motors for manual throttle; `typed` is the operator's confirmation."""
 
     typed: str
 
 
 @dataclass(frozen=True, slots=True)
 class HoldThrottle:
-    """Report that the throttle button is still held; sent again and again.
+    """Periodic report that the throttle button is held.
 
     Attributes:
-        press: number of this press, growing in a tab; one that has ended does not come back.
-        rotors: numbers of the rotors that shall turn, from 1.
-        age_s: time since the page knew that the button was held.
+        press: number of this press, increasing per tab; an ended press is not resumed.
+        rotors: numbers of the rotors to drive, from 1.
+        age_s: time since the page last confirmed that the button was held.
     """
 
     tab: str
@@ -88,7 +87,7 @@ class HoldThrottle:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseThrottle:
-    """Report that the button was released; with no number, that its page is gone."""
+    """Report that the button was released; without a number, that its page was closed."""
 
     tab: str
     press: int | None = None
@@ -96,26 +95,26 @@ class ReleaseThrottle:
 
 @dataclass(frozen=True, slots=True)
 class TareLoadCell:
-    """Take the present reading of the load cell as zero."""
+    """Set the current load cell reading to zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class TightenLimits:
-    """Hold the bench to narrower limits than its rig's, until it is disconnected."""
+    """Apply limits narrower than the rig's until the bench is disconnected."""
 
     limits: Limits
 
 
 @dataclass(frozen=True, slots=True)
 class MovePlateTo:
-    """Move the plate to a distance, motors standing."""
+    """Move the plate to a distance; the motors must be at standstill."""
 
-    z_m: float
+    target_z_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class WeighMass:
-    """Average raw counts under a known mass, for a calibration."""
+    """Average raw counts under a known mass for a calibration."""
 
     mass_kg: float
     seconds: float = 3.0
@@ -123,15 +122,15 @@ class WeighMass:
 
 @dataclass(frozen=True, slots=True)
 class Calibrate:
-    """Fit and store a calibration from the weighed masses; or discard them."""
+    """Fit and store a calibration from the weighed masses, or discard them."""
 
     store: bool = True
-    known: WeighingInputs = field(default_factory=WeighingInputs)
+    weighing: WeighingInputs = field(default_factory=WeighingInputs)
 
 
 @dataclass(frozen=True, slots=True)
 class Annotate:
-    """Put what the operator writes among the events of the run that is under way."""
+    """Add an operator's annotation to the events of the current run."""
 
     text: str
 
@@ -145,12 +144,11 @@ class SetClockSpeed:
 
 @dataclass(frozen=True, slots=True)
 class StartSweep:
-    """Start a sweep on the connected bench, or resume the run that its inputs name.
-
-    Nothing `typed` to arm relies on a simulated or checked bench.
+    """Start a sweep on the connected bench, or resume the run in `inputs`.
 
     Attributes:
-        needs_page: pause with motors at zero when the page that has the control lock is lost.
+        typed: arming confirmation; "" is accepted for a simulated or checked bench only.
+        needs_page: pause at zero throttle if the page with the control lock is lost.
     """
 
     inputs: SweepInputs
@@ -160,7 +158,7 @@ class StartSweep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRecording:
-    """Record a pitch experiment; `typed` and `needs_page` as for a sweep, which is then stopped."""
+    """Record a pitch experiment; a lost page stops it if `needs_page`, else as `StartSweep`."""
 
     experiment: PitchExperiment
     runs: Path = Path("runs")
@@ -171,7 +169,7 @@ class StartRecording:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartLiveRecording:
-    """Record what is turned by hand, until `EndRecording` or a stop."""
+    """Record under manual throttle until `EndRecording` or a stop."""
 
     runs: Path = Path("runs")
     name: str = "live"
@@ -179,19 +177,19 @@ class StartLiveRecording:
 
 @dataclass(frozen=True, slots=True)
 class EndRecording:
-    """End a live recording: motors at zero, the run closed."""
+    """End a live recording: set zero throttle and close the run."""
 
 
 @dataclass(frozen=True, slots=True)
 class PauseSweep:
-    """Let a sweep wait before its next visit, motors at zero; or continue it."""
+    """Pause a sweep before its next point, at zero throttle, or continue it."""
 
     on: bool
 
 
 @dataclass(frozen=True, slots=True)
 class AnswerQuestion:
-    """Answer the question of a sweep (a plate moved by hand)."""
+    """Answer to a question of a sweep (manual stage)."""
 
     text: str
 
@@ -209,15 +207,15 @@ Command = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionStatus:
-    """State whether a bench is connected.
+    """Connection status of the bench.
 
     Attributes:
-        session: counts connections; a new number means other channels and a new clock.
-        identity, rig: of the bench, its limits those that hold now; None when off.
-        stated: limits by the rig itself, up to which they may be widened again.
-        weighs: for masses on the load cell only, no motor can turn.
-        reason: why there is none, empty when that was commanded.
-        unseen: why motors may still turn, empty unless they were not seen to stand.
+        session: connection number; a new number means other channels and a new clock.
+        rig: with the limits in force; None when off.
+        rig_limits: limits of the rig file, the upper bound of `TightenLimits`.
+        weighs: connected for load cell calibration only; motors are locked.
+        reason: cause of the disconnection, "" if commanded.
+        standstill_problem: reason why motors may still turn, or "".
     """
 
     status: Literal["off", "opening", "on"] = "off"
@@ -225,11 +223,11 @@ class ConnectionStatus:
     session: int = 0
     identity: DeviceInfo | None = None
     rig: Rig | None = None
-    stated: Limits | None = None
+    rig_limits: Limits | None = None
     calibration: Calibration | None = None
     weighs: bool = False
     reason: str = ""
-    unseen: str = ""
+    standstill_problem: str = ""
 
 
 SPEED_LIMIT = "speed, rpm"  # name of the LimitShare of speed
@@ -237,7 +235,7 @@ SPEED_LIMIT = "speed, rpm"  # name of the LimitShare of speed
 
 @dataclass(frozen=True, slots=True)
 class LimitShare:
-    """State how near a reading is to its limit; `share` is 1 at the limit."""
+    """Reading and its limit; `share` is 1 at the limit."""
 
     name: str
     value: float
@@ -247,7 +245,7 @@ class LimitShare:
 
 @dataclass(frozen=True, slots=True)
 class LiveValue:
-    """State a mean since the last status, or what follows from such means."""
+    """Mean since the last status, or a quantity derived from such means."""
 
     name: str
     value: float
@@ -256,21 +254,20 @@ class LiveValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveStatus:
-    """State what the bench does just now, a few times a second.
+    """Live status of the bench, published four times a second.
 
     Attributes:
-        pulses_us: commanded, one for each rotor.
+        command_pwm_us: one value per rotor.
         rate_Hz: samples per second of the bench's clock.
-        limits: how near each reading has been to its limit since the last of these.
-        values: thrust, torque, power, efficiency and so on, as far as they are measured.
-        speed: of a virtual clock, 0 where the clock is the wall's.
-        weighed: (mass in kg, counts) so far, for a calibration.
-        busy: what takes a while just now, empty when nothing does.
-        standstill: which rotors were seen to stand since zero was commanded, in a sentence; empty
-            while a motor is driven.
+        limits: extreme readings since the last status, against their limits.
+        values: thrust, torque, power, efficiency and so on, if measured.
+        speed: speed of a virtual clock; 0 for real time.
+        weighed: (mass in kg, counts) of the calibration in progress.
+        busy: name of a slow operation in progress, or "".
+        standstill: sentence about rotors at standstill; "" while a motor is driven.
     """
 
-    pulses_us: tuple[float, ...] = ()
+    command_pwm_us: tuple[float, ...] = ()
     rate_Hz: float = 0.0
     samples: int = 0
     lost: int = 0
@@ -286,14 +283,13 @@ class LiveStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepStatus:
-    """State how far a sweep or a recording is.
+    """Progress of a sweep or a recording.
 
     Attributes:
-        status: "none" before the first one; "closing" while files are finished.
-        kind: what it is; a recording has no visits.
-        visits, done, left_s: planned, measured, and how long the rest takes.
-        now: present visit, in words.
-        reason: why it ended early, or its summary.
+        status: "none" before the first run; "closing" while files are written.
+        n_points, n_measured: 0 for a pitch recording.
+        point_text: label of the current point.
+        reason: cause of an early end, or the summary.
     """
 
     status: Literal[
@@ -301,15 +297,15 @@ class SweepStatus:
     ] = "none"
     kind: Literal["sweep", "pitch", "live"] = "sweep"
     run: str = ""
-    visits: int = 0
-    done: int = 0
-    left_s: float = 0.0
-    now: str = ""
+    n_points: int = 0
+    n_measured: int = 0
+    remaining_s: float = 0.0
+    point_text: str = ""
     question: str = ""
     reason: str = ""
 
     @property
-    def what(self) -> str:
+    def noun(self) -> str:
         return "sweep" if self.kind == "sweep" else "recording"
 
     @property
@@ -319,14 +315,14 @@ class SweepStatus:
 
 @dataclass(frozen=True, slots=True)
 class RunEvent:
-    """Report an event of the present run."""
+    """Event of the current run."""
 
     event: Event
 
 
 @dataclass(frozen=True, slots=True)
 class PressEnded:
-    """Report that a press of the throttle has ended other than by its release."""
+    """End of a throttle press other than by release."""
 
     tab: str
     reason: str
@@ -334,7 +330,7 @@ class PressEnded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
-    """Show people something once."""
+    """Notification shown once on every page."""
 
     text: str
     is_error: bool = False

@@ -1,6 +1,6 @@
-"""The bench process: one thread holds the bench, one listens, one publishes.
+"""Bench process: one thread each for the bench, for commands and for publishing.
 
-It ends when the page's server closes the pipe, or is killed: motors at zero, the run closed.
+When the web server closes the pipe or is killed, it sets zero throttle, closes the run and ends.
 """
 
 from __future__ import annotations
@@ -34,23 +34,21 @@ from benchtool.web.bench_process.session import Session
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch
 
-PRIORITY = -10  # Niceness of the bench process, for users that may have it; a choice
-FASTEST = 100.0  # Highest speed of a virtual clock, in multiples of real time; a choice
-
-
+BENCH_NICENESS = -10  # applied if the user is permitted to; assumed
+MAX_CLOCK_SPEED = 100.0  # of a virtual clock, in multiples of real time; assumed
 MAX_SERVER_SILENCE_S = 1.0  # ten heartbeats; assumed
 POLL_INTERVAL_S = 0.1
 
 
 def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token: str = "") -> None:
-    """Serve a page's server over a pipe until it closes.
+    """Serve the web server over a pipe until it closes.
 
     Args:
-        listening: bound socket of the STOP listener; none without one.
+        listening: bound socket of the STOP listener; None for no listener.
     """
-    # Where the system allows it this loop goes before others: it feeds the device's watchdog.
+    # This loop feeds the device's watchdog, so it gets priority where permitted.
     with suppress(OSError, AttributeError):
-        os.nice(PRIORITY)
+        os.nice(BENCH_NICENESS)
     process = BenchProcess(pipe)
     if listening is None:
         process.run()
@@ -67,7 +65,7 @@ def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token:
 
 
 class BenchProcess:
-    """Own the bench, in the main thread, where signals come."""
+    """Bench process; the bench belongs to the main thread, which receives signals."""
 
     def __init__(self, pipe: Pipe) -> None:
         self._pipe = pipe
@@ -89,7 +87,7 @@ class BenchProcess:
         try:
             while not isinstance(command := self._commands.get(), messages.Shutdown):
                 if isinstance(command, messages.Connect):
-                    self._hold(command)
+                    self._serve_bench(command)
                 elif not isinstance(command, messages.Disconnect):
                     self._publish_error("no bench is connected; connect one first")
         except KeyboardInterrupt:
@@ -99,7 +97,7 @@ class BenchProcess:
             self._publisher.close()
 
     def _listen(self) -> None:
-        """Take commands; what cannot wait for the owner of the bench is done here."""
+        """Receive commands; execute urgent ones here, queue the others for the main thread."""
         while True:
             try:
                 command = self._receive()
@@ -125,13 +123,13 @@ class BenchProcess:
                 self._annotate(command.text)
             elif isinstance(command, messages.SetClockSpeed):
                 if (paced := self._paced) is not None:
-                    paced.speed = min(max(command.speed, 0.1), FASTEST)
+                    paced.speed = min(max(command.speed, 0.1), MAX_CLOCK_SPEED)
             elif isinstance(command, messages.Shutdown):
-                self.stop("the page's server is gone")
+                self.stop("the web server has ended")
                 self._commands.put(command)
                 return
             elif self._runs.active:
-                self._publish_error(f"a {self._runs.what} is under way; stop it first")
+                self._publish_error(f"a {self._runs.noun} is under way; stop it first")
             else:
                 self._commands.put(command)
 
@@ -140,40 +138,40 @@ class BenchProcess:
 
     def _annotate(self, text: str) -> None:
         if not text:
-            self._publish_error("the annotation is empty; write a text first")
+            self._publish_error("the annotation is empty; type a text first")
         elif not self._runs.active:
-            self._publish_error("no run is under way to annotate; start a recording or a sweep")
+            self._publish_error("an annotation needs a run; start a recording or a sweep first")
         else:
             self._runs.annotate(text)
 
     def _receive(self) -> messages.Command:
-        """Return the next command; stop the motors while the server is silent.
+        """Return the next command; stop the motors if heartbeats are missing meanwhile.
 
         Raises:
-            EOFError, OSError: the server is gone.
+            EOFError, OSError: the server has ended.
         """
         while not self._pipe.poll(POLL_INTERVAL_S):
             heard_s = self._server_heard_s
             if heard_s is not None and time.monotonic() - heard_s > MAX_SERVER_SILENCE_S:
                 self._server_heard_s = None
-                self.stop(f"no heartbeat of the page's server for {MAX_SERVER_SILENCE_S:g} s")
+                self.stop(f"no heartbeat from the web server for {MAX_SERVER_SILENCE_S:g} s")
         command: messages.Command = pickle.loads(self._pipe.recv_bytes())
         return command
 
     def stop(self, reason: str) -> None:
-        """Stop the motors and what runs, from any thread."""
+        """Stop motors, sweep and recording; callable from any thread."""
         self._dead_man.end_press(reason)
         if (bench := self._bench) is not None:
             bench.request_stop(reason)
 
-    def _hold(self, connect: messages.Connect) -> None:
-        """Open a bench and hold it until it is disconnected or something ends it."""
+    def _serve_bench(self, connect: messages.Connect) -> None:
+        """Open a bench and run its session until disconnection or an error."""
         self._sessions += 1
         number, address = self._sessions, connect.address
         self._publisher.publish(
             messages.ConnectionStatus(status="opening", address=address, session=number)
         )
-        reason = unseen = ""
+        reason = problem = ""
         try:
             rig = resolve_rig(address, connect.rig or None)
             device = open_bench(address)
@@ -181,27 +179,27 @@ class BenchProcess:
             telemetry = Telemetry(
                 number, rig, self._publisher, lambda: paced.speed if paced else 0.0
             )
-            stoppable = StoppableBench(paced or device, telemetry.take)
+            stoppable = StoppableBench(paced or device, telemetry.add)
             self._bench, self._paced = stoppable, paced
             session = Session(
                 connect, number, rig, self._publisher, self._commands, self._dead_man, self._runs,
                 telemetry,
             )  # fmt: skip
-            held = stoppable if connect.weighs else GuardedBench(stoppable, rig)
-            self.guard = held if isinstance(held, GuardedBench) else None
-            with self.announce(address), held as bench:
+            closed_bench = stoppable if connect.weighs else GuardedBench(stoppable, rig)
+            self.guard = closed_bench if isinstance(closed_bench, GuardedBench) else None
+            with self.announce(address), closed_bench as bench:
                 session.run(bench)
             state = bench.standstill if isinstance(bench, GuardedBench) else None
             if state is not None and not state.seen:
                 self._publish_error(state.text)
-                unseen = state.text
+                problem = state.text
         except BenchtoolError as error:
             reason = str(error)
-            unseen = reason if isinstance(error, StandstillNotConfirmed) else ""
+            problem = reason if isinstance(error, StandstillNotConfirmed) else ""
         finally:
             self._bench = self._paced = self.guard = None
             self._publisher.publish(
                 messages.ConnectionStatus(
-                    address=address, session=number, reason=reason, unseen=unseen
+                    address=address, session=number, reason=reason, standstill_problem=problem
                 )
             )

@@ -1,9 +1,8 @@
-"""Publish events and frames to the page, never waiting for it: a page that hangs must not hold the
-bench.
+"""Publisher of events and frames. It never blocks, so an unresponsive page cannot delay the bench.
 
-A frame holds of every channel the least and the greatest since the last frame. It is float32,
-little-endian: session, time in s, number of samples, then for each of c channels its least and
-greatest value, nan where none came: 3 + 2 c numbers.
+A frame contains each channel's minimum and maximum since the last frame, as 3 + 2 c little-endian
+float32 values: session, time in s, number of samples, then minimum and maximum of each of the c
+channels, nan without samples.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.web.bench_process.messages import BenchEvent
 
-HEAD = 3  # Numbers before the channels
+HEADER_LENGTH = 3  # values before the channels
 
 
 class Decimator:
-    """Keep extremes of samples (m, c) between two frames, so that no peak is missed."""
+    """Running minimum and maximum of samples (m, c) between two frames."""
 
     def __init__(self, session: int, n_channels: int) -> None:
         self._session = session
@@ -36,38 +35,38 @@ class Decimator:
             self._high = np.fmax(self._high, np.fmax.reduce(values, axis=0))
             self._count += len(values)
 
-    def take(self, time_s: float) -> bytes:
-        frame = np.empty(HEAD + 2 * len(self._low), "<f4")
-        frame[:HEAD] = self._session, time_s, self._count
-        frame[HEAD::2], frame[HEAD + 1 :: 2] = self._low, self._high
+    def pop_frame(self, time_s: float) -> bytes:
+        frame = np.empty(HEADER_LENGTH + 2 * len(self._low), "<f4")
+        frame[:HEADER_LENGTH] = self._session, time_s, self._count
+        frame[HEADER_LENGTH::2], frame[HEADER_LENGTH + 1 :: 2] = self._low, self._high
         self._low, self._high = np.full_like(self._low, np.nan), np.full_like(self._high, np.nan)
         self._count = 0
         return frame.tobytes()
 
 
-def merged(older: bytes, newer: bytes) -> bytes:
-    """Return one frame for two: the newer's time, the extremes of both.
+def merge_frames(older: bytes, newer: bytes) -> bytes:
+    """Return one frame with the newer time and the extremes of both.
 
-    Frames of another session are not joined; the newer stands alone.
+    If the frames are from different sessions, return the newer one.
     """
     a, b = np.frombuffer(older, "<f4"), np.frombuffer(newer, "<f4")
     if len(a) != len(b) or a[0] != b[0]:
         return newer
-    both = b.copy()
-    both[2] = a[2] + b[2]
-    both[HEAD::2] = np.fmin(a[HEAD::2], b[HEAD::2])
-    both[HEAD + 1 :: 2] = np.fmax(a[HEAD + 1 :: 2], b[HEAD + 1 :: 2])
-    return both.tobytes()
+    merged = b.copy()
+    merged[2] = a[2] + b[2]
+    merged[HEADER_LENGTH::2] = np.fmin(a[HEADER_LENGTH::2], b[HEADER_LENGTH::2])
+    merged[HEADER_LENGTH + 1 :: 2] = np.fmax(a[HEADER_LENGTH + 1 :: 2], b[HEADER_LENGTH + 1 :: 2])
+    return merged.tobytes()
 
 
-def split(frame: bytes) -> tuple[Array, Array]:
-    """Return the least and the greatest value of each channel (c,), (c,)."""
-    numbers = np.frombuffer(frame, "<f4").astype(float)
-    return numbers[HEAD::2], numbers[HEAD + 1 :: 2]
+def frame_extremes(frame: bytes) -> tuple[Array, Array]:
+    """Return minimum and maximum of each channel (c,), (c,)."""
+    values = np.frombuffer(frame, "<f4").astype(float)
+    return values[HEADER_LENGTH::2], values[HEADER_LENGTH + 1 :: 2]
 
 
 def frame_time_s(frame: bytes) -> float:
-    """Return the time of a frame since its session began; 0 where there is none."""
+    """Return the time of a frame since its session began; 0 for an empty frame."""
     return float(np.frombuffer(frame, "<f4")[1]) if frame else 0.0
 
 
@@ -75,9 +74,9 @@ FRAME, EVENT = b"F", b"E"
 
 
 class EventPublisher:
-    """Queue what is to be sent; a thread of its own sends it.
+    """Queue of events and frames, sent by a separate thread.
 
-    Frames that wait are joined into one, so that the newest is never behind and no extreme lost.
+    Queued frames are merged into one: no extreme is lost and the newest is never delayed.
     """
 
     def __init__(self, pipe: Pipe) -> None:
@@ -90,22 +89,22 @@ class EventPublisher:
         self._thread.start()
 
     def publish(self, event: BenchEvent) -> None:
-        """Send an event; all of them arrive, in order."""
+        """Send an event; events are sent in order, none is dropped."""
         with self._ready:
             self._events.append(event)
             self._ready.notify()
 
     def publish_frame(self, frame: bytes) -> None:
         with self._ready:
-            self._frame = frame if self._frame is None else merged(self._frame, frame)
+            self._frame = frame if self._frame is None else merge_frames(self._frame, frame)
             self._ready.notify()
 
-    def close(self, patience_s: float = 1.0) -> None:
-        """Send what waits and end; a page that takes nothing is waited for only so long."""
+    def close(self, timeout_s: float = 1.0) -> None:
+        """Send queued messages and end; give up after a timeout if the pipe is blocked."""
         with self._ready:
             self._closing = True
             self._ready.notify()
-        self._thread.join(patience_s)
+        self._thread.join(timeout_s)
 
     def _send_all(self) -> None:
         while True:

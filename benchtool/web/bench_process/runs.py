@@ -1,4 +1,4 @@
-"""Sweeps and pitch recordings for the page: the command line's own functions, with remote pause."""
+"""Sweeps and recordings in the bench process, with remote pause."""
 
 from __future__ import annotations
 
@@ -43,17 +43,17 @@ from benchtool.web.bench_process.messages import (
 )
 from benchtool.web.bench_process.publisher import EventPublisher
 
-READ_S = 0.05
+READ_TIMEOUT_S = 0.05
 
 
 def close_run(path: Path) -> None:
-    """Close a run; a process of its own does this."""
+    """Close a run; called in a separate process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Run.open(path).close()
 
 
 def prepare_run(path: Path) -> SweepStart | str:
-    """Return where a run resumes, or why it does not; a process of its own does this."""
+    """Return the resume state of a run or an error message; called in a separate process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         return prepare_resume(load_resume_state(Run.open(path)))
@@ -62,19 +62,19 @@ def prepare_run(path: Path) -> SweepStart | str:
 
 
 def require_armed(typed: str, identity: DeviceInfo, rig: Rig) -> None:
-    """Refuse to spin without what the operator types, but on a simulated or checked bench.
+    """Check the typed arming confirmation; a simulated or checked bench needs none.
 
     Raises:
-        RunInterrupted: it was not typed.
+        RunInterrupted: the bench is not armed.
     """
     if not typed:
         require_unattended(identity, rig, datetime.now().astimezone().date())
     elif typed.strip() != CONFIRMATION:
-        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; no motor was started")
 
 
 class RunSupervisor(RunProgress):
-    """Run sweeps and recordings, and publish how they stand."""
+    """Supervisor of sweeps and recordings; publishes their progress."""
 
     def __init__(self, publisher: EventPublisher) -> None:
         self._publisher = publisher
@@ -82,7 +82,7 @@ class RunSupervisor(RunProgress):
         self._radius_m: float | None = 1.0
         self._paused, self._ended = threading.Event(), threading.Event()
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._written: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._annotations: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._closing: threading.Thread | None = None
         self._needs_page, self._page_lost = True, False
 
@@ -91,11 +91,11 @@ class RunSupervisor(RunProgress):
         return self._state.active and self._state.status != "closing"
 
     @property
-    def what(self) -> str:
-        return self._state.what
+    def noun(self) -> str:
+        return self._state.noun
 
     def pause(self, on: bool) -> None:
-        """Let the sweep wait or continue, from any thread."""
+        """Pause or continue the sweep; callable from any thread."""
         if on:
             self._paused.set()
             if self._state.status == "running":
@@ -104,9 +104,9 @@ class RunSupervisor(RunProgress):
             self._paused.clear()
 
     def lose_page(self, bench: StoppableBench, problem: str) -> None:
-        """Pause a sweep, or stop a pitch recording, that needs its page; from any thread.
+        """Pause a sweep or stop a pitch recording that needs its page; callable from any thread.
 
-        A throttle held by hand has its dead-man switch.
+        Manual throttle has the dead-man switch.
         """
         if not (self.active and self._needs_page) or self._state.status == "paused":
             return
@@ -120,57 +120,60 @@ class RunSupervisor(RunProgress):
             bench.request_stop(problem)
 
     def answer(self, text: str) -> None:
-        """Answer the sweep's question, from any thread."""
+        """Answer the sweep's question; callable from any thread."""
         self._answers.put(text)
 
     def annotate(self, text: str) -> None:
-        """Put a text among the events of the run, from any thread."""
-        self._written.put(text)
+        """Add a text to the events of the run; callable from any thread."""
+        self._annotations.put(text)
 
     def annotations(self) -> list[str]:
-        return [self._written.get_nowait() for _ in range(self._written.qsize())]
+        return [self._annotations.get_nowait() for _ in range(self._annotations.qsize())]
 
     def sweep(self, bench: GuardedBench, rig: Rig, command: StartSweep) -> None:
-        """Sweep; motors are at zero when this returns or raises.
+        """Run a sweep; the throttle is at zero when this returns or raises.
 
         Raises:
-            BenchtoolError: why it could not begin.
-            BenchError: the bench is not to be used any more.
+            BenchtoolError: the sweep could not start.
+            BenchError: the bench is no longer usable.
         """
         self.finish()
         self._paused.clear()
         identity = bench.identity
         inputs = command.inputs
-        rest = load_resume_state(Run.open(inputs.resume)) if inputs.resume else None
-        if rest is not None:
-            plan, rig = rest.plan, rest.rig
+        resume_state = load_resume_state(Run.open(inputs.resume)) if inputs.resume else None
+        if resume_state is not None:
+            plan, rig = resume_state.plan, resume_state.rig
         else:
             plan = inputs.plan.resolved(rig)
         self._radius_m = rig.propulsion.radius_m if plan.plate.used else None
         check_plan(plan, rig, identity.limits)
-        scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
-        chosen = inputs.stage or (rest.stage if rest else None)
+        if resume_state is not None:
+            calibration = resume_state.calibration
+        else:
+            calibration = calibration_for(inputs.calibration, identity)
+        stage_name = inputs.stage or (resume_state.stage if resume_state else None)
         stage = stage_for(
-            chosen, bench, rig, lambda text: self._ask(bench, text), plate=plan.plate.used
+            stage_name, bench, rig, lambda text: self._ask(bench, text), plate=plan.plate.used
         )
         require_armed(command.typed, identity, rig)
         start = None
-        if rest is not None:
-            require_same_device(rest, identity)
-            start = self._prepared(bench, rest.run.path)
+        if resume_state is not None:
+            require_same_device(resume_state, identity)
+            start = self._prepare_resume(bench, resume_state.run.path)
         with bench.interruptible():
             stage.open()
         run: Run | None = None
         try:
-            run = rest.run if rest else new_run(
+            run = resume_state.run if resume_state else new_run(
                 (inputs.runs, None), plan, rig, identity,
-                operator=inputs.operator, air=inputs.air, calibration=scale,
+                operator=inputs.operator, air=inputs.air, calibration=calibration,
             )  # fmt: skip
             run.update_metadata(needs_page=command.needs_page)
             self._begin(SweepStatus(status="running", run=str(run.path)), command.needs_page)
             summary = run_sweep(
                 bench, stage, plan, rig, run, self,
-                calibration=scale, start=start, waits=self._paused.is_set,
+                calibration=calibration, start=start, waits=self._paused.is_set,
             )  # fmt: skip
             self._close(run, "ended", summary.text())
         except BenchtoolError as error:
@@ -183,12 +186,7 @@ class RunSupervisor(RunProgress):
             stage.close()
 
     def record(self, bench: GuardedBench, rig: Rig, command: StartRecording) -> None:
-        """Record a pitch experiment; motors are at zero when this returns or raises.
-
-        Raises:
-            BenchtoolError: why it could not begin.
-            BenchError: the bench is not to be used any more.
-        """
+        """Record a pitch experiment; raises as `sweep` and ends at zero throttle."""
         self.finish()
         identity, experiment = bench.identity, command.experiment
         expected_extremes(identity, experiment, rig)
@@ -198,7 +196,7 @@ class RunSupervisor(RunProgress):
 
         def measure() -> str:
             summary = record_pitch(
-                bench, rig, experiment, run, self, lambda left_s: self._change(left_s=left_s)
+                bench, rig, experiment, run, self, lambda left_s: self._change(remaining_s=left_s)
             )
             return summary_line(summary)
 
@@ -209,30 +207,26 @@ class RunSupervisor(RunProgress):
         bench: GuardedBench,
         rig: Rig,
         command: StartLiveRecording,
-        turn: Callable[[], object],
+        apply_throttle: Callable[[], object],
     ) -> None:
-        """Record while motors are turned by hand, until `end_live`; else as `record`.
-
-        Args:
-            turn: commands what the hand on the throttle asks for.
-        """
+        """Record under manual throttle until `end_live`; raises as `sweep`."""
         self.finish()
         self._ended.clear()
-        scale = calibration_for(None, bench.identity)
+        calibration = calibration_for(None, bench.identity)
         plan = live_plan(command.name, rig)
-        run = new_live_run(command.runs, plan, rig, bench.identity, calibration=scale)
+        run = new_live_run(command.runs, plan, rig, bench.identity, calibration=calibration)
 
-        def goes_on() -> bool:
-            turn()
+        def is_running() -> bool:
+            apply_throttle()
             return not self._ended.is_set()
 
         self._record(
             bench, run, "live",
-            lambda: record_live(bench, rig, plan, run, self, goes_on, scale).text(),
+            lambda: record_live(bench, rig, plan, run, self, is_running, calibration).text(),
         )  # fmt: skip
 
     def end_live(self) -> None:
-        """End a live recording, from any thread."""
+        """End a live recording; callable from any thread."""
         self._ended.set()
 
     def _record(
@@ -257,13 +251,13 @@ class RunSupervisor(RunProgress):
             self._closing.join()
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        self._change(visits=visits, done=done, left_s=expected_s)
+        self._change(n_points=visits, n_measured=done, remaining_s=expected_s)
 
     def visiting(self, visit: Visit) -> None:
-        self._change(status="running", now=visit.words(self._radius_m))
+        self._change(status="running", point_text=visit.words(self._radius_m))
 
     def measured(self, point: Point, remaining_s: float) -> None:
-        self._change(done=self._state.done + 1, left_s=remaining_s)
+        self._change(n_measured=self._state.n_measured + 1, remaining_s=remaining_s)
 
     def happened(self, event: Event) -> None:
         self._publisher.publish(RunEvent(event))
@@ -273,36 +267,36 @@ class RunSupervisor(RunProgress):
         elif event.event == "went_on":
             self._change(status="running")
 
-    def _prepared(self, bench: GuardedBench, run: Path) -> SweepStart:
-        """Read where a run resumes, in a process of its own while the bench is read on."""
+    def _prepare_resume(self, bench: GuardedBench, run: Path) -> SweepStart:
+        """Return the start of a resumed run; a separate process reads it, the bench stays read."""
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-            reading = pool.submit(prepare_run, run)
-            while not reading.done():
-                bench.listen(READ_S)
+            future = pool.submit(prepare_run, run)
+            while not future.done():
+                bench.listen(READ_TIMEOUT_S)
             bench.take_unread()
-            start = reading.result()
+            start = future.result()
         if isinstance(start, str):
             raise InputError(start)
         return start
 
     def _ask(self, bench: GuardedBench, question: str) -> str:
-        """Put a question to the page and read the bench until it is answered."""
+        """Publish a question and read the bench until the answer arrives."""
         with suppress(queue.Empty):
             while True:
                 self._answers.get_nowait()
         self._change(status="asking", question=question)
         while True:
-            bench.listen(READ_S)
+            bench.listen(READ_TIMEOUT_S)
             with suppress(queue.Empty):
                 text = self._answers.get_nowait()
                 self._change(status="running", question="")
                 return text
 
     def _close(self, run: Run, status: str, reason: str) -> None:
-        """Finish the files beside the bench, which goes on being read.
+        """Write the run's files in a separate process while the bench is read.
 
-        In a process of its own: in a thread this work (pandas, Parquet) stopped the loop
-        that reads the bench for longer than the device's watchdog waits.
+        In a thread, this work (pandas, Parquet) blocked the bench loop longer than the device's
+        watchdog timeout.
         """
         self._change(status="closing", run=str(run.path), question="", reason=reason)
 
@@ -312,14 +306,14 @@ class RunSupervisor(RunProgress):
             closing.join()
             result = reason
             if closing.exitcode:
-                result = f"{reason}; the tables made from its samples could not be written"
-            self._change(status=status, now="", left_s=0.0, reason=result)
+                result = f"{reason}; the tables computed from its samples could not be written"
+            self._change(status=status, point_text="", remaining_s=0.0, reason=result)
 
         self._closing = threading.Thread(target=close, name="closing")
         self._closing.start()
 
     def _begin(self, state: SweepStatus, needs_page: bool) -> None:
-        self.annotations()  # of the run before
+        self.annotations()  # discard those of the previous run
         self._needs_page, self._page_lost = needs_page, False
         self._state = state
         self._publisher.publish(state)

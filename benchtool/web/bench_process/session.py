@@ -1,4 +1,4 @@
-"""One connection to a bench, from its opening to its end."""
+"""Session of a connected bench."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch, ThrottleRamp
 
-READ_TIMEOUT_S = 0.02  # Longest read between two looks at the commands
+READ_TIMEOUT_S = 0.02  # polling interval of the command queue
 
 
 class Session:
-    """Read a bench and carry out commands, in the thread that owns it."""
+    """Session that reads the bench and executes commands, in the main thread."""
 
     def __init__(
         self,
@@ -51,16 +51,16 @@ class Session:
         self._connect, self._number, self._rig = connect, number, rig
         self._publisher, self._commands, self._dead_man = publisher, commands, dead_man
         self._runs, self._telemetry = runs, telemetry
-        self._stated = rig.limits
+        self._rig_limits = rig.limits
         self._ramp = ThrottleRamp(rig)
         self._weighed: list[tuple[float, float]] = []
         self._armed = False
 
     def run(self, bench: Bench) -> None:
-        """Hold an open bench until it is disconnected.
+        """Serve an open bench until it is disconnected.
 
         Raises:
-            BenchtoolError: what ended it.
+            BenchtoolError: an error that ended the session.
         """
         guarded = bench if isinstance(bench, GuardedBench) else None
         self._armed = guarded is not None and bench.identity.simulated
@@ -68,7 +68,7 @@ class Session:
         self._publish_connection(bench.identity)
         while True:
             try:
-                command = self._next()
+                command = self._next_command()
                 if isinstance(command, messages.Shutdown):
                     self._commands.put(command)
                 if isinstance(command, messages.Shutdown | messages.Disconnect):
@@ -76,7 +76,7 @@ class Session:
                 if command is not None:
                     self._execute(bench, guarded, command)
                 if guarded is not None:
-                    self._turn(guarded)
+                    self._apply_throttle(guarded)
                 bench.read(READ_TIMEOUT_S)
                 if guarded is not None:
                     guarded.check_standstill()
@@ -84,9 +84,9 @@ class Session:
                 self._dead_man.end_press(str(stopped))
                 bench.stop()
                 self._publisher.publish(messages.Notice(text=str(stopped)))
-            self._telemetry.note(armed=self._armed, weighed=tuple(self._weighed))
+            self._telemetry.update(armed=self._armed, weighed=tuple(self._weighed))
 
-    def _next(self) -> messages.Command | None:
+    def _next_command(self) -> messages.Command | None:
         try:
             return self._commands.get_nowait()
         except queue.Empty:
@@ -95,16 +95,16 @@ class Session:
     def _execute(
         self, bench: Bench, guarded: GuardedBench | None, command: messages.Command
     ) -> None:
-        """Carry out a command; its errors are published, those that end a bench are raised."""
+        """Execute a command; publish its errors, raise those that end the session."""
         try:
             if isinstance(command, messages.WeighMass | messages.Calibrate):
                 self._calibrate(bench, guarded, command)
             elif isinstance(command, messages.Connect):
                 raise InputError("a bench is connected already; disconnect it first")
             elif guarded is None:
-                raise InputError("this bench is held for masses only; connect it anew")
+                raise InputError("the bench is connected for calibration only; reconnect it")
             else:
-                self._act(guarded, command)
+                self._execute_guarded(guarded, command)
         except StopRequested:
             raise
         except BenchtoolError as error:
@@ -112,50 +112,50 @@ class Session:
                 raise
             self._publisher.publish(messages.Notice(text=str(error), is_error=True))
 
-    def _act(self, bench: GuardedBench, command: messages.Command) -> None:
+    def _execute_guarded(self, bench: GuardedBench, command: messages.Command) -> None:
         if isinstance(command, messages.ArmMotors):
             self._armed = bench.identity.simulated or command.typed.strip() == CONFIRMATION
             if not self._armed:
-                raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+                raise InputError(f"not armed: {CONFIRMATION} was not typed; no motor was started")
         elif isinstance(command, messages.TightenLimits):
             bench.tighten(command.limits)
             self._rig = replace(self._rig, limits=command.limits)
-            self._telemetry.tighten(command.limits)
+            self._telemetry.set_limits(command.limits)
             self._publish_connection(bench.identity)
         elif isinstance(command, messages.TareLoadCell):
             bench.tare()
             self._publisher.publish(messages.Notice(text="tared"))
         elif isinstance(command, messages.MovePlateTo):
-            self._telemetry.note(busy=f"moving the plate to {1e3 * command.z_m:.0f} mm")
-            bench.move_plate(command.z_m)
-            self._telemetry.note(busy="")
+            self._telemetry.update(busy=f"moving the plate to {1e3 * command.target_z_m:.0f} mm")
+            bench.move_plate(command.target_z_m)
+            self._telemetry.update(busy="")
         elif isinstance(command, messages.StartSweep):
-            self._dead_man.end_press("a sweep begins")
+            self._dead_man.end_press("a sweep starts")
             bench.stop()
             self._runs.sweep(bench, self._rig, command)
         elif isinstance(command, messages.StartRecording):
-            self._dead_man.end_press("a recording begins")
+            self._dead_man.end_press("a recording starts")
             bench.stop()
             self._runs.record(bench, self._rig, command)
         elif isinstance(command, messages.StartLiveRecording):
-            self._dead_man.end_press("a recording begins")
+            self._dead_man.end_press("a recording starts")
             bench.stop()
 
-            def turn() -> None:
-                self._turn(bench)
+            def apply_throttle() -> None:
+                self._apply_throttle(bench)
                 bench.check_standstill()
 
-            self._runs.record_live(bench, self._rig, command, turn)
+            self._runs.record_live(bench, self._rig, command, apply_throttle)
             self._dead_man.end_press("the recording has ended")
 
-    def _turn(self, bench: GuardedBench) -> None:
+    def _apply_throttle(self, bench: GuardedBench) -> None:
         now_s = time.monotonic()
-        wanted = self._dead_man.wanted(now_s)
-        if wanted is not None and not self._armed:
+        press = self._dead_man.current_press(now_s)
+        if press is not None and not self._armed:
             self._end_press(f"motors are not armed; type {CONFIRMATION} first")
-            wanted = None
+            press = None
         try:
-            self._ramp.follow(bench, wanted, now_s)
+            self._ramp.step(bench, press, now_s)
         except InputError as error:
             self._end_press(str(error))
 
@@ -170,18 +170,18 @@ class Session:
         command: messages.WeighMass | messages.Calibrate,
     ) -> None:
         if guarded is not None:
-            raise InputError("masses need a bench without limits; press Calibrate first")
+            raise InputError("weighing needs a connection for calibration; press Calibrate first")
         if isinstance(command, messages.WeighMass):
-            self._telemetry.note(busy=f"averaging counts under {command.mass_kg:g} kg")
+            self._telemetry.update(busy=f"averaging counts under {command.mass_kg:g} kg")
             self._weighed.append(weigh(bench, self._rig, command.mass_kg, command.seconds))
-            self._telemetry.note(busy="")
+            self._telemetry.update(busy="")
         elif command.store:
             device_id = bench.identity.device_id
-            calibration = store_calibration(self._weighed, device_id, command.known)
+            calibration = store_calibration(self._weighed, device_id, command.weighing)
             self._weighed.clear()
             self._publish_connection(bench.identity)
             slope_uN = 1e6 * calibration.slope_N_per_count
-            text = f"calibrated: {slope_uN:.6g} uN per count, stored for {device_id}"
+            text = f"calibration stored for {device_id}: {slope_uN:.6g} uN per count"
             self._publisher.publish(messages.Notice(text=text))
         else:
             self._weighed.clear()
@@ -194,7 +194,7 @@ class Session:
                 session=self._number,
                 identity=identity,
                 rig=self._rig,
-                stated=self._stated,
+                rig_limits=self._rig_limits,
                 calibration=calibration_for(None, identity),
                 weighs=self._connect.weighs,
             )
@@ -205,35 +205,35 @@ MAX_WEIGHING_S = 60.0
 
 
 def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float, float]:
-    """Return a mass and the average of the counts under it.
+    """Return a mass and the mean counts under it.
 
     Raises:
-        InputError: a mass beyond the load cell's rating, or a time that is none.
+        InputError: mass or averaging time out of range.
         CalibrationError: the device streams no counts.
     """
     rating_N, weight_N = rig.limits.load_cell_rating_N, mass_kg * STANDARD_GRAVITY_M_S2
     if not 0.0 <= weight_N <= rating_N:
         raise InputError(
-            f"{mass_kg:g} kg pull with {weight_N:.3g} N, the load cell's rating is {rating_N:g} N; "
-            f"take a mass from 0 on within it"
+            f"mass {mass_kg:g} kg ({weight_N:.3g} N) is out of range; allowed: 0 N to the load "
+            f"cell rating of {rating_N:g} N; use another mass"
         )
     if not 0.0 < seconds <= MAX_WEIGHING_S:
         raise InputError(
-            f"the time to average over is {seconds:g} s; give more than 0 and at most "
+            f"averaging time {seconds:g} s is out of range; allowed: above 0, at most "
             f"{MAX_WEIGHING_S:g} s"
         )
     return mass_kg, mean_counts(bench, seconds).mean
 
 
 def store_calibration(
-    weighed: Sequence[tuple[float, float]], device_id: str, known: WeighingInputs
+    weighed: Sequence[tuple[float, float]], device_id: str, weighing: WeighingInputs
 ) -> Calibration:
-    """Return the calibration from masses in kg and counts, stored for this device from now on.
+    """Fit a calibration to masses in kg and counts, store it for the device and return it.
 
     Raises:
-        CalibrationError: too few masses, or counts that make no line.
+        CalibrationError: too few masses, or no linear relation to the counts.
     """
     table = np.array(weighed, float).reshape(-1, 2)
-    calibration = apply_calibration(table[:, 0], table[:, 1], device_id, current_date(), known)
+    calibration = apply_calibration(table[:, 0], table[:, 1], device_id, current_date(), weighing)
     store_state("calibration", device_id, asdict(calibration))
     return calibration

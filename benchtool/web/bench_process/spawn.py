@@ -1,4 +1,4 @@
-"""Start the bench process, before the server's imports; import large frameworks quickly."""
+"""Start of the bench process before the server's imports, and quick import of large frameworks."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from typing import Any, NamedTuple
 
-UNUSED = ("aiohttp",)  # imported by the framework if installed, in 0.25 s
+UNUSED_MODULES = ("aiohttp",)  # imported by the framework if installed, in 0.25 s
 
 
 @contextmanager
 def quick_import() -> Iterator[None]:
-    """Import without what is not needed, and without garbage collection meanwhile.
+    """Context manager for imports without unused modules and garbage collection.
 
-    What was imported is never searched for garbage afterwards.
+    Imported objects are excluded from later garbage collections.
     """
-    absent = [name for name in UNUSED if name not in sys.modules]
-    # None in this table is Python's way to say that a module is not installed.
+    absent = [name for name in UNUSED_MODULES if name not in sys.modules]
+    # None in sys.modules marks a module as not installed.
     sys.modules.update(dict.fromkeys(absent))  # type: ignore[arg-type]
     gc.disable()
     try:
@@ -42,17 +42,16 @@ class StopEndpoint(NamedTuple):
 
     @property
     def port(self) -> int:
-        """Return the port of the listener."""
         return int(self.listening.getsockname()[1])
 
 
 class ProcessHandle:
-    """Own the process and the pipe to it.
+    """Bench process and the pipe to it.
+
+    When the pipe closes, the process stops the motors, closes its run and ends.
 
     Args:
-        stop_endpoint: for its STOP listener; stays open here, for a process that follows.
-
-    The process ends by itself when the pipe closes: it stops the motors and closes its run first.
+        stop_endpoint: for its STOP listener; stays open for a replacement process.
     """
 
     def __init__(self, stop_endpoint: StopEndpoint | None = None) -> None:
@@ -67,44 +66,44 @@ class ProcessHandle:
 
     def start(self) -> None:
         spawn = get_context("spawn")
-        self._pipe, theirs = spawn.Pipe()
-        arguments = (theirs, *(self.stop_endpoint or ()))
+        self._pipe, child_pipe = spawn.Pipe()
+        arguments = (child_pipe, *(self.stop_endpoint or ()))
         self._process = spawn.Process(target=_run, args=arguments, name="benchtool bench")
         self._process.start()
-        theirs.close()
+        child_pipe.close()
 
     def send(self, message: bytes) -> None:
-        """Send a message; that the process is gone is noticed by `receive`."""
+        """Send a message; `receive` detects that the process has ended."""
         if self._pipe is not None:
             with suppress(OSError), self._sending:
                 self._pipe.send_bytes(message)
 
-    def successor(self) -> ProcessHandle:
-        """Return a handle for the process that follows one that has ended."""
+    def make_replacement(self) -> ProcessHandle:
+        """Return a handle for a process that replaces this one."""
         return ProcessHandle(self.stop_endpoint)
 
     def receive(self) -> bytes:
         """Wait for a message.
 
         Raises:
-            EOFError: it has ended.
+            EOFError: the process has ended.
             OSError: the pipe was closed here.
         """
         if self._pipe is None:
             raise EOFError
-        received: bytes = self._pipe.recv_bytes()
-        return received
+        message: bytes = self._pipe.recv_bytes()
+        return message
 
-    def end(self, patience_s: float) -> None:
-        """Wait so long for its end and close the pipe, which ends it; safe to call twice."""
+    def end(self, timeout_s: float) -> None:
+        """Wait up to a timeout for the process to end, then close the pipe; idempotent."""
         if self._pipe is not None:
-            self._process.join(patience_s)
+            self._process.join(timeout_s)
             self._pipe.close()
             self._pipe = None
 
 
 def _run(pipe: Pipe, *stop_endpoint: Any) -> None:
-    # A search for garbage among all that is imported would hold a Stop for tens of milliseconds.
+    # A garbage collection over all imported objects would delay a STOP by tens of milliseconds.
     with quick_import():
         from benchtool.web.bench_process.process import run_bench_process
     run_bench_process(pipe, *stop_endpoint)

@@ -1,4 +1,4 @@
-"""Telemetry of every sample: frames for the charts, and a few numbers four times a second."""
+"""Telemetry of the bench: chart frames at 20 Hz and the live status at 4 Hz."""
 
 from __future__ import annotations
 
@@ -24,14 +24,19 @@ from benchtool.web.bench_process.messages import (
     LiveValue,
     Notice,
 )
-from benchtool.web.bench_process.publisher import Decimator, EventPublisher, merged, split
+from benchtool.web.bench_process.publisher import (
+    Decimator,
+    EventPublisher,
+    frame_extremes,
+    merge_frames,
+)
 
 
 def limit_shares(
-    names: Sequence[str], low: Array, high: Array, pulses_us: Sequence[float], limits: Limits
+    names: Sequence[str], low: Array, high: Array, command_pwm_us: Sequence[float], limits: Limits
 ) -> tuple[LimitShare, ...]:
-    """Return every limit with the reading that was nearest to it."""
-    found = []
+    """Return every limit with the closest reading."""
+    shares = []
     for family, label, limit in (
         ("thrust_N", "thrust, N", min(limits.thrust_N, limits.load_cell_rating_N)),
         ("rpm", SPEED_LIMIT, limits.rpm),
@@ -40,57 +45,53 @@ def limit_shares(
     ):
         columns = [i for i, name in enumerate(names) if _family(name) == family]
         values = [max(high[i], -low[i] if family == "thrust_N" else high[i]) for i in columns]
-        present = [float(value) for value in values if np.isfinite(value)]
-        if present:
-            found.append(LimitShare(label, max(present), limit, max(present) / limit))
+        finite = [float(value) for value in values if np.isfinite(value)]
+        if finite:
+            shares.append(LimitShare(label, max(finite), limit, max(finite) / limit))
     if "voltage_V" in names:
-        volts = float(low[list(names).index("voltage_V")])
-        if np.isfinite(volts) and volts > 0.0:
-            least = limits.voltage_min_V
-            found.append(LimitShare("least voltage, V", volts, least, least / volts))
-    if pulses_us:
-        pulse = max(pulses_us)
-        found.append(LimitShare("pulse, us", pulse, limits.pwm_us, pulse / limits.pwm_us))
-    return tuple(found)
+        voltage_V = float(low[list(names).index("voltage_V")])
+        if np.isfinite(voltage_V) and voltage_V > 0.0:
+            min_V = limits.voltage_min_V
+            shares.append(LimitShare("min. voltage, V", voltage_V, min_V, min_V / voltage_V))
+    if command_pwm_us:
+        max_us = max(command_pwm_us)
+        shares.append(LimitShare("pulse width, us", max_us, limits.pwm_us, max_us / limits.pwm_us))
+    return tuple(shares)
 
 
 def _family(name: str) -> str:
-    bare = name.rstrip("0123456789")
-    return "rpm" if bare == "rpm" else name
+    return "rpm" if name.rstrip("0123456789") == "rpm" else name
 
 
-FRAME_S = 0.05  # Time between two frames: 20 a second
-STATUS_FRAMES = 5  # Frames from one status to the next: four a second
-
-
-SHOWN = (
+FRAME_INTERVAL_S = 0.05
+FRAMES_PER_STATUS = 5
+LIVE_QUANTITIES = (  # `data.quantities` on the page, and thrust
     "thrust_N", "torque_Nm", "power_W", "mechanical_power_W", "efficiency_gf_W",
     "motor_efficiency", "propeller_efficiency_N_W", "figure_of_merit",
 )  # fmt: skip
-"""Quantities of `data.quantities` that the page shows live, and thrust."""
 
 
 def live_values(
-    channels: Sequence[Channel], samples: Array, known: MeasurementContext, *, turning: bool
+    channels: Sequence[Channel], samples: Array, context: MeasurementContext, *, is_driven: bool
 ) -> tuple[LiveValue, ...]:
-    """Return means over samples (m, c), nan left out, and what follows while motors turn."""
-    present = np.isfinite(samples)
+    """Return means over samples (m, c), ignoring nan, and derived quantities of driven motors."""
+    is_finite = np.isfinite(samples)
     with np.errstate(invalid="ignore"):
-        means = np.where(present, samples, 0.0).sum(axis=0) / present.sum(axis=0)
+        means = np.where(is_finite, samples, 0.0).sum(axis=0) / is_finite.sum(axis=0)
     recording = Recording(tuple(channels), means[None])
-    found = quantities_of(recording, known) if turning else {}
+    values = quantities_of(recording, context) if is_driven else {}
     if "thrust_N" in recording:
-        found["thrust_N"] = recording.column("thrust_N")
-    titles = {one.name: one.title for one in QUANTITIES} | {"thrust_N": "thrust"}
+        values["thrust_N"] = recording.column("thrust_N")
+    titles = {quantity.name: quantity.title for quantity in QUANTITIES} | {"thrust_N": "thrust"}
     return tuple(
-        LiveValue(titles[name], float(found[name][0]), unit_from_name(name))
-        for name in SHOWN
-        if name in found and np.isfinite(found[name][0])
+        LiveValue(titles[name], float(values[name][0]), unit_from_name(name))
+        for name in LIVE_QUANTITIES
+        if name in values and np.isfinite(values[name][0])
     )
 
 
 class Telemetry:
-    """Receive every read of a bench and publish it; speed is 0 where the clock is the wall's."""
+    """Telemetry of every read of a bench; `speed` returns 0 for real time."""
 
     def __init__(
         self,
@@ -105,40 +106,39 @@ class Telemetry:
         self._guarded: GuardedBench | None = None
         self._names: tuple[str, ...] = ()
         self._frames: Decimator | None = None
-        self._since_status: bytes | None = None
+        self._status_frame: bytes | None = None
         self._live = LiveStatus()
-        self._begun_s = self._framed_s = clock()
+        self._start_s = self._frame_due_s = clock()
         self._frames_since_status = 0
-        self._counted, self._counted_s = 0, 0.0
+        self._rate_samples, self._rate_time_s = 0, 0.0
         self._channels: tuple[Channel, ...] = ()
-        self._seen: list[Array] = []
-        self._known = rig_circumstances(rig)
+        self._samples: list[Array] = []
+        self._rig_context = rig_circumstances(rig)
 
-    def tighten(self, limits: Limits) -> None:
-        """Show other limits from now on."""
+    def set_limits(self, limits: Limits) -> None:
         self._rig = replace(self._rig, limits=limits)
 
     def begin(self, identity: DeviceInfo, guarded: GuardedBench | None) -> None:
-        """Publish from now on; what is read before the bench is known is left out."""
+        """Start publishing; earlier reads are dropped."""
         self._guarded = guarded
         self._channels = identity.channels
         self._names = tuple(channel.name for channel in identity.channels)
         self._frames = Decimator(self._session, len(self._names))
-        self._begun_s = self._framed_s = self._clock()
+        self._start_s = self._frame_due_s = self._clock()
 
-    def note(self, **facts: Any) -> None:
-        """Change the next status; another `busy` is published at once."""
-        hurry = "busy" in facts and facts["busy"] != self._live.busy
-        self._live = replace(self._live, **facts)
-        if hurry:
+    def update(self, **changes: Any) -> None:
+        """Change the next status; a change of `busy` is published at once."""
+        is_urgent = "busy" in changes and changes["busy"] != self._live.busy
+        self._live = replace(self._live, **changes)
+        if is_urgent:
             self._publisher.publish(self._live)
 
-    def take(self, readings: Readings) -> None:
-        """Take what a read brought; every read of the bench passes here."""
+    def add(self, readings: Readings) -> None:
+        """Add the readings of one read; called for every read of the bench."""
         if self._frames is None:
             return
         self._frames.add(readings.values)
-        self._seen.append(readings.values)
+        self._samples.append(readings.values)
         live = self._live
         self._live = replace(
             live,
@@ -153,39 +153,38 @@ class Telemetry:
 
     def _publish(self, frames: Decimator, newest_s: float | None) -> None:
         now_s = self._clock()
-        if now_s - self._framed_s < FRAME_S:
+        if now_s - self._frame_due_s < FRAME_INTERVAL_S:
             return
-        # The next frame is due on the grid, unless this one came far too late.
-        self._framed_s = max(self._framed_s + FRAME_S, now_s - FRAME_S)
-        frame = frames.take(now_s - self._begun_s)
-        since = self._since_status
-        self._since_status = frame if since is None else merged(since, frame)
+        # Frames stay on their time grid, except after a delay of more than one interval.
+        self._frame_due_s = max(self._frame_due_s + FRAME_INTERVAL_S, now_s - FRAME_INTERVAL_S)
+        frame = frames.pop_frame(now_s - self._start_s)
+        older = self._status_frame
+        self._status_frame = frame if older is None else merge_frames(older, frame)
         self._publisher.publish_frame(frame)
         self._frames_since_status += 1
-        if self._frames_since_status >= STATUS_FRAMES:
-            self._publish_status(self._since_status, newest_s)
-            self._since_status, self._frames_since_status = None, 0
+        if self._frames_since_status >= FRAMES_PER_STATUS:
+            self._publish_status(self._status_frame, newest_s)
+            self._status_frame, self._frames_since_status = None, 0
 
     def _publish_status(self, frame: bytes, newest_s: float | None) -> None:
-        low, high = split(frame)
-        pulses = tuple(self._guarded.pwm_us.tolist()) if self._guarded else ()
-        seen = self._guarded.standstill if self._guarded else None
-        turning = self._guarded is not None and seen is None
-        rate_Hz = self._live.rate_Hz
+        low, high = frame_extremes(frame)
+        command_pwm_us = tuple(self._guarded.pwm_us.tolist()) if self._guarded else ()
+        standstill = self._guarded.standstill if self._guarded else None
+        is_driven = self._guarded is not None and standstill is None
+        samples, rate_Hz = np.concatenate(self._samples), self._live.rate_Hz
         if newest_s is not None:
-            if self._counted_s and newest_s > self._counted_s:
-                rate_Hz = (self._live.samples - self._counted) / (newest_s - self._counted_s)
-            self._counted, self._counted_s = self._live.samples, newest_s
+            n_samples, duration_s = self._live.samples, newest_s - self._rate_time_s
+            if self._rate_time_s and duration_s > 0.0:
+                rate_Hz = (n_samples - self._rate_samples) / duration_s
+            self._rate_samples, self._rate_time_s = n_samples, newest_s
         self._live = replace(
             self._live,
-            pulses_us=pulses,
+            command_pwm_us=command_pwm_us,
             rate_Hz=rate_Hz,
-            values=live_values(
-                self._channels, np.concatenate(self._seen), self._known, turning=turning
-            ),
-            limits=limit_shares(self._names, low, high, pulses, self._rig.limits),
+            values=live_values(self._channels, samples, self._rig_context, is_driven=is_driven),
+            limits=limit_shares(self._names, low, high, command_pwm_us, self._rig.limits),
             speed=self._speed(),
-            standstill=seen.text if seen else "",
+            standstill=standstill.text if standstill else "",
         )
-        self._seen.clear()
+        self._samples.clear()
         self._publisher.publish(self._live)

@@ -1,4 +1,4 @@
-"""Turn motors by hand: a dead-man switch, and a ramp that goes up slowly and down at once."""
+"""Manual throttle: dead-man switch, and a ramp that limits rises and applies falls at once."""
 
 from __future__ import annotations
 
@@ -15,95 +15,95 @@ RELEASE_TIMEOUT_S = 0.5  # dead-man time since the page reported the button as h
 
 
 class DeadManSwitch:
-    """Hold the last report that the throttle button is held; called from two threads.
+    """Dead-man switch with the last report of the throttle button; thread-safe.
 
-    `ended` takes tab and reason of a press that ends other than by its release.
+    `on_ended` is called with tab and reason of a press that ends other than by release.
     """
 
     def __init__(
         self,
-        ended: Callable[[str, str], object] = lambda tab, reason: None,
-        silence_s: float = RELEASE_TIMEOUT_S,
+        on_ended: Callable[[str, str], object] = lambda tab, reason: None,
+        timeout_s: float = RELEASE_TIMEOUT_S,
     ) -> None:
-        self._ended, self._silence_s = ended, silence_s
+        self._on_ended, self._timeout_s = on_ended, timeout_s
         self._last: tuple[HoldThrottle, float] | None = None
-        self._over: dict[str, int] = {}
+        self._ended_presses: dict[str, int] = {}
         self._lock = threading.Lock()
 
     def hold(self, hold: HoldThrottle, now_s: float) -> None:
-        """Take a report. A press that was ended does not come back by being late."""
+        """Store a report; late reports of an ended press are ignored."""
         with self._lock:
-            if hold.press > self._over.get(hold.tab, -1):
+            if hold.press > self._ended_presses.get(hold.tab, -1):
                 self._last = (hold, now_s)
 
     def release(self, release: ReleaseThrottle) -> None:
-        """End a press, also one whose first report is still on its way."""
+        """End a press, including one whose first report has not arrived yet."""
         with self._lock:
-            held = self._last[0] if self._last is not None else None
-            ours = held is not None and held.tab == release.tab
-            if held is not None and ours and held.press <= (release.press or held.press):
+            hold = self._last[0] if self._last is not None else None
+            is_same_tab = hold is not None and hold.tab == release.tab
+            if hold is not None and is_same_tab and hold.press <= (release.press or hold.press):
                 self._last = None
-                self._end(held.tab, held.press)
+                self._mark_ended(hold.tab, hold.press)
             if release.press is not None:
-                self._end(release.tab, release.press)
+                self._mark_ended(release.tab, release.press)
 
-    def _end(self, tab: str, press: int) -> None:
-        self._over[tab] = max(press, self._over.get(tab, -1))
+    def _mark_ended(self, tab: str, press: int) -> None:
+        self._ended_presses[tab] = max(press, self._ended_presses.get(tab, -1))
 
     def end_press(self, reason: str) -> None:
-        """End the present press although the button may still be held."""
+        """End the current press even if the button is still held."""
         if (last := self._last) is not None:
             self.release(ReleaseThrottle(last[0].tab, last[0].press))
-            self._ended(last[0].tab, reason)
+            self._on_ended(last[0].tab, reason)
 
-    def wanted(self, now_s: float) -> HoldThrottle | None:
-        """Return the present press; None when the button is not held, or its reports ceased."""
+    def current_press(self, now_s: float) -> HoldThrottle | None:
+        """Return the current press; None if the button is released or its reports timed out."""
         last = self._last
         if last is None:
             return None
-        hold, heard_s = last
-        line_s = now_s - heard_s
-        silent_s = line_s + hold.age_s
-        if silent_s <= self._silence_s:
+        hold, received_s = last
+        link_s = now_s - received_s
+        silence_s = link_s + hold.age_s
+        if silence_s <= self._timeout_s:
             return hold
-        where = "the page is too busy" if hold.age_s > line_s else "no beat came from the browser"
+        cause = "the page is too busy" if hold.age_s > link_s else "no heartbeat from the browser"
         self.end_press(
-            f"no report of the button for {1e3 * silent_s:.0f} ms, allowed are "
-            f"{1e3 * self._silence_s:.0f} ms: {where}"
+            f"no report of the button for {1e3 * silence_s:.0f} ms; allowed: "
+            f"{1e3 * self._timeout_s:.0f} ms: {cause}"
         )
         return None
 
 
 SLEW_us_s = 500.0  # from standstill to half throttle in about a second; assumed
-STEP_S = 0.04  # Time between two commands while pulses change
+COMMAND_INTERVAL_S = 0.04  # between commands while the pulse width changes; assumed
 
 
 class ThrottleRamp:
-    """Bring motors to the pulse of a press."""
+    """Ramp of the motors to the pulse width of a press."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
         self._stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
-        self._set_s = 0.0
+        self._command_s = 0.0
 
-    def follow(self, bench: GuardedBench, wanted: HoldThrottle | None, now_s: float) -> None:
-        """Take one step towards the pressed pulse; without a press, zero at once."""
-        now_us = bench.pwm_us
-        turning = bool((now_us > self._stop_us).any())
-        if wanted is None:
-            if turning:
+    def step(self, bench: GuardedBench, press: HoldThrottle | None, now_s: float) -> None:
+        """Command one step towards the press's pulse width; without a press, zero throttle."""
+        command_us = bench.pwm_us
+        is_driven = bool((command_us > self._stop_us).any())
+        if press is None:
+            if is_driven:
                 bench.stop()
             return
-        if turning and now_s - self._set_s < STEP_S:
+        if is_driven and now_s - self._command_s < COMMAND_INTERVAL_S:
             return
         target_us = self._stop_us.copy()
-        for rotor in wanted.rotors:
+        for rotor in press.rotors:
             if 1 <= rotor <= self._rig.n_rotors:
-                target_us[rotor - 1] = wanted.pulse_us
+                target_us[rotor - 1] = press.pulse_us
         start_us = self._rig.propulsion.pwm_start_us
-        passed_s = min(now_s - self._set_s, 2.0 * STEP_S) if turning else 0.0
-        most_us = np.maximum(now_us, start_us) + SLEW_us_s * passed_s
-        next_us = np.minimum(target_us, most_us)
-        if not np.array_equal(next_us, now_us):
+        elapsed_s = min(now_s - self._command_s, 2.0 * COMMAND_INTERVAL_S) if is_driven else 0.0
+        max_us = np.maximum(command_us, start_us) + SLEW_us_s * elapsed_s
+        next_us = np.minimum(target_us, max_us)
+        if not np.array_equal(next_us, command_us):
             bench.set_pwm(next_us)
-        self._set_s = now_s
+        self._command_s = now_s

@@ -1,32 +1,31 @@
-// Heartbeats of the page, from a thread that the page cannot block. While the throttle button is held
-// a heartbeat carries the age of the main thread's last report of it; always, for the watch over a run,
-// the age of the main thread's last turn. In a hidden tab browsers slow the main thread and nobody can
-// press, so its age counts as 0. STOP goes from here to a port of its own.
+// Heartbeats of the page from a worker thread, which the page cannot block. A "hold" message contains the age
+// of the main thread's last report of the throttle button, a "beat" message the age of its last event loop turn.
+// Browsers slow the main thread of a hidden tab, so that age is sent as 0. STOP is sent to a separate port.
 "use strict";
-const BEAT_MS = 25, WATCH_MS = 100, RETRY_MS = 500;
+const HOLD_INTERVAL_MS = 25, HEARTBEAT_INTERVAL_MS = 100, RETRY_MS = 500;
 const now = () => performance.timeOrigin + performance.now();
-let socket, silenceMs, stopUrl, token, held, over = 0, turnedAt = now(), hidden = false;
+let socket, silenceMs, stopUrl, token, report, lastEndedPress = 0, lastTurnMs = now(), hidden = false;
 
 function connect(url) {
   socket = new WebSocket(url);
   socket.onclose = () => {
-    end("the line to the server is lost");
+    end("the connection to the server is lost");
     setTimeout(() => connect(url), RETRY_MS);
   };
 }
 
-function beat() {
-  if (!held) return;
-  const age = now() - held.at;
-  if (socket.readyState !== WebSocket.OPEN) end("the line to the server is lost");
+function sendHold() {
+  if (!report) return;
+  const age = now() - report.at;
+  if (socket.readyState !== WebSocket.OPEN) end("the connection to the server is lost");
   else if (age <= silenceMs) {
-    socket.send(`hold ${held.press} ${held.pulse} ${held.rotors} ${Math.max(0, age).toFixed(0)}`);
-    postMessage({ sent: held.press });
+    socket.send(`hold ${report.press} ${report.pulse} ${report.rotors} ${Math.max(0, age).toFixed(0)}`);
+    postMessage({ sent: report.press });
   }
 }
 
-function watch() {
-  const age = hidden ? 0 : Math.max(0, now() - turnedAt);
+function sendHeartbeat() {
+  const age = hidden ? 0 : Math.max(0, now() - lastTurnMs);
   if (socket.readyState === WebSocket.OPEN) socket.send(`beat ${age.toFixed(0)}`);
 }
 
@@ -35,31 +34,31 @@ function stop(press) {
     .then(({ ok }) => postMessage({ stop: press, ok }), () => postMessage({ stop: press, ok: false }));
 }
 
-function end(why) {
-  if (!held) return;
-  postMessage({ ended: held.press, why });
-  release(held.press);
+function end(reason) {
+  if (!report) return;
+  postMessage({ ended: report.press, reason });
+  release(report.press);
 }
 
 function release(press) {
-  held = undefined;
-  over = press;
+  report = undefined;
+  lastEndedPress = press;
   if (socket.readyState === WebSocket.OPEN) socket.send(`release ${press}`);
 }
 
 onmessage = ({ data }) => {
-  turnedAt = data.at ?? turnedAt;
+  lastTurnMs = data.at ?? lastTurnMs;
   if (data.url) {
     ({ silenceMs, stopUrl, token } = data);
     connect(data.url);
-    setInterval(beat, BEAT_MS);
-    setInterval(watch, WATCH_MS);
+    setInterval(sendHold, HOLD_INTERVAL_MS);
+    setInterval(sendHeartbeat, HEARTBEAT_INTERVAL_MS);
   } else if (data.stop) stop(data.stop);
   else if (data.hidden !== undefined) hidden = data.hidden;
   else if (data.released) release(data.released);
-  else if (data.press > over) {
-    const begins = held?.press !== data.press;
-    held = data;
-    if (begins) beat();
+  else if (data.press > lastEndedPress) {
+    const isNew = report?.press !== data.press;
+    report = data;
+    if (isNew) sendHold();
   }
 };

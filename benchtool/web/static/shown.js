@@ -1,22 +1,22 @@
-// Tables that sort by a click on a head, figures that open large: wheel zooms, a drag moves, the pointer reads values.
+// Sortable tables, and figures in a large view with zoom, pan and values at the pointer.
 "use strict";
 (() => {
   if (window.benchtoolShown) return;
   window.benchtoolShown = true;
 
-  const numberOf = (text) => {
-    const found = /^[<>≈]?\s*[-−+]?[\d.,\u202f]*\d(?:[eE][-+]?\d+)?/.exec(text.trim());
-    return found ? Number(found[0].replace(/[<>≈\s,\u202f]/g, "").replace("−", "-")) : NaN;
+  const parseNumber = (text) => {
+    const match = /^[<>≈]?\s*[-−+]?[\d.,\u202f]*\d(?:[eE][-+]?\d+)?/.exec(text.trim());
+    return match ? Number(match[0].replace(/[<>≈\s,\u202f]/g, "").replace("−", "-")) : NaN;
   };
 
   function sort(button) {
     const head = button.closest("th"), table = head.closest("table"), body = table.tBodies[0];
     const column = head.cellIndex, up = head.ariaSort !== "ascending";
     const key = (row) => row.cells[column].textContent;
-    const numeric = [...body.rows].some((row) => !Number.isNaN(numberOf(key(row)))) && head.classList.contains("number");
+    const numeric = [...body.rows].some((row) => !Number.isNaN(parseNumber(key(row)))) && head.classList.contains("number");
     const compare = (a, b) => {
-      const [x, y] = numeric ? [numberOf(key(a)), numberOf(key(b))] : [key(a), key(b)];
-      if (numeric && (Number.isNaN(x) || Number.isNaN(y))) return Number.isNaN(x) - Number.isNaN(y); // no number: last
+      const [x, y] = numeric ? [parseNumber(key(a)), parseNumber(key(b))] : [key(a), key(b)];
+      if (numeric && (Number.isNaN(x) || Number.isNaN(y))) return Number.isNaN(x) - Number.isNaN(y); // cells without number last
       return (up ? 1 : -1) * (numeric ? x - y : x.localeCompare(y, undefined, { numeric: true }));
     };
     body.append(...[...body.rows].sort(compare));
@@ -24,7 +24,7 @@
     head.ariaSort = up ? "ascending" : "descending";
   }
 
-  const nameOf = (image) => (image.alt.split(/[.:;,]/)[0].trim() || "figure").slice(0, 60).replace(/[^\w-]+/g, "-");
+  const fileStem = (image) => (image.alt.split(/[.:;,]/)[0].trim() || "figure").slice(0, 60).replace(/[^\w-]+/g, "-");
 
   function save(address, name) {
     const link = document.createElement("a");
@@ -36,70 +36,70 @@
     const canvas = document.createElement("canvas"), scale = 2;
     canvas.width = scale * image.naturalWidth;
     canvas.height = scale * image.naturalHeight;
-    const pen = canvas.getContext("2d");
-    pen.fillStyle = "#ffffff";
-    pen.fillRect(0, 0, canvas.width, canvas.height);
-    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
-    save(canvas.toDataURL("image/png"), `${nameOf(image)}.png`);
+    const context = canvas.getContext("2d");
+    context.fillStyle = "#ffffff";
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(image, 0, 0, canvas.width, canvas.height);
+    save(canvas.toDataURL("image/png"), `${fileStem(image)}.png`);
   }
 
-  // The value at a share of an axis from its low end, linear or logarithmic.
-  const valueAt = ([low, high, scale], share) =>
+  // Return the value at a share of an axis from its low end, linear or logarithmic.
+  const axisValue = ([low, high, scale], share) =>
     scale === "log" ? low * (high / low) ** share : low + (high - low) * share;
 
-  function read(axes, x, y) {
-    const one = axes.find(({ box: [left, top, right, bottom] }) => left <= x && x <= right && top <= y && y <= bottom);
-    if (!one) return "";
-    const [left, top, right, bottom] = one.box;
-    const values = [valueAt(one.x, (x - left) / (right - left)), valueAt(one.y, (bottom - y) / (bottom - top))];
-    return values.map((value, at) => `${one.labels[at] || "xy"[at]}: ${Number(value.toPrecision(4))}`).join("   ");
+  function formatValues(axes, x, y) {
+    const axis = axes.find(({ box: [left, top, right, bottom] }) => left <= x && x <= right && top <= y && y <= bottom);
+    if (!axis) return "";
+    const [left, top, right, bottom] = axis.box;
+    const values = [axisValue(axis.x, (x - left) / (right - left)), axisValue(axis.y, (bottom - y) / (bottom - top))];
+    return values.map((value, i) => `${axis.labels[i] || "xy"[i]}: ${Number(value.toPrecision(4))}`).join("   ");
   }
 
   function enlarge(image) {
-    const dialog = document.createElement("dialog"), figure = image.cloneNode(), place = document.createElement("div");
+    const dialog = document.createElement("dialog"), figure = image.cloneNode(), container = document.createElement("div");
     const line = document.createElement("p"), close = document.createElement("button");
     dialog.className = "figure-large";
     dialog.ariaLabel = image.alt;
     line.setAttribute("role", "status");
     close.textContent = "Close";
-    place.append(figure);
-    dialog.append(close, line, place);
+    container.append(figure);
+    dialog.append(close, line, container);
     document.body.append(dialog);
     const axes = JSON.parse(image.dataset.axes || "[]");
     let scale = 1, x = 0, y = 0, from;
     const draw = () => (figure.style.transform = `translate(${x}px, ${y}px) scale(${scale})`);
-    const hint = "Wheel: zoom. Drag: move. Double click: all.";
+    const hint = "Wheel: zoom. Drag: move. Double click: reset.";
     line.textContent = hint;
-    place.addEventListener("wheel", (event) => {
+    container.addEventListener("wheel", (event) => {
       event.preventDefault();
-      const box = place.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
+      const box = container.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
       const next = Math.min(Math.max(scale * Math.exp(-event.deltaY / 400), 1), 40);
       [x, y] = [px - ((px - x) * next) / scale, py - ((py - y) * next) / scale];
       scale = next;
       if (scale === 1) x = y = 0;
       draw();
     }, { passive: false });
-    place.addEventListener("pointerdown", (event) => {
+    container.addEventListener("pointerdown", (event) => {
       event.preventDefault();
-      place.setPointerCapture(event.pointerId);
+      container.setPointerCapture(event.pointerId);
       from = [event.clientX - x, event.clientY - y];
     });
-    place.addEventListener("pointermove", (event) => {
+    container.addEventListener("pointermove", (event) => {
       if (from) {
         [x, y] = [event.clientX - from[0], event.clientY - from[1]];
         draw();
       }
       const box = figure.getBoundingClientRect();
       const shares = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
-      line.textContent = read(axes, ...shares) || hint;
+      line.textContent = formatValues(axes, ...shares) || hint;
     });
-    place.addEventListener("pointerup", () => (from = undefined));
-    place.addEventListener("dblclick", () => {
+    container.addEventListener("pointerup", () => (from = undefined));
+    container.addEventListener("dblclick", () => {
       [scale, x, y] = [1, 0, 0];
       draw();
     });
     close.addEventListener("click", () => dialog.remove());
-    // Not modal: STOP stays above it and takes keys and pointers.
+    // Not modal: STOP stays above it and receives key and pointer events.
     dialog.show();
     close.focus();
   }
@@ -109,7 +109,7 @@
     if (!button) return;
     if (button.closest("table")) return sort(button);
     const image = button.closest("figure").querySelector("img");
-    if (button.dataset.does === "svg") save(image.src, `${nameOf(image)}.svg`);
+    if (button.dataset.does === "svg") save(image.src, `${fileStem(image)}.svg`);
     else if (button.dataset.does === "png") savePng(image);
     else enlarge(image);
   });

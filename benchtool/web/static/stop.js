@@ -1,77 +1,77 @@
-// STOP and the throttle button, over a websocket and a port for STOP alone. The page's first script:
-// its listeners are the first on the window, so no other script can keep an event from them.
+// STOP and the throttle button, over a websocket and a separate port for STOP. This is the page's first script:
+// its listeners are the first on the window, so no other script can intercept an event.
 "use strict";
 (() => {
   const RETRY_MS = 500, NOTE_MS = 8000, PING_MS = 1000, LOST_PINGS = 3, RECENT_MS = 3000, TURN_MS = 100;
-  const SPACE = "The space bar is STOP wherever no text is typed, and does nothing else. Use Enter or a click instead.";
-  const ESC = "Esc is STOP everywhere, and does nothing else. Close menus with a click beside them, dialogs with their buttons.";
-  const COMPOSING = "Text is being composed, and Esc may reach the input method alone. Press the STOP button to stop.";
+  const SPACE = "The space bar is STOP outside text fields and has no other function. Use Enter or a click instead.";
+  const ESC = "Esc is STOP everywhere and has no other function. Close menus by a click outside, dialogs by their buttons.";
+  const COMPOSING = "An input method is active and may intercept Esc. Press the STOP button to stop.";
   const { page, silenceMs, stopPort, stopToken } = document.currentScript.dataset;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
   const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`;
   const worker = new Worker("/static/hold_worker.js"), answers = new Map();
-  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stops = 0, stopping, noted, dark, dropped, unanswered = 0;
+  let socket, held, holder, press = Math.floor(performance.timeOrigin), lastStopMs = -1, stops = 0, stopKey, noteTimer, dark, lostPress, openPings = 0;
 
-  function send(word) {
+  function send(message) {
     if (socket.readyState !== WebSocket.OPEN) return false;
-    socket.send(word);
+    socket.send(message);
     return true;
   }
 
   function connect() {
     socket = new WebSocket(`${server}/control?page=${page}&tab=${tab}`);
     socket.onopen = () => {
-      unanswered = 0;
+      openPings = 0;
       dark = undefined;
       sendDark();
       ping();
     };
     socket.onmessage = ({ data }) => {
-      unanswered = 0;
-      found();
+      openPings = 0;
+      reportReconnection();
       if (data === "stopped") flash();
       else if (data.startsWith("let go ")) release(data.slice(7));
     };
     socket.onclose = lose;
   }
 
-  // A line that is cut can be silent instead of closed, and so is a server that hangs.
+  // A broken connection or an unresponsive server can leave the socket open.
   function ping() {
-    if (send("ping") && ++unanswered > LOST_PINGS) lose();
+    if (send("ping") && ++openPings > LOST_PINGS) lose();
   }
 
   const now = () => performance.timeOrigin + performance.now();
-  const known = () => document.querySelector(".known")?.textContent ?? "";
+  const statusText = () => document.querySelector(".known")?.textContent ?? "";
 
   function lose() {
     socket.onclose = socket.onmessage = null;
     socket.close();
     setTimeout(connect, RETRY_MS);
-    // What the server last said can be older than the press.
-    const pulse = held?.dataset.pulse ?? (dropped && performance.now() - dropped.at < RECENT_MS ? dropped.pulse : undefined);
-    const hand = pulse ? ` The throttle was held here, at up to ${pulse} us.` : "";
-    release("the line to the server is lost");
+    // The last status of the server can be older than the press.
+    const pulse = held?.dataset.pulse ?? (lostPress && performance.now() - lostPress.at < RECENT_MS ? lostPress.pulse : undefined);
+    const throttle = pulse ? ` The throttle was held here, at up to ${pulse} us.` : "";
+    release("the connection to the server is lost");
     if (document.body.classList.contains("server-lost")) return;
     document.body.classList.add("server-lost");
-    const before = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}.${hand} Last known: ${known()}`);
-    showNote(`No connection to benchtool since ${before.slice(3)} This is what the page knew last and may be old. ` +
-      "Within 1 s a sweep pauses and a recording ends, motors at zero, unless it was started to run without this page. " +
+    const last = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}.${throttle} Last known: ${statusText()}`);
+    showNote(`No connection to benchtool since ${last.slice(3)} This status may be outdated. ` +
+      "A run that needs this page stops its motors within 1 s: a sweep pauses, a recording ends. " +
       "STOP here may not reach the bench: look at the motors; if they turn, cut the power.", Infinity);
   }
 
-  function found() {
+  function reportReconnection() {
     document.body.classList.remove("server-lost");
-    const before = sessionStorage.benchtoolLost;
-    if (!before || !known()) return;
+    const last = sessionStorage.benchtoolLost;
+    if (!last || !statusText()) return;
     delete sessionStorage.benchtoolLost;
-    showNote(`The connection to benchtool was lost ${before} Now: ${known()}`, 30000);
+    showNote(`The connection to benchtool was lost ${last} Now: ${statusText()}`, 30000);
   }
 
   function stop(event) {
     event.preventDefault();
-    // One press can be a pointer, a touch and a mouse event, all with the same time.
-    if (event.timeStamp === stoppedAt) return;
-    stoppedAt = event.timeStamp;
+    // One press can cause a pointer, a touch and a mouse event with the same time stamp.
+    if (event.timeStamp === lastStopMs) return;
+    lastStopMs = event.timeStamp;
     release("STOP was pressed");
     worker.postMessage({ stop: ++stops });
     const answer = new Promise((resolve, reject) => answers.set(stops, (ok) => (ok ? resolve() : reject())));
@@ -81,8 +81,8 @@
       .then(flash, () => sent || showNote("STOP did not reach benchtool. Cut the power.", Infinity));
   }
 
-  // By place, not by target: whatever lies over the button, or takes pointers away from everything
-  // (Quasar does while something is dragged), does not keep a hand from it.
+  // Compare positions, not targets: an element above the button, or one that captures pointers
+  // (Quasar during a drag), must not block STOP.
   function isOnStop({ clientX, clientY }) {
     return [...document.querySelectorAll(".stop-button")].some((button) => {
       const { left, right, top, bottom, width } = button.getBoundingClientRect();
@@ -97,41 +97,41 @@
     held = button;
     holder = event.pointerId ?? event.key;
     held.classList.add("held");
-    explain("");
-    confirm();
+    showReleaseReason("");
+    reportHold();
   }
 
-  // Report to the worker that the button is held; only this thread knows.
-  function confirm() {
+  // Report to the worker that the button is held; only this thread receives its events.
+  function reportHold() {
     const { pulse, rotors } = held.dataset;
     if (held.isConnected) worker.postMessage({ press, pulse, rotors, at: now() });
-    else release("the button is gone");
+    else release("the button was removed");
   }
 
   worker.onmessage = ({ data }) => {
     if (data.stop) {
       answers.get(data.stop)?.(data.ok);
       answers.delete(data.stop);
-    } else if (held && data.sent === press) confirm();
+    } else if (held && data.sent === press) reportHold();
     else if (held && data.ended === press) {
-      // The worker can see a dead server before this thread does.
-      dropped = { pulse: held.dataset.pulse, at: performance.now() };
-      release(data.why);
+      // The worker can detect a lost server before this thread.
+      lostPress = { pulse: held.dataset.pulse, at: performance.now() };
+      release(data.reason);
     }
   };
 
-  // End the press; why, unless the hand itself let go.
-  function release(why) {
+  // End the press; the reason is undefined if the user released the button.
+  function release(reason) {
     if (!held) return;
     worker.postMessage({ released: press });
     send(`release ${press}`);
     held.classList.remove("held");
-    if (why) explain(`let go: ${why}`);
+    if (reason) showReleaseReason(`released: ${reason}`);
     held = undefined;
   }
 
-  function explain(text) {
-    document.querySelectorAll(".hold-why").forEach((place) => (place.textContent = text));
+  function showReleaseReason(text) {
+    document.querySelectorAll(".hold-why").forEach((element) => (element.textContent = text));
   }
 
   function flash() {
@@ -139,15 +139,15 @@
     setTimeout(() => mark("pressed", false), 400);
   }
 
-  // Show a note beside the button, at once.
+  // Show a note next to the button without the server.
   function showNote(text, milliseconds = NOTE_MS) {
     document.querySelectorAll(".stop-note").forEach((note) => (note.textContent = text));
-    clearTimeout(noted);
-    if (text && milliseconds < Infinity) noted = setTimeout(() => showNote(""), milliseconds);
+    clearTimeout(noteTimer);
+    if (text && milliseconds < Infinity) noteTimer = setTimeout(() => showNote(""), milliseconds);
   }
 
-  // Keep STOP in sight, at its size, where the page is zoomed by two fingers.
-  function follow() {
+  // Keep STOP visible and at constant size during pinch zoom.
+  function placeStop() {
     const { scale, offsetLeft, offsetTop, width } = visualViewport;
     document.body.classList.toggle("pinched", scale > 1.01);
     const { style } = document.documentElement;
@@ -176,7 +176,7 @@
     if (isOnStop(event)) stop(event);
     else if (button) hold(button, event);
   });
-  // The second button of a mouse has no pointer event of its own; nor has a finger beside one that scrolls.
+  // A second mouse button, and a second finger during scrolling, cause no pointer event.
   on(["mousedown"], (event) => isOnStop(event) && stop(event));
   on(["touchstart"], (event) => [...event.changedTouches].some(isOnStop) && stop(event));
   // A click without a pointer: Enter on the button, or a screen reader.
@@ -187,28 +187,28 @@
       event.preventDefault();
       if (!event.repeat) hold(field, event);
     } else if (event.key === "Escape" || event.code === "Escape" || (event.key === " " && !typesText(field))) {
-      // A key that stops does nothing else: no menu closes, no checkbox changes, now or when it comes up.
+      // A STOP key has no other effect: no menu closes, no checkbox changes, on press or release.
       event.stopImmediatePropagation();
       event.preventDefault();
-      if (event.repeat && stopping === event.key) return;
-      stopping = event.key;
+      if (event.repeat && stopKey === event.key) return;
+      stopKey = event.key;
       stop(event);
-      showNote(stopping === " " ? SPACE : ESC);
+      showNote(stopKey === " " ? SPACE : ESC);
     }
   });
   on(["keypress", "keyup"], (event) => {
-    if (event.key !== stopping) return;
+    if (event.key !== stopKey) return;
     event.stopImmediatePropagation();
     event.preventDefault();
-    if (event.type === "keyup") stopping = undefined;
+    if (event.type === "keyup") stopKey = undefined;
   });
-  // A hand that leaves the button, the key or the page has let go; another finger has not.
+  // The pointer or key that pressed the button releases it; another finger does not.
   const isHolder = (event) => (event.pointerId ?? event.key) === holder;
   on(["pointerup", "keyup"], (event) => isHolder(event) && release());
-  on(["pointercancel"], (event) => isHolder(event) && release("the browser took the touch for a gesture"));
-  on(["contextmenu"], () => release("a menu of the browser was opened"));
-  on(["pagehide"], () => release("the page was left"));
-  // A field that loses the focus to the button tells of it here, too: only the window's own counts.
+  on(["pointercancel"], (event) => isHolder(event) && release("the browser treated the touch as a gesture"));
+  on(["contextmenu"], () => release("a browser menu was opened"));
+  on(["pagehide"], () => release("the page was closed"));
+  // Blur events of fields arrive here too; only those of the window count.
   on(["blur"], (event) => event.target === window && release("the window lost the focus"));
   document.addEventListener("visibilitychange", () => {
     worker.postMessage({ hidden: document.hidden, at: now() });
@@ -216,8 +216,8 @@
   });
   on(["compositionstart"], () => showNote(COMPOSING, Infinity));
   on(["compositionend"], () => showNote(""));
-  for (const name of ["resize", "scroll"]) visualViewport.addEventListener(name, follow);
-  // A STOP button until the page has drawn its own.
+  for (const name of ["resize", "scroll"]) visualViewport.addEventListener(name, placeStop);
+  // Temporary STOP button until the page has drawn its own.
   let early;
   const drawn = setInterval(() => {
     if (document.querySelector(".stop-button:not(.early)")) {

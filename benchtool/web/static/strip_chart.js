@@ -1,53 +1,53 @@
-// Live charts over the stream of the connected bench, drawn by ECharts, which NiceGUI serves.
+// Live charts of the connected bench's stream, drawn by ECharts, which NiceGUI provides.
 import { echarts } from "nicegui-echart";
 
-const HEAD = 3, PER_SECOND = 20, HISTORY_S = 600, TOP = 26, LEFT = 62, RIGHT = 14, GAP_S = 0.1;
+const HEADER_LENGTH = 3, FRAMES_PER_S = 20, HISTORY_S = 600, TOP = 26, LEFT = 62, RIGHT = 14, GAP_S = 0.1;
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600].map((value) => ({ value, label: value < 60 ? `${value} s` : `${value / 60} min` }));
-const DRAW_MS = 100, MOST_SHARE = 0.2; // least time between two drawings, and the share of time that they may take
+const DRAW_INTERVAL_MS = 100, MAX_DRAW_SHARE = 0.2; // minimum interval and maximum share of time for drawing; assumed
 
-// Return for each time whether a line leads to it from the one before: not over a gap, which is longer
-// than three usual steps of the channel (a median, as slow channels come with every tenth frame).
+// Return for each time whether it is connected to the previous one. A gap is longer than three median steps
+// of the channel, as slow channels have samples in every tenth frame only.
 export function joins(times) {
   const steps = times.slice(1).map((time, i) => time - times[i]);
-  const usual = [...steps].sort((a, b) => a - b)[Math.floor(steps.length / 2)] ?? 0;
-  return times.map((time, i) => i > 0 && steps[i - 1] <= 3 * usual + GAP_S);
+  const median = [...steps].sort((a, b) => a - b)[Math.floor(steps.length / 2)] ?? 0;
+  return times.map((time, i) => i > 0 && steps[i - 1] <= 3 * median + GAP_S);
 }
 
-// The frames of the present session, shared by every chart of the page. A frame holds the least and the
-// greatest value of every channel since the last one.
+// Frames of the current session, shared by all charts of the page. A frame contains minimum and maximum of
+// every channel since the last frame.
 const stream = {
-  session: -1, count: 0, room: HISTORY_S * PER_SECOND, charts: new Set(),
+  session: -1, count: 0, capacity: HISTORY_S * FRAMES_PER_S, charts: new Set(),
   connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/stream`);
     socket.binaryType = "arraybuffer";
-    socket.onmessage = (event) => this.take(new Float32Array(event.data));
+    socket.onmessage = (event) => this.add(new Float32Array(event.data));
     socket.onclose = () => setTimeout(() => this.connect(), 1000);
   },
-  take(frame) {
+  add(frame) {
     if (frame[0] !== this.session || frame.length !== this.width) {
       [this.session, this.width, this.count] = [frame[0], frame.length, 0];
-      this.frames = new Float32Array(this.room * this.width);
+      this.frames = new Float32Array(this.capacity * this.width);
     }
-    this.frames.set(frame, (this.count++ % this.room) * this.width);
+    this.frames.set(frame, (this.count++ % this.capacity) * this.width);
     for (const chart of this.charts) chart.wake();
   },
-  first() { return Math.max(0, this.count - this.room); },
-  time(i) { return this.frames[(i % this.room) * this.width + 1]; },
+  first() { return Math.max(0, this.count - this.capacity); },
+  time(i) { return this.frames[(i % this.capacity) * this.width + 1]; },
   range(i, column) {
-    const at = (i % this.room) * this.width + HEAD + 2 * column;
-    return [this.frames[at], this.frames[at + 1]];
+    const index = (i % this.capacity) * this.width + HEADER_LENGTH + 2 * column;
+    return [this.frames[index], this.frames[index + 1]];
   },
-  // Numbers of the frames from one time to another.
+  // Return the numbers of the frames in a time interval.
   between(from_s, to_s) {
-    const found = [];
-    for (let i = this.count - 1; i >= this.first() && this.time(i) >= from_s; i--) if (this.time(i) <= to_s) found.push(i);
-    return found.reverse();
+    const indices = [];
+    for (let i = this.count - 1; i >= this.first() && this.time(i) >= from_s; i--) if (this.time(i) <= to_s) indices.push(i);
+    return indices.reverse();
   },
 };
 stream.connect();
 
-const clock = (time_s) => time_s < 0 ? "" : `${Math.floor(time_s / 60)}:${(time_s % 60).toFixed(time_s % 1 ? 1 : 0).padStart(time_s % 1 ? 4 : 2, "0")}`;
+const formatTime = (time_s) => time_s < 0 ? "" : `${Math.floor(time_s / 60)}:${(time_s % 60).toFixed(time_s % 1 ? 1 : 0).padStart(time_s % 1 ? 4 : 2, "0")}`;
 
 function save(name, address) {
   const link = document.createElement("a");
@@ -61,28 +61,28 @@ export default {
     <div v-if="tools" class="strip-tools">
       <q-btn outline no-caps :icon="paused ? 'play_arrow' : 'pause'" :label="paused ? 'Live' : 'Pause'" @click="pause(!paused)" />
       <q-select dense options-dense emit-value map-options label="Window" v-model="seconds" :options="windows" />
-      <q-select dense options-dense multiple class="grow" label="Charts" v-model="shown" :options="panels.map((one) => one.title)" />
+      <q-select dense options-dense multiple class="grow" label="Charts" v-model="visibleTitles" :options="panels.map((panel) => panel.title)" />
       <q-btn outline no-caps icon="image" label="PNG" @click="savePicture" />
       <q-btn outline no-caps icon="table_view" label="CSV" @click="saveTable" />
     </div>
-    <small v-if="paused" role="status" class="soft">Paused: the wheel or two fingers zoom, dragging moves. Nothing is lost meanwhile.</small>
+    <small v-if="paused" role="status" class="soft">Paused: wheel or pinch to zoom, drag to move. No data are lost.</small>
     <div class="strips" role="img" aria-label="Live strip charts"></div>
   </div>`,
-  props: { session: Number, panels: Array, usual: Array, tools: Boolean, marks: Array },
+  props: { session: Number, panels: Array, selected: Array, tools: Boolean, marks: Array },
   data() {
-    return { paused: false, seconds: 30, shown: this.usual, windows: WINDOWS };
+    return { paused: false, seconds: 30, visibleTitles: this.selected, windows: WINDOWS };
   },
   watch: {
-    shown() { this.build(); },
+    visibleTitles() { this.build(); },
     seconds() { this.pause(false); },
     marks() { this.draw(); },
   },
   mounted() {
-    this.place = this.$el.querySelector(".strips");
-    this.chart = echarts.init(this.place);
+    this.container = this.$el.querySelector(".strips");
+    this.chart = echarts.init(this.container);
     this.chart.on("legendselectchanged", () => this.draw());
-    this.resize = new ResizeObserver(() => this.place.clientWidth && this.build());
-    this.resize.observe(this.place);
+    this.resize = new ResizeObserver(() => this.container.clientWidth && this.build());
+    this.resize.observe(this.container);
     this.build();
     stream.charts.add(this);
   },
@@ -93,73 +93,73 @@ export default {
     this.chart.dispose();
   },
   methods: {
-    // Draw soon, but never so often that the page, STOP with it, has to wait for drawings.
+    // Schedule a drawing; the limit on drawing time keeps the page and STOP responsive.
     wake() {
       if (stream.session !== this.session) return;
-      this.place.dataset.frames = stream.count;
-      if (this.waiting || this.paused || !this.place.clientWidth || document.hidden) return;
+      this.container.dataset.frames = stream.count;
+      if (this.waiting || this.paused || !this.container.clientWidth || document.hidden) return;
       this.waiting = setTimeout(() => {
-        const begun = performance.now();
+        const start = performance.now();
         this.draw();
-        this.took_ms = performance.now() - begun;
+        this.draw_ms = performance.now() - start;
         this.waiting = 0;
-      }, Math.max(DRAW_MS, (this.took_ms ?? 0) / MOST_SHARE) - (this.took_ms ?? 0));
+      }, Math.max(DRAW_INTERVAL_MS, (this.draw_ms ?? 0) / MAX_DRAW_SHARE) - (this.draw_ms ?? 0));
     },
-    lines() { return this.chosen.flatMap((panel, at) => panel.lines.map((line) => ({ ...line, panel, at }))); },
-    // Set everything but the numbers: one grid for each chosen panel, in two columns where there is room.
+    lines() { return this.selectedPanels.flatMap((panel, at) => panel.lines.map((line) => ({ ...line, panel, at }))); },
+    // Set up the charts without data: one grid per selected panel, in two columns on a wide page.
     build() {
-      this.chosen = this.panels.filter((panel) => this.shown.includes(panel.title));
-      const width = this.place.clientWidth, columns = width > 1000 ? 2 : 1, height = columns === 2 ? 158 : 128;
-      const rows = Math.ceil(this.chosen.length / columns), wide = width / columns;
-      this.place.style.height = `${rows * height + 20}px`;
+      this.selectedPanels = this.panels.filter((panel) => this.visibleTitles.includes(panel.title));
+      const width = this.container.clientWidth, columns = width > 1000 ? 2 : 1, height = columns === 2 ? 158 : 128;
+      const rows = Math.ceil(this.selectedPanels.length / columns), wide = width / columns;
+      this.container.style.height = `${rows * height + 20}px`;
       this.chart.resize();
       const style = getComputedStyle(document.body), [ink, soft, line, paper] = ["--ink", "--soft", "--line", "--paper"].map((name) => style.getPropertyValue(name).trim());
       this.dark = document.body.classList.contains("body--dark");
-      const places = this.chosen.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP, bottom: at >= this.chosen.length - columns }));
+      const places = this.selectedPanels.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP, bottom: at >= this.selectedPanels.length - columns }));
       const text = { color: ink, fontSize: 12 };
-      const all = this.chosen.map((panel, at) => at);
+      const all = this.selectedPanels.map((panel, at) => at);
       this.chart.setOption({
         animation: false, textStyle: { fontFamily: "system-ui, sans-serif" },
         grid: places.map(({ left, top }) => ({ left, top, width: wide - LEFT - RIGHT, height: height - TOP - 26 })),
-        title: this.chosen.map((panel, at) => ({ text: `${panel.title}, ${panel.unit}`, left: places[at].left - 5, top: places[at].top - TOP + 2, textStyle: { color: ink, fontSize: 13 } })),
-        legend: this.chosen.map((panel, at) => ({
-          data: panel.lines.map((one) => one.name), right: width - places[at].left - wide + LEFT + RIGHT, top: places[at].top - TOP,
+        title: this.selectedPanels.map((panel, at) => ({ text: `${panel.title}, ${panel.unit}`, left: places[at].left - 5, top: places[at].top - TOP + 2, textStyle: { color: ink, fontSize: 13 } })),
+        legend: this.selectedPanels.map((panel, at) => ({
+          data: panel.lines.map((line) => line.name), right: width - places[at].left - wide + LEFT + RIGHT, top: places[at].top - TOP,
           itemWidth: 10, itemHeight: 8, itemGap: 8, icon: "rect", textStyle: { ...text, fontFamily: "ui-monospace, monospace" },
-          formatter: (name) => this.newest(panel, panel.lines.find((one) => one.name === name)),
+          formatter: (name) => this.newest(panel, panel.lines.find((line) => line.name === name)),
         })),
-        xAxis: this.chosen.map((panel, at) => ({
+        xAxis: this.selectedPanels.map((panel, at) => ({
           gridIndex: at, type: "value", axisLine: { onZero: false, lineStyle: { color: soft } }, splitLine: { lineStyle: { color: line } }, splitNumber: wide > 500 ? 6 : 3,
-          axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: clock }, axisPointer: { label: { formatter: ({ value }) => clock(Math.round(value * 100) / 100) } },
+          axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: formatTime }, axisPointer: { label: { formatter: ({ value }) => formatTime(Math.round(value * 100) / 100) } },
         })),
-        yAxis: this.chosen.map((panel, at) => ({
+        yAxis: this.selectedPanels.map((panel, at) => ({
           gridIndex: at, type: "value", scale: true, splitNumber: 2, axisLine: { show: true, onZero: false, lineStyle: { color: line } }, splitLine: { lineStyle: { color: line } },
           axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: (value) => value.toFixed(panel.decimals) }, axisPointer: { show: false },
           min: ({ min, max }) => this.edge(panel, min, max, -1), max: ({ min, max }) => this.edge(panel, min, max, 1),
         })),
         axisPointer: { link: [{ xAxisIndex: "all" }], lineStyle: { color: soft } },
-        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: text, formatter: (found) => this.values(found) },
+        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: text, formatter: (items) => this.values(items) },
         dataZoom: [{ type: "inside", xAxisIndex: all, filterMode: "filter", disabled: !this.paused }],
-        series: this.lines().map((one) => ({
-          type: "line", name: one.name, xAxisIndex: one.at, yAxisIndex: one.at, showSymbol: false, symbol: "none", silent: true,
-          lineStyle: { width: 1.4 }, color: this.dark ? one.dark : one.light, data: [],
+        series: this.lines().map((line) => ({
+          type: "line", name: line.name, xAxisIndex: line.at, yAxisIndex: line.at, showSymbol: false, symbol: "none", silent: true,
+          lineStyle: { width: 1.4 }, color: this.dark ? line.dark : line.light, data: [],
         })),
       }, { notMerge: true });
       this.draw();
     },
     edge({ decimals }, min, max, side) {
       if (!Number.isFinite(min)) return side;
-      const spare = Math.max(0.08 * (max - min), 2 * Math.pow(10, -decimals) - (max - min) / 2);
-      return side > 0 ? max + spare : min - spare;
+      const margin = Math.max(0.08 * (max - min), 2 * Math.pow(10, -decimals) - (max - min) / 2);
+      return side > 0 ? max + margin : min - margin;
     },
     draw() {
       if (stream.session !== this.session || !stream.count || !this.chart) return;
       if (this.dark !== document.body.classList.contains("body--dark")) return void this.build();
       const now = stream.time(stream.count - 1), from = this.paused ? stream.time(stream.first()) : now - this.seconds;
       const frames = stream.between(from, now), lines = this.lines(), color = this.dark ? "#e8eaed" : "#1b1b1b";
-      this.place.dataset.marks = (this.marks ?? []).length;
+      this.container.dataset.marks = (this.marks ?? []).length;
       const marks = (this.marks ?? []).filter((mark) => mark.time_s >= from);
       this.chart.setOption({
-        xAxis: this.chosen.map(() => ({ min: from, max: now })),
+        xAxis: this.selectedPanels.map(() => ({ min: from, max: now })),
         series: lines.map((line, i) => ({
           data: this.points(line, frames),
           markLine: {
@@ -169,21 +169,21 @@ export default {
         })),
       }, { lazyUpdate: false });
     },
-    // Up to the greatest and down to the least value of each frame; nothing where a gap is.
+    // Return maximum and minimum of each frame as points, with breaks at gaps.
     points(line, frames) {
-      const { factor } = line.panel, found = [];
+      const { factor } = line.panel, points = [];
       const present = frames.filter((i) => !Number.isNaN(stream.range(i, line.column)[0])), times = present.map((i) => stream.time(i));
       joins(times).forEach((joined, k) => {
         const [low, high] = stream.range(present[k], line.column);
-        if (!joined && k) found.push([times[k], "-"]);
-        found.push([times[k], high * factor]);
-        // A place of its own, so that a single value shows.
-        if (!joined || low !== high) found.push([times[k] + (joined ? 0 : 0.02), low * factor]);
+        if (!joined && k) points.push([times[k], "-"]);
+        points.push([times[k], high * factor]);
+        // Offset by 0.02 s, so that a single value is visible.
+        if (!joined || low !== high) points.push([times[k] + (joined ? 0 : 0.02), low * factor]);
       });
-      return found;
+      return points;
     },
     newest({ factor, decimals, lines }, line) {
-      if (lines.length > 1 && this.place.clientWidth < 520) return line.label;
+      if (lines.length > 1 && this.container.clientWidth < 520) return line.label;
       const label = lines.length > 1 ? `${line.label}: ` : "";
       for (let i = stream.count - 1; stream.session === this.session && i >= Math.max(stream.first(), stream.count - 60); i--) {
         const [low, high] = stream.range(i, line.column);
@@ -191,15 +191,15 @@ export default {
       }
       return `${label}-`;
     },
-    values(found) {
+    values(items) {
       const lines = this.lines(), rows = new Map();
-      for (const { seriesIndex, value, marker } of found) {
+      for (const { seriesIndex, value, marker } of items) {
         const { panel, label } = lines[seriesIndex];
         if (value[1] !== "-") rows.set(seriesIndex, `${marker}${panel.title}${panel.lines.length > 1 ? ` ${label}` : ""}: <b>${value[1].toFixed(panel.decimals)}</b> ${panel.unit}`);
       }
-      return [clock(Math.round(found[0].axisValue * 100) / 100), ...rows.values()].join("<br>");
+      return [formatTime(Math.round(items[0].axisValue * 100) / 100), ...rows.values()].join("<br>");
     },
-    // Live, the window moves along; paused, all that is remembered can be seen, the window of just now first.
+    // Live, the window follows the stream; paused, the whole history can be scrolled, from the current window.
     pause(on) {
       this.paused = on;
       if (!stream.count) return;
@@ -207,7 +207,7 @@ export default {
       const now = stream.time(stream.count - 1);
       this.chart.setOption({ dataZoom: [on ? { disabled: false, startValue: now - this.seconds, endValue: now } : { disabled: true, start: 0, end: 100 }] });
     },
-    seen() {
+    visibleFrames() {
       const [{ startValue, endValue }] = this.chart.getOption().dataZoom;
       return stream.between(startValue, endValue);
     },
@@ -215,11 +215,11 @@ export default {
       const backgroundColor = getComputedStyle(document.body).getPropertyValue("--paper").trim();
       save("live.png", this.chart.getDataURL({ pixelRatio: 2, backgroundColor }));
     },
-    // The least and the greatest value of each frame, in the stream's own units.
+    // Save minimum and maximum of each frame, in the stream's units.
     saveTable() {
       const lines = this.lines(), row = (i, column) => stream.range(i, column).map((value) => (Number.isNaN(value) ? "" : value.toPrecision(7)));
       const head = ["time_s", ...lines.flatMap(({ name }) => [`${name}_least`, `${name}_greatest`])];
-      const rows = this.seen().map((i) => [stream.time(i).toFixed(3), ...lines.flatMap(({ column }) => row(i, column))]);
+      const rows = this.visibleFrames().map((i) => [stream.time(i).toFixed(3), ...lines.flatMap(({ column }) => row(i, column))]);
       save("live.csv", URL.createObjectURL(new Blob([[head, ...rows].map((cells) => cells.join(",")).join("\n") + "\n"], { type: "text/csv" })));
     },
   },

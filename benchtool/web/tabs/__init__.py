@@ -1,1 +1,1 @@
-"""The page's tabs, each a folder."""
+"""Tabs of the page, one package each."""

@@ -48,7 +48,7 @@ def start(browser: Browser, web: Web, begun: float) -> Page:
     asks = time.time()
     page.goto(web.url)
     loaded = time.time()
-    page.get_by_text("at the controls", exact=True).wait_for()
+    page.get_by_text("in control", exact=True).wait_for()
     usable = time.time()
     steps = np.diff([begun, listens, asks, loaded, usable])
     print(

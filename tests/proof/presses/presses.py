@@ -25,7 +25,7 @@ import numpy as np
 
 from tests.browser.conftest import (
     CHROMIUM,
-    PATIENCE_MS,
+    TIMEOUT_MS,
     centre,
     connect,
     go_to,
@@ -210,9 +210,9 @@ def press_all(count: int, seed: int, notes: Path) -> list[Press]:
             executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
         )
         page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(PATIENCE_MS)
+        page.set_default_timeout(TIMEOUT_MS)
         page.goto(web.url)
-        page.get_by_text("at the controls", exact=True).wait_for()
+        page.get_by_text("in control", exact=True).wait_for()
         scene = Scene(page, device)
         for number, (way, going_on) in enumerate(order_of(count, random.Random(seed))):
             if number < len(presses):

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import psutil
 
-from tests.browser.conftest import CHROMIUM, PATIENCE_MS, centre, connect, go_to, serving, start
+from tests.browser.conftest import CHROMIUM, TIMEOUT_MS, centre, connect, go_to, serving, start
 from tests.browser.device import served_device
 from tests.browser.test_bench_page import hold
 from tests.browser.test_page_watch import BLOCK, hanging
@@ -61,9 +61,9 @@ class Scene:
         )
         stack.callback(self.browser.close)
         self.page: Page = self.browser.new_page(viewport={"width": 1280, "height": 900})
-        self.page.set_default_timeout(PATIENCE_MS)
+        self.page.set_default_timeout(TIMEOUT_MS)
         self.page.goto(self.web.url)
-        self.page.get_by_text("at the controls", exact=True).wait_for()
+        self.page.get_by_text("in control", exact=True).wait_for()
         connect(self.page, self.device.address, rig)
         self.stop = centre(self.page.locator(".stop-button"))
 

@@ -1,4 +1,4 @@
-"""Functions for the jobs of `test_jobs`: what a spawned process imports."""
+"""Functions for the jobs of `test_jobs`, importable by a spawned process."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from benchtool.web.jobs import ReportProgress
 Function = Callable[[ReportProgress, Path, tuple[str, ...]], int]
 
 
-def add(report: ReportProgress, out: Path, words: tuple[str, ...], a: int, b: int) -> int:
-    assert (out, words) == (Path("out"), ("add",))
+def add(report: ReportProgress, out: Path, command: tuple[str, ...], a: int, b: int) -> int:
+    assert (out, command) == (Path("out"), ("add",))
     report("adding", 0.2)
     report("adding", 0.5)
     report("done", 1.0)
@@ -33,7 +33,7 @@ def fall(report: ReportProgress, *_: object) -> int:
     os._exit(9)
 
 
-def linger(report: ReportProgress = lambda what, share: None, *_: object) -> int:
+def linger(report: ReportProgress = lambda stage, share: None, *_: object) -> int:
     report("lingering", 0.1)
     time.sleep(60.0)
     return 0

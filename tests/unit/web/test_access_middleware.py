@@ -15,18 +15,18 @@ HOST = (b"host", b"127.0.0.1:8460")
 
 
 async def slept(seconds: float) -> None:
-    """Wait for no time at all."""
+    """Return at once (no-op)."""
 
 
 def ask(
     access: Access, scope: dict[str, Any], stop_port: int | None = None
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return what is sent for a request, and which paths reached the application."""
+    """Return the messages sent for a request, and the paths that reached the application."""
     sent: list[dict[str, Any]] = []
-    behind: list[str] = []
+    forwarded: list[str] = []
 
     async def app(scope: Any, receive: Any, send: Any) -> None:
-        behind.append(scope.get("path", scope["type"]))
+        forwarded.append(scope.get("path", scope["type"]))
         if scope["type"] == "http":
             await send({"type": "http.response.start", "status": 200, "headers": []})
             await send({"type": "http.response.body", "body": b"page"})
@@ -42,7 +42,7 @@ def ask(
     asyncio.run(
         AccessMiddleware(app, access, "benchtool-1", slept, stop_port)(scope, receive, send)
     )
-    return sent, behind
+    return sent, forwarded
 
 
 def http(path: str = "/", query: bytes = b"", *headers: tuple[bytes, bytes]) -> dict[str, Any]:
@@ -55,22 +55,22 @@ def http(path: str = "/", query: bytes = b"", *headers: tuple[bytes, bytes]) -> 
     }
 
 
-def headers_of(sent: list[dict[str, Any]]) -> dict[bytes, bytes]:
+def sent_headers(sent: list[dict[str, Any]]) -> dict[bytes, bytes]:
     return dict(sent[0]["headers"])
 
 
 def test_the_page_may_reach_the_port_of_stop_alone_beside_its_own():
     sent, _ = ask(Access(), http(), stop_port=9001)
-    policy = headers_of(sent)[b"content-security-policy"].decode()
+    policy = sent_headers(sent)[b"content-security-policy"].decode()
     assert "wss://127.0.0.1:8460 http://127.0.0.1:9001;" in policy
 
 
 def test_what_is_let_in_cannot_be_framed():
-    sent, behind = ask(Access(), http())
-    assert behind == ["/"]
+    sent, forwarded = ask(Access(), http())
+    assert forwarded == ["/"]
     assert sent[0]["status"] == 200
-    assert headers_of(sent)[b"x-frame-options"] == b"DENY"
-    policy = headers_of(sent)[b"content-security-policy"].decode()
+    assert sent_headers(sent)[b"x-frame-options"] == b"DENY"
+    policy = sent_headers(sent)[b"content-security-policy"].decode()
     assert "frame-ancestors 'none'" in policy
     assert "default-src 'none'" in policy
     assert "connect-src 'self' ws://127.0.0.1:8460 wss://127.0.0.1:8460;" in policy
@@ -79,32 +79,32 @@ def test_what_is_let_in_cannot_be_framed():
 
 def test_what_is_refused_never_reaches_the_page():
     scope = {**http(), "headers": [(b"host", b"evil.example")]}
-    sent, behind = ask(Access(), scope)
-    assert behind == []
+    sent, forwarded = ask(Access(), scope)
+    assert forwarded == []
     assert sent[0]["status"] == 403
-    assert b"none of its names" in sent[1]["body"]
+    assert b"is not a name of this server" in sent[1]["body"]
 
 
 def test_the_right_token_becomes_a_cookie_and_leaves_the_address():
     access = Access(token="right")
-    sent, behind = ask(access, http("/", b"token=right&tab=sweep"))
-    assert behind == []
+    sent, forwarded = ask(access, http("/", b"token=right&tab=sweep"))
+    assert forwarded == []
     assert sent[0]["status"] == 200
     assert b"url=/?tab=sweep" in sent[1]["body"]
-    cookie = headers_of(sent)[b"set-cookie"].decode().lower()
+    cookie = sent_headers(sent)[b"set-cookie"].decode().lower()
     assert cookie.startswith("benchtool-1=right")
     assert "httponly" in cookie
     assert "samesite=strict" in cookie
-    sent, behind = ask(access, http("/", b"", (b"cookie", b"benchtool-1=right")))
-    assert (sent[0]["status"], behind) == (200, ["/"])
+    sent, forwarded = ask(access, http("/", b"", (b"cookie", b"benchtool-1=right")))
+    assert (sent[0]["status"], forwarded) == (200, ["/"])
 
 
 def test_a_wrong_token_gets_nothing_not_even_files():
     access = Access(token="right")
     for path in ("/", "/static/page.css", "/_nicegui_ws/socket.io/"):
         for query, cookie in ((b"token=wrong", b""), (b"", b"benchtool-1=wrong"), (b"", b"\xff")):
-            sent, behind = ask(access, http(path, query, (b"cookie", cookie)))
-            assert (sent[0]["status"], behind) == (403, [])
+            sent, forwarded = ask(access, http(path, query, (b"cookie", cookie)))
+            assert (sent[0]["status"], forwarded) == (403, [])
 
 
 def test_a_socket_of_another_page_is_closed_before_it_opens():
@@ -114,11 +114,11 @@ def test_a_socket_of_another_page_is_closed_before_it_opens():
         "query_string": b"",
         "headers": [HOST, (b"origin", b"http://evil.example")],
     }
-    sent, behind = ask(Access(), scope)
-    assert behind == []
+    sent, forwarded = ask(Access(), scope)
+    assert forwarded == []
     assert sent == [{"type": "websocket.close", "code": 1008}]
     scope["headers"] = [HOST, (b"origin", b"http://127.0.0.1:8460")]
-    sent, behind = ask(Access(), scope)
+    sent, forwarded = ask(Access(), scope)
     assert sent == [{"type": "websocket.accept"}]
 
 
@@ -127,7 +127,7 @@ def test_start_and_end_of_the_server_pass():
 
 
 def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody():
-    answered: list[tuple[int, float]] = []
+    responses: list[tuple[int, float]] = []
     clock_s = 0.0
 
     async def app(scope: Any, receive: Any, send: Any) -> None:
@@ -143,7 +143,7 @@ def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody():
 
     async def send(message: Any) -> None:
         if message["type"] == "http.response.start":
-            answered.append((message["status"], clock_s))
+            responses.append((message["status"], clock_s))
 
     async def guess() -> None:
         guarded = AccessMiddleware(app, Access(token="right"), "benchtool-1", sleep)
@@ -155,27 +155,27 @@ def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody():
         await asyncio.gather(*wrong, right)
 
     asyncio.run(guess())
-    assert [at for status, at in answered if status == 200] == [0.0]
-    assert [at for status, at in answered if status == 429] == 5 * [0.0]
-    late = [at for status, at in answered if status == 403]
-    assert late == [WRONG_TOKEN_DELAY_S * (i + 1) for i in range(MAX_WAITING)]
+    assert [time_s for status, time_s in responses if status == 200] == [0.0]
+    assert [time_s for status, time_s in responses if status == 429] == 5 * [0.0]
+    delayed = [time_s for status, time_s in responses if status == 403]
+    assert delayed == [WRONG_TOKEN_DELAY_S * (i + 1) for i in range(MAX_WAITING)]
 
 
 def test_a_body_is_refused_while_it_arrives():
     part = b"x" * 1_000_000
-    taken, sent = 0, []
+    received, sent = 0, []
 
     async def app(scope: Any, receive: Any, send: Any) -> None:
         try:
             while (await receive()).get("more_body"):
                 pass
-        except Exception as error:  # as frameworks do
+        except Exception as error:  # as web frameworks
             await send({"type": "http.response.start", "status": 500, "headers": []})
             raise error
 
     async def receive() -> dict[str, Any]:
-        nonlocal taken
-        taken += len(part)
+        nonlocal received
+        received += len(part)
         return {"type": "http.request", "body": part, "more_body": True}
 
     async def send(message: Any) -> None:
@@ -185,5 +185,5 @@ def test_a_body_is_refused_while_it_arrives():
     scope["headers"] = [HOST, (b"sec-fetch-site", b"same-origin")]
     asyncio.run(AccessMiddleware(app, Access(), "benchtool-1")(scope, receive, send))
     assert [message.get("status") for message in sent] == [413, None]
-    assert b"were sent; send less" in sent[1]["body"]
-    assert taken <= MAX_BODY_BYTES + len(part)
+    assert b"request is too large" in sent[1]["body"]
+    assert received <= MAX_BODY_BYTES + len(part)

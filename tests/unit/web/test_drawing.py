@@ -1,4 +1,4 @@
-"""Blocks as HTML: whatever stands in a run's files is text, never markup."""
+"""Blocks as HTML with escaped contents of a run's files."""
 
 from __future__ import annotations
 

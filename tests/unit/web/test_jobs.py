@@ -18,15 +18,15 @@ OUT = Path("out")
 
 @pytest.fixture
 def worker():
-    made = WorkerProcess("sums")
-    yield made
-    made.close()
+    process = WorkerProcess("sums")
+    yield process
+    process.close()
 
 
 def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(worker, capfd):
     async def run() -> list[int]:
         pids = [await worker.run(os.getpid) for _ in range(2)]
-        with pytest.raises(BenchtoolError, match=r"a fault in benchtool itself, ValueError: .*'x'"):
+        with pytest.raises(BenchtoolError, match=r"internal error of benchtool, ValueError: .*'x'"):
             await worker.run(int, "x")
         return [*pids, await worker.run(int, "7")]
 
@@ -38,10 +38,10 @@ def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(work
 
 def test_a_worker_that_ends_is_reported_and_replaced(worker):
     async def run() -> int:
-        with pytest.raises(RunInterrupted, match="the process for sums ended before it was done"):
+        with pytest.raises(RunInterrupted, match="the process for sums ended unexpectedly"):
             await worker.run(os._exit, 3)
-        found: int = await worker.run(int, "7")
-        return found
+        number: int = await worker.run(int, "7")
+        return number
 
     assert asyncio.run(run()) == 7
 
@@ -68,7 +68,7 @@ def test_a_result_comes_back_with_the_stages_in_order():
     ("function", "error"),
     [
         (job_functions.refuse, "unknown rig 'quat'; did you mean 'quad'? known: quad"),
-        (job_functions.stumble, "a fault in benchtool itself, ZeroDivisionError"),
+        (job_functions.stumble, "internal error of benchtool, ZeroDivisionError"),
         (job_functions.fall, "exit code 9"),
     ],
     ids=["ours", "fault", "death"],
@@ -83,13 +83,13 @@ def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path):
     out = tmp_path / "fit"
     server = ServerState(runs=tmp_path)
     job = server.start_job("fits", lambda: Job(out, (), job_functions.linger))
-    with pytest.raises(InputError, match=r"fit still runs .*wait, or cancel it"):
+    with pytest.raises(InputError, match=r"fit is still running .*wait or cancel it"):
         server.start_job("fits", lambda: Job(out, (), job_functions.linger))
     partial_folder(out).mkdir()
     job.cancel()
     assert job.wait(LONG_S).status == "cancelled"
     assert list(tmp_path.iterdir()) == []
-    # What the one before has left is deleted with the next one, and with the server.
+    # A leftover partial folder is deleted by the next job and by the end of the server.
     for end in (lambda: server.start_job("fits", lambda: job), server.close):
         partial_folder(out).mkdir()
         end()

@@ -1,4 +1,4 @@
-"""What the Runs tab shows, compares and hands out, from a runs folder and from nowhere else."""
+"""Views, comparisons and downloads of the Runs tab, limited to the runs folder."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_what_is_in_a_file_is_never_markup(root):
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "/etc/passwd", "none"])
 def test_nothing_outside_is_shown_compared_or_handed_out(root, name):
-    for take in (
+    for access in (
         lambda: view_entry(root, name),
         lambda: view_part(root, name, "Plan"),
         lambda: view_comparison(root, ("quad", name)),
@@ -57,4 +57,4 @@ def test_nothing_outside_is_shown_compared_or_handed_out(root, name):
         lambda: table_bytes(root, name, "points", ".csv"),
     ):
         with pytest.raises(BenchtoolError):
-            take()
+            access()

@@ -1,4 +1,4 @@
-"""Files handed over to the page are read as `benchtool import` and `benchtool fit` read them."""
+"""Import of uploaded files, compared with `benchtool import` and `benchtool fit`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.report.compare.page import compare_runs
 from benchtool.report.page import Table
-from benchtool.web.tabs.fit.model_choice import FitRequest, recipe_for
+from benchtool.web.tabs.fit.model_choice import FitRequest, build_recipe
 from benchtool.web.tabs.fit.work import store_radius
 from benchtool.web.uploads import stand_blocks, store_upload
 
@@ -33,19 +33,19 @@ def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(tmp_path, r
     runs = tmp_path / "runs"
     name = uploaded(runs, stand)
     assert (runs / name).read_bytes() == stand.read_bytes()
-    channels = next(one for one in stand_blocks(runs / name) if isinstance(one, Table)).rows
-    found = {row[0]: row[1] for row in channels}
-    assert found["rpm1"].startswith("Motor Electrical Speed")
-    assert found["pwm1_us"].startswith("ESC signal")
+    rows = next(block for block in stand_blocks(runs / name) if isinstance(block, Table)).rows
+    columns = {row[0]: row[1] for row in rows}
+    assert columns["rpm1"].startswith("Motor Electrical Speed")
+    assert columns["pwm1_us"].startswith("ESC signal")
     folder = RunsFolder(runs)
     entries = {entry.name: entry for entry in list_entries(folder)}
     request = FitRequest(data=[name], model="single", name="fit")
     with pytest.raises(InputError, match="does not say which rig"):
-        recipe_for(request, folder, entries)
-    with pytest.raises(InputError, match="type its radius"):
+        build_recipe(request, folder, entries)
+    with pytest.raises(InputError, match="type one in m"):
         store_radius(runs, name, None)
     request.options["rig"] = str(store_radius(runs, name, 0.127))
-    recipe = recipe_for(request, folder, entries)
+    recipe = build_recipe(request, folder, entries)
     assert (recipe.columns, tuple(recipe.hold)) == (None, ("R_m",))
     with pytest.raises(WouldOverwrite):
         store_radius(runs, name, 0.2)
@@ -57,8 +57,8 @@ def test_options_and_logs_make_recordings(tmp_path, reference_data):
     stand = reference_data / STAND
     runs = tmp_path / "runs"
     name = uploaded(runs, stand, flip=("thrust_N",))
-    own = import_file(stand).recording.column("thrust_N")
-    assert read_recording(runs / name).column("thrust_N").tolist() == (-own).tolist()
+    thrust_N = import_file(stand).recording.column("thrust_N")
+    assert read_recording(runs / name).column("thrust_N").tolist() == (-thrust_N).tolist()
     log = uploaded(runs, reference_data / LOG)
     kinds = {entry.name: entry.kind for entry in list_entries(RunsFolder(runs))}
     assert kinds == {name: "recording", log: "recording"}

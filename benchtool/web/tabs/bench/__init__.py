@@ -1,1 +1,1 @@
-"""The Bench tab."""
+"""Bench tab."""

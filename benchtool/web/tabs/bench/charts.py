@@ -1,4 +1,4 @@
-"""Live charts of everything that a bench measures, drawn in the browser from the stream."""
+"""Live charts of all channels of a bench, drawn in the browser from the stream."""
 
 from __future__ import annotations
 
@@ -28,34 +28,32 @@ STRIPS = (
     ("Current", "current_A", "A", 1.0, 2),
     ("Temperature", "temperature_degC", "°C", 1.0, 1),
 )
-"""Title, channels, unit shown, factor to it, decimals. These are shown at first; what else a bench
-streams can be chosen."""
-
+"""Charts shown by default: title, channels, display unit, factor to it, decimals."""
 
 DEFAULT_STRIPS = tuple(title for title, *_ in STRIPS)
 
 
 def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
-    """Return the panels of a bench's channels as the charts take them."""
+    """Return the chart panels of a bench's channels."""
     patterns = [re.sub(r"\d+", "#", channel.name) for channel in channels]
-    known = {pattern: (title, unit, factor, n) for title, pattern, unit, factor, n in STRIPS}
-    other = {
+    defaults = {pattern: (title, unit, factor, n) for title, pattern, unit, factor, n in STRIPS}
+    extra = {
         pattern: (CHANNELS.get(pattern, pattern).capitalize(), channel.unit, 1.0, 3)
         for pattern, channel in zip(patterns, channels, strict=True)
-        if pattern not in known
+        if pattern not in defaults
     }
     panels = []
-    for pattern, (title, unit, factor, decimals) in (known | other).items():
-        columns = [at for at, present in enumerate(patterns) if present == pattern]
+    for pattern, (title, unit, factor, decimals) in (defaults | extra).items():
+        columns = [i for i, other in enumerate(patterns) if other == pattern]
         lines = [
             {
                 "column": column,
                 "name": channels[column].name,
                 "label": "".join(re.findall(r"\d", channels[column].name)),
-                "light": cycle(dark=False)[turn % len(cycle(dark=False))],
-                "dark": cycle(dark=True)[turn % len(cycle(dark=True))],
+                "light": cycle(dark=False)[index % len(cycle(dark=False))],
+                "dark": cycle(dark=True)[index % len(cycle(dark=True))],
             }
-            for turn, column in enumerate(columns)
+            for index, column in enumerate(columns)
         ]
         panel = {"title": title, "unit": unit, "factor": factor, "decimals": decimals}
         if lines:
@@ -64,64 +62,69 @@ def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
 
 
 class StripChart(Element, component=STATIC / "strip_chart.js"):
-    """Show the live stream of one connection; frames of another session are not shown.
+    """Live charts of one session.
 
     Args:
-        usual: titles of the panels shown at first.
-        tools: with pause, window, choice of panels, picture and table.
+        selected: titles of the panels shown at first.
+        has_tools: show pause, time window, panel selection, image and table.
     """
 
     def __init__(
-        self, session: int, channels: Sequence[Channel], usual: Sequence[str], *, tools: bool = True
+        self,
+        session: int,
+        channels: Sequence[Channel],
+        selected: Sequence[str],
+        *,
+        has_tools: bool = True,
     ) -> None:
         super().__init__()
         panels = chart_panels(channels)
         titles = [panel["title"] for panel in panels]
         self._props["session"] = session
         self._props["panels"] = panels
-        self._props["usual"] = [one for one in usual if one in titles]
-        self._props["tools"] = tools
+        self._props["selected"] = [title for title in selected if title in titles]
+        self._props["tools"] = has_tools
         self._props["marks"] = []
         self.classes("w-full")
 
     def show_marks(self, marks: Sequence[tuple[float, str]]) -> None:
-        """Show annotations: time of the stream in s, and text."""
+        """Show annotations, each with stream time in s and text."""
         if len(marks) != len(self._props["marks"]):
             self._props["marks"] = [{"time_s": time_s, "text": text} for time_s, text in marks]
             self.update()
 
 
 class ChartCard:
-    """Show the charts of the bench that is connected, and take annotations for its run."""
+    """Charts of the connected bench, and a field for annotations of its run."""
 
     def __init__(
         self,
         context: PageContext,
-        usual: Sequence[str] = DEFAULT_STRIPS,
+        selected: Sequence[str] = DEFAULT_STRIPS,
         *,
-        tools: bool = True,
+        has_tools: bool = True,
     ) -> None:
-        self._context, self._usual, self._tools = context, usual, tools
+        self._context, self._selected, self._has_tools = context, selected, has_tools
         self._session = -1
         self._chart: StripChart | None = None
         with ui.card().classes("w-full") as self._card:
-            with ui.row(wrap=False).classes("items-end w-full") as self._annotating:
+            with ui.row(wrap=False).classes("items-end w-full") as self._annotation_row:
                 self._text = ui.input("Annotation for the run").classes("grow")
                 self._text.on("keydown.enter", self._annotate)
                 ui.button("Annotate", icon="edit_note", on_click=self._annotate).props("outline")
-            self._place = ui.element("div").classes("w-full")
+            self._container = ui.element("div").classes("w-full")
 
     def refresh(self) -> None:
         bench = self._context.bench
         identity = bench.connection.identity
         self._card.set_visibility(identity is not None)
-        self._annotating.set_visibility(bench.sweep.active)
+        self._annotation_row.set_visibility(bench.sweep.active)
         if bench.connection.session != self._session and identity is not None:
             self._session = bench.connection.session
-            self._place.clear()
-            with self._place:
+            self._container.clear()
+            with self._container:
                 self._chart = StripChart(
-                    self._session, identity.channels, self._usual, tools=self._tools
+                    self._session, identity.channels, self._selected, has_tools=self._has_tools
                 )
         if self._chart is not None:
             self._chart.show_marks(bench.marks)

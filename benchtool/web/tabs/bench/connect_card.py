@@ -1,4 +1,4 @@
-"""Choose a bench and connect to it."""
+"""Card to select and connect a bench."""
 
 from __future__ import annotations
 
@@ -13,47 +13,45 @@ from benchtool.web.context import PageContext
 from benchtool.web.tabs.fit.model_choice import rig_choices
 from benchtool.web.widgets import CommandRow, show_errors, titled_card
 
-SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
-"""Speeds of a virtual clock that are offered."""
-
-FIRST = "sim:pquad"  # Address that stands there at first: needs no hardware
-
-PITCH = "mode=pitch&schedule=identify"  # options of a simulated hinge
-STEPS = (  # what to do first, where no bench is connected
+CLOCK_SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
+DEFAULT_ADDRESS = "sim:pquad"  # needs no hardware
+PITCH_OPTIONS = "mode=pitch&schedule=identify"  # of a simulated hinge
+FIRST_STEPS = (  # shown without a connected bench
     "**Without hardware**: press *Connect*. `sim:pquad` is a simulated quadrotor over a plate; no "
-    "motor turns, and its clock can run up to 100 times faster.",
-    "**With a bench on a cable**: press *Find*, choose its port, name its rig, then *Connect*. "
-    "Motors stay at zero until you type ARM.",
+    "real motor turns, and its clock can run up to 100 times faster.",
+    "**With a bench on a cable**: press *Find*, select its port and its rig, then press *Connect*. "
+    "Motors stay at zero throttle until you type ARM.",
     "**Then**: *Sweep* measures thrust over plate distance and throttle, *Fit* estimates K_b and "
-    "the effective radius from it. *Simulate* and *Explain* need no bench.",
+    "the effective radius. *Simulate* and *Explain* need no bench.",
 )
 
 
 class ConnectCard:
-    """Offer found ports and simulated rigs, or any address."""
+    """Selection of found ports, simulated rigs or any address."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-3"):
-                self._address = ui.input("Address of the bench", value=FIRST)
+                self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
                 self._session = 0
                 self._address.classes("grow address").on_value_change(self._show_command)
                 with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
-                    # Filled instead of the menu: an update of the menu itself that comes late
-                    # carries that it is closed still, and closes it.
-                    self._found = ui.element("div")
+                    # Filled instead of the menu: a late update of the menu would close it.
+                    self._addresses = ui.element("div")
                 self._menu.on("before-show", self._find)
                 rigs = {"": "from the address"} | rig_choices(RunsFolder(context.runs))
                 self._rig = ui.select(rigs, value="", label="Rig")
                 self._rig.classes("w-44").on_value_change(self._show_command)
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)
                 self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
-                self._speed = ui.select(SPEEDS, value=1, label="Virtual clock").classes("w-44")
+                self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes(
+                    "w-44"
+                )
                 self._speed.on_value_change(self._set_speed)
             self._command = CommandRow()
         with titled_card("No bench is connected") as self._start:
-            ui.markdown("\n".join(f"1. {step}" for step in STEPS)).classes("steps")
+            ui.markdown("\n".join(f"1. {step}" for step in FIRST_STEPS)).classes("steps")
         self._show_command()
 
     def refresh(self) -> None:
@@ -63,7 +61,7 @@ class ConnectCard:
         self._speed.set_visibility(live.speed > 0.0)
         self._start.set_visibility(connection.status == "off")
         if connection.status == "on" and connection.session != self._session:
-            # A page that was loaded anew, or only watches, shows the bench that is connected.
+            # A reloaded or watching page shows the connected bench.
             self._session = connection.session
             self._address.set_value(connection.address)
             rig = connection.rig.name if connection.rig is not None else ""
@@ -88,34 +86,34 @@ class ConnectCard:
     def _show_command(self) -> None:
         rig = ["--rig", self._rig.value] if self._rig.value else []
         address = self._address.value.strip()
-        # A loop on board would hold against a check that turns one rotor after another.
+        # An onboard controller would counteract a check that drives single rotors.
         check = ["record", address, *rig, "--dry-run"] if "mode=pitch" in address else None
         self._command.show(check or ["bench", "check", address, *rig])
 
     async def _find(self) -> None:
         from benchtool.bench.ports import serial_ports
 
-        self._found.clear()
+        self._addresses.clear()
         try:
             ports = await run.io_bound(serial_ports)
         except BenchtoolError:
             ports = ()
-        with self._found:
+        with self._addresses:
             for port in ports or ():
                 name = port.by_id or port.name
-                self._offer(f"serial:{name}", port.description or "serial port")
+                self._add_address(f"serial:{name}", port.description or "serial port")
             for rig in rig_choices(RunsFolder(self._context.runs)):
-                self._offer(f"sim:{rig}", "simulated, no motor turns")
-                self._offer(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
+                self._add_address(f"sim:{rig}", "simulated, no real motor turns")
+                self._add_address(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
                 if any(rotor.x_m for rotor in load_rig_by_name(rig).rotors):
-                    self._offer(f"sim:{rig}?{PITCH}", "simulated on a pitch hinge")
+                    self._add_address(f"sim:{rig}?{PITCH_OPTIONS}", "simulated on a pitch hinge")
             for name, driver in DRIVERS.items():
                 if name not in ("sim", "serial"):
-                    self._offer(driver.example, "an example to change")
+                    self._add_address(driver.example, "example, edit before use")
         self._menu.run_method("updatePosition")
 
-    def _offer(self, address: str, what: str) -> None:
+    def _add_address(self, address: str, description: str) -> None:
         item = ui.menu_item(on_click=lambda: self._address.set_value(address))
         with item, ui.item_section():
             ui.item_label(address)
-            ui.item_label(what).props("caption")
+            ui.item_label(description).props("caption")

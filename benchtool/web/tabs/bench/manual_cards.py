@@ -1,4 +1,4 @@
-"""Work by hand: motors that turn while a button is held; the load cell and the plate."""
+"""Cards for manual throttle, load cell and plate."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from benchtool.web.widgets import CommandRow, LocalSlider, show_errors, show_war
 
 
 class ThrottleCard:
-    """Offer a pulse, rotors, and the button that must be held."""
+    """Manual throttle: pulse width, rotors and the button to hold."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._shown: tuple[int, Limits | None] = (-1, None)
+        self._displayed: tuple[int, Limits | None] = (-1, None)
         self._rotors: list[ui.checkbox] = []
-        with titled_card("Throttle by hand") as self._card:
+        with titled_card("Manual throttle") as self._card:
             self._pulse = ui.number("Pulse, us", value=1000.0, step=10.0, format="%.0f")
             self._pulse.classes("w-full")
             self._slider = LocalSlider(min=1000.0, max=2000.0, step=5.0)
@@ -38,7 +38,7 @@ class ThrottleCard:
             with ui.row(wrap=False).classes("items-end w-full") as self._arming:
                 self._typed = ui.input(f"Type {CONFIRMATION} to arm").classes("grow")
                 ui.button("Arm", on_click=self._arm).props("outline color=warning")
-        self._pulse.on_value_change(self._show_pulse)
+        self._pulse.on_value_change(self._set_hold_data)
 
     def refresh(self) -> None:
         connection, live = self._context.bench.connection, self._context.bench.live
@@ -48,39 +48,40 @@ class ThrottleCard:
         )
         if identity is None or rig is None:
             return
-        if (connection.session, rig.limits) != self._shown:
-            self._shown = connection.session, rig.limits
-            self._fit(rig)
+        if (connection.session, rig.limits) != self._displayed:
+            self._displayed = connection.session, rig.limits
+            self._show_rig(rig)
             self._warnings.clear()
             with self._warnings:
                 show_warnings(identity, rig)
         sweep = self._context.bench.sweep
-        busy = sweep.active and (sweep.kind, sweep.status) != ("live", "running")
-        may = live.armed and not busy and self._context.in_control()
-        self._hold.props(add="" if may else "disabled", remove="disabled" if may else "")
+        is_busy = sweep.active and (sweep.kind, sweep.status) != ("live", "running")
+        can_turn = live.armed and not is_busy and self._context.in_control()
+        self._hold.props(add="" if can_turn else "disabled", remove="disabled" if can_turn else "")
         self._arming.set_visibility(not live.armed)
-        highest = max(live.pulses_us, default=0.0)
-        turns = highest > rig.propulsion.pwm_stop_us
-        self._commanded.set_text(f"{highest:.0f} us commanded" if turns else "Hold to turn")
+        max_command_us = max(live.command_pwm_us, default=0.0)
+        is_driven = max_command_us > rig.propulsion.pwm_stop_us
+        text = f"{max_command_us:.0f} us commanded" if is_driven else "Hold to turn"
+        self._commanded.set_text(text)
 
-    def _fit(self, rig: Rig) -> None:
+    def _show_rig(self, rig: Rig) -> None:
         stop_us = rig.propulsion.pwm_stop_us
-        most_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us)
-        # Not as text: a slider whose bounds are strings fails when it is dragged.
-        self._slider.props.update(min=stop_us, max=most_us)
+        max_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us)
+        # As numbers: a slider with strings as bounds fails on drag.
+        self._slider.props.update(min=stop_us, max=max_us)
         self._slider.update()
-        self._pulse.min, self._pulse.max = stop_us, most_us
-        self._pulse.props(f'hint="{stop_us:g} to {most_us:g}"')
+        self._pulse.min, self._pulse.max = stop_us, max_us
+        self._pulse.props(f'hint="{stop_us:g} to {max_us:g}"')
         self._pulse.value = low_throttle_us(rig)
         self._names.clear()
         with self._names:
             self._rotors = [
-                ui.checkbox(f"{number} {place.name}", value=True, on_change=self._show_pulse)
-                for number, place in enumerate(rig.rotors, 1)
+                ui.checkbox(f"{number} {rotor.name}", value=True, on_change=self._set_hold_data)
+                for number, rotor in enumerate(rig.rotors, 1)
             ]
-        self._show_pulse()
+        self._set_hold_data()
 
-    def _show_pulse(self) -> None:
+    def _set_hold_data(self) -> None:
         rotors = [str(i) for i, box in enumerate(self._rotors, 1) if box.value]
         pulse_us = self._pulse.value or 0.0
         self._hold.props(f"data-pulse={pulse_us:.0f} data-rotors={','.join(rotors) or 0}")
@@ -92,7 +93,7 @@ class ThrottleCard:
 
 
 class LoadCellCard:
-    """Offer what is done before a sweep, motors standing: tare, move the plate, calibrate."""
+    """Preparation of a sweep at standstill: tare, calibration, plate distance."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
@@ -104,34 +105,34 @@ class LoadCellCard:
                     ui.button(
                         "Tare", icon="exposure_zero", on_click=lambda: send(messages.TareLoadCell())
                     )
-                    begin = ui.button("Calibrate", icon="scale")
-                    begin.on_click(lambda: self._reconnect(weighs=True)).props("outline")
+                    calibrate = ui.button("Calibrate", icon="scale")
+                    calibrate.on_click(lambda: self._reconnect(weighs=True)).props("outline")
                 with ui.row(wrap=False).classes("items-end w-full") as self._plate:
                     self._z_mm = ui.number("Plate distance, mm", value=500.0).classes("grow")
                     ui.button("Move", on_click=self._move).props("outline")
             with ui.column().classes("w-full") as self._weighs:
                 ui.label(
-                    "Hang a mass, wait until it is still, press Weigh; then the next, up and down "
-                    "again. No motor can turn meanwhile."
+                    "Hang a mass, wait until it is still and press Weigh; repeat with increasing, "
+                    "then decreasing masses. Motors are locked."
                 )
                 with ui.row(wrap=False).classes("items-end w-full"):
                     mass_kg = ui.number("Mass, kg", value=0.0, step=0.1).classes("grow")
                     weigh = ui.button("Weigh", icon="scale")
                     weigh.on_click(lambda: send(messages.WeighMass(float(mass_kg.value or 0.0))))
                 self._weighed = ui.label().classes("number").style("white-space: pre-line")
-                more = ui.expansion("Who calibrates, with which masses, how well they are known")
+                more = ui.expansion("Operator, masses and their uncertainty")
                 with more.classes("w-full").props("dense"), ui.element("div").classes("field-grid"):
-                    self._known = InputForm(WeighingInputs, lambda: None)
-                    self._known.add(*(item.name for item in items(WeighingInputs)))
+                    self._weighing = InputForm(WeighingInputs, lambda: None)
+                    self._weighing.add(*(item.name for item in items(WeighingInputs)))
                 with ui.row():
                     ui.button(
                         "Store the calibration",
-                        on_click=lambda: send(messages.Calibrate(known=self._known.make())),
+                        on_click=lambda: send(messages.Calibrate(weighing=self._weighing.make())),
                     )
-                    over = ui.button(
+                    restart = ui.button(
                         "Start over", on_click=lambda: send(messages.Calibrate(store=False))
                     )
-                    over.props("outline")
+                    restart.props("outline")
                     done = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
                     done.props("outline")
                 self._command = CommandRow()
@@ -140,15 +141,15 @@ class LoadCellCard:
     def refresh(self) -> None:
         connection, live = self._context.bench.connection, self._context.bench.live
         identity = connection.identity
-        streams = identity is not None and any(
+        has_thrust = identity is not None and any(
             channel.name.startswith("thrust") for channel in identity.channels
         )
-        self._card.set_visibility(streams)
+        self._card.set_visibility(has_thrust)
         if identity is None:
             return
         stored = connection.calibration
         self._scale.set_text(
-            f"calibration {stored.id}" if stored else "none: thrust is what the device sends"
+            f"calibration {stored.id}" if stored else "no calibration; thrust as sent by the device"
         )
         self._guarded.set_visibility(not connection.weighs)
         self._weighs.set_visibility(connection.weighs)
@@ -158,13 +159,13 @@ class LoadCellCard:
             "\n".join(f"{mass:g} kg: {counts:.1f} counts" for mass, counts in live.weighed)
         )
         masses = ",".join(f"{mass:g}" for mass, _ in live.weighed) or "0,0.2,0.5,0.2,0"
-        known = self._known.words({})
-        self._command.show(["calibrate", connection.address, "--masses", masses, *known])
+        arguments = self._weighing.arguments({})
+        self._command.show(["calibrate", connection.address, "--masses", masses, *arguments])
 
     @show_errors
     def _move(self) -> None:
         if self._z_mm.value is None:
-            raise InputError("no plate distance was given; type one in mm")
+            raise InputError("the plate distance is empty; type one in mm")
         self._context.send(messages.MovePlateTo(1e-3 * float(self._z_mm.value)))
 
     @show_errors

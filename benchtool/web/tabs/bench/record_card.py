@@ -1,4 +1,4 @@
-"""Record what is turned by hand, or a pitch experiment that the bench's own controller flies."""
+"""Cards for recordings: under manual throttle, or of a pitch experiment."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import CommandRow, confirm_arming, open_tab, show_errors, titled_card
 
-HOW_LIVE = (
-    "Every sample goes into a run. It begins with a tare; each throttle that is held until it has "
-    "settled makes a point of every two seconds."
+LIVE_HINT = (
+    "Stores every sample in a run, which starts with a tare. A constant throttle gives a point "
+    "every two seconds once it has settled."
 )
 
 
 class LiveRecordCard:
-    """Record the live stream while motors are turned by hand."""
+    """Recording of the live stream under manual throttle."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
@@ -47,16 +47,16 @@ class LiveRecordCard:
 
     def refresh(self) -> None:
         connection, sweep = self._context.bench.connection, self._context.bench.sweep
-        live = sweep.kind == "live" and sweep.status != "none"
+        is_live = sweep.kind == "live" and sweep.status != "none"
         channels = connection.identity.channels if connection.identity else ()
-        streams = any(channel.name == "thrust_N" for channel in channels)
-        self._card.set_visibility(streams and not connection.weighs)
+        has_thrust = any(channel.name == "thrust_N" for channel in channels)
+        self._card.set_visibility(has_thrust and not connection.weighs)
         self._start.set_visibility(not sweep.active)
-        self._end.set_visibility(live and sweep.status == "running")
-        self._show.set_visibility(live and not sweep.active)
-        points = pluralize(sweep.done, "point")
+        self._end.set_visibility(is_live and sweep.status == "running")
+        self._show.set_visibility(is_live and not sweep.active)
+        points = pluralize(sweep.n_measured, "point")
         text = f"{sweep.status}: {Path(sweep.run).name}, {sweep.reason or points}"
-        self._status.set_text(text if live else HOW_LIVE)
+        self._status.set_text(text if is_live else LIVE_HINT)
 
     @show_errors
     def _record(self) -> None:
@@ -72,13 +72,13 @@ class LiveRecordCard:
 
 
 class RecordCard:
-    """Offer what `benchtool record` does, where the bench streams its pitch."""
+    """Pitch recording as `benchtool record`, if the bench streams its pitch."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._session = -1
         self._base = RecordInputs(address="ADDRESS", runs=context.runs)
-        self._form = InputForm(RecordInputs, self._show)
+        self._form = InputForm(RecordInputs, self._show_command)
         with titled_card("Pitch recording") as self._card:
             with ui.element("div").classes("field-grid"):
                 self._form.add("seconds", "collective", "plate_z_m", "limit_deg", "name")
@@ -98,27 +98,28 @@ class RecordCard:
         self._card.set_visibility(names.issuperset(REQUIRED_CHANNELS) and not connection.weighs)
         if identity is not None and rig is not None and connection.session != self._session:
             self._session = connection.session
-            length_s = float(identity.facts.get("schedule_s") or self._base.seconds)
-            named = None if connection.address.startswith("sim:") else rig.name
+            duration_s = float(identity.facts.get("schedule_s") or self._base.seconds)
+            rig_name = None if connection.address.startswith("sim:") else rig.name
             self._base = replace(
-                self._base, address=connection.address, rig=named, seconds=length_s
+                self._base, address=connection.address, rig=rig_name, seconds=duration_s
             )
-            usual = {"seconds": format_value(length_s), "collective": f"{hover_pulse_us(rig):.6g}"}
-            self._form.show_empty(usual)
-            self._show()
+            hover_us = f"{hover_pulse_us(rig):.6g}"
+            defaults = {"seconds": format_value(duration_s), "collective": hover_us}
+            self._form.show_defaults(defaults)
+            self._show_command()
         self._start.set_enabled(not sweep.active)
         status = f"{sweep.status}: {sweep.run}"
         if sweep.status == "running":
-            status += f", about {minutes(sweep.left_s)} left"
+            status += f", about {minutes(sweep.remaining_s)} left"
         elif sweep.reason:
             status += f"; {sweep.reason}"
         self._status.set_text(status if sweep.kind == "pitch" else "")
         self._explain.set_visibility(sweep.kind == "pitch" and sweep.status == "ended")
 
-    def _show(self) -> None:
-        with suppress(InputError):  # shown when the recording is started
-            given = with_changes(self._form.make(self._base))
-            self._command.show(["record", *to_arguments(RecordInputs, given)])
+    def _show_command(self) -> None:
+        with suppress(InputError):  # the start of the recording reports it
+            inputs = with_changes(self._form.make(self._base))
+            self._command.show(["record", *to_arguments(RecordInputs, inputs)])
 
     @show_errors
     def _arm(self) -> None:
@@ -131,14 +132,14 @@ class RecordCard:
         experiment = experiment_of(inputs, rig)
         text = arming_text(experiment, rig, expected_extremes(identity, experiment, rig))
 
-        def begin(typed: str, needs_page: bool) -> None:
+        def start(typed: str, needs_page: bool) -> None:
             recording = StartRecording(
                 experiment=experiment, runs=inputs.runs, name=inputs.name, typed=typed,
                 needs_page=needs_page,
             )  # fmt: skip
             self._context.bench.send(recording)
 
-        confirm_arming(self._context, self._card, text, begin)
+        confirm_arming(self._context, self._card, text, start)
 
     def _open_explain(self) -> None:
         open_tab("explain", learn=Path(self._context.bench.sweep.run).name)

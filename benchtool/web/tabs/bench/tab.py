@@ -1,4 +1,4 @@
-"""The Bench tab: connect, see it live, tare, calibrate, record pitch, turn motors by hand."""
+"""Bench tab: connection, live charts, tare, calibration, recordings and manual throttle."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
 from benchtool.web.tabs.bench.record_card import LiveRecordCard, RecordCard
 from benchtool.web.widgets import show_facts, titled_card
 
-LOOK_S = 0.25  # How often the numbers beside the charts are refreshed
+REFRESH_INTERVAL_S = 0.25  # of the numbers
 
 
 class DeviceCard:
-    """Show the device, what it streams, and the quality of its link."""
+    """Device information and link quality."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
@@ -53,7 +53,7 @@ class DeviceCard:
 
 
 def build(context: PageContext) -> None:
-    """Make the tab."""
+    """Build the tab."""
     with ui.element("div").classes("grid-main"):
         with ui.element("div"):
             connect = ConnectCard(context)
@@ -63,12 +63,12 @@ def build(context: PageContext) -> None:
         with ui.element("div"):
             throttle = ThrottleCard(context)
             limits = LimitsCard(context)
-            cell = LoadCellCard(context)
+            load_cell = LoadCellCard(context)
             device = DeviceCard(context)
 
     def refresh() -> None:
-        for card in (connect, record, live, charts, throttle, limits, cell, device):
+        for card in (connect, record, live, charts, throttle, limits, load_cell, device):
             card.refresh()
 
     refresh()
-    ui.timer(LOOK_S, refresh)
+    ui.timer(REFRESH_INTERVAL_S, refresh)

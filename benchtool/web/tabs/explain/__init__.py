@@ -1,1 +1,1 @@
-"""The Explain tab."""
+"""Explain tab."""

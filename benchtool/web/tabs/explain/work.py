@@ -1,6 +1,6 @@
-"""Explain, in a process of its own: what `benchtool explain --out` does, its folder set aside.
+"""Explanation in a worker process, as `benchtool explain --out`.
 
-The folder stands under a hidden name until somebody accepts it; then it gets its own.
+The output folder has a hidden name until the user accepts the result.
 """
 
 from __future__ import annotations
@@ -15,62 +15,59 @@ from benchtool.data.atomic import complete_folder, partial_folder
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.web.jobs import Job, PageSection, ReportProgress
 
-FIGURE_SOURCE = 0.85  # share of progress at which figures are drawn; assumed
+FIGURE_START_SHARE = 0.85  # of the progress; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplanationResult:
-    """Hold an answer as the page shows it.
+    """Result of an explanation for the page.
 
     Attributes:
-        sentence: the verdict, with what weighs on it.
-        named: effects that the new model has more than the old; empty where none was named.
-        highlights: the few numbers that matter most, as HTML; empty without.
+        sentence: verdict with its cautions.
+        new_effects: effects added to the model; () if none was identified.
+        highlights: most important values as HTML, or "".
     """
 
     sentence: str
-    named: tuple[str, ...]
-    parts: tuple[PageSection, ...]
+    new_effects: tuple[str, ...]
+    sections: tuple[PageSection, ...]
     highlights: str
     simulated: bool
     seconds: float
 
 
 class ExplainJob(Job[ExplanationResult]):
-    """Hold an explanation that was started; its folder is there once it is accepted.
+    """Explanation job; `accepted_model` is None until accepted, then the new model or ""."""
 
-    Then `accepted` is the name of the new model, empty without one.
-    """
-
-    accepted: str | None = None
+    accepted_model: str | None = None
 
     def accept(self, out: Path) -> None:
-        """Write the answer under a name, once.
+        """Rename the hidden folder to `out`.
 
         Raises:
-            InputError: there is no answer, or it is accepted already.
-            WouldOverwrite: something of that name exists.
+            InputError: there is no result, or it is accepted already.
+            WouldOverwrite: the folder exists.
         """
         from benchtool.explain.updated_model import MODEL
         from benchtool.physics.model_file import load_model
 
         if self.state.status != "done":
-            raise InputError("there is no answer to accept; explain first")
-        if self.accepted is not None:
-            raise InputError(f"{self.out.name} is accepted already; look at it under Runs")
+            raise InputError("there is no result to accept; press Explain first")
+        if self.accepted_model is not None:
+            raise InputError(f"{self.out.name} is accepted already; open it under Runs")
         complete_folder(self.out, out)
         model = out / MODEL
-        self.accepted = load_model(model).model.name if model.is_file() else ""
+        self.accepted_model = load_model(model).model.name if model.is_file() else ""
         self.out = out
 
 
 def explain(
-    report: ReportProgress, out: Path, words: tuple[str, ...], inputs: ExplainInputs
+    report: ReportProgress, out: Path, command: tuple[str, ...], inputs: ExplainInputs
 ) -> ExplanationResult:
-    """Answer which effect a model lacks, and set the answer's folder aside.
+    """Identify the effect that a model lacks and write the result to a hidden folder.
 
     Raises:
-        BenchtoolError: recordings or model that no verdict can stand on.
+        BenchtoolError: recordings or model do not allow a verdict.
     """
     from benchtool.explain.next_steps import next_file
     from benchtool.explain.updated_model import added_effects
@@ -82,37 +79,37 @@ def explain(
     from benchtool.results import explain_result
     from benchtool.web.drawing import FigureImage, blocks_html
 
-    def progress(what: str, share: float) -> None:
+    def progress(stage: str, share: float) -> None:
         if share < 1.0:
-            report(what, FIGURE_SOURCE * share)
+            report(stage, FIGURE_START_SHARE * share)
 
     report("reading the recordings", 0.0)
-    answer = explain_result(inputs, progress, commands=[shlex.join(["benchtool", *words])]).found
-    report("drawing the figures", FIGURE_SOURCE)
-    aside = partial_folder(out)
-    shutil.rmtree(aside, ignore_errors=True)
-    write_folder(aside, answer, display_path=out)
+    answer = explain_result(inputs, progress, commands=[shlex.join(["benchtool", *command])]).found
+    report("drawing the figures", FIGURE_START_SHARE)
+    hidden_folder = partial_folder(out)
+    shutil.rmtree(hidden_folder, ignore_errors=True)
+    write_folder(hidden_folder, answer, display_path=out)
     figures = render_figures("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
-    # Whether it is written changes while the page is open; the page shows it beside its button.
-    left_out = [Paragraph(added_sentence(answer))] if answer.has_model else []
-    files = {id(block.figure): aside / f"{name}.svg" for name, block in figures.items()}
+    # The page shows this sentence next to its button, as its text changes.
+    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.has_model else []
+    files = {id(block.figure): hidden_folder / f"{name}.svg" for name, block in figures.items()}
 
-    def shown(block: Block) -> Block | FigureImage:
+    def load_figure(block: Block) -> Block | FigureImage:
         if isinstance(block, FigureBlock):
             return FigureImage(
                 files[id(block.figure)].read_bytes(), block.caption, figure_axes(block.figure)
             )
         return block
 
-    parts = {
-        part.title: blocks_html(shown(block) for block in part.blocks if block not in left_out)
-        for part in page.sections
-    }
+    sections = []
+    for section in page.sections:
+        blocks = [load_figure(block) for block in section.blocks if block not in skipped_blocks]
+        sections.append(PageSection(title=section.title, html=blocks_html(blocks)))
     return ExplanationResult(
         sentence=page.summary,
-        named=tuple(effect.name for effect in added_effects(answer)),
-        parts=tuple(PageSection(title=title, html=html) for title, html in parts.items()),
+        new_effects=tuple(effect.name for effect in added_effects(answer)),
+        sections=tuple(sections),
         highlights=blocks_html([FactTable(page.highlights)]) if page.highlights else "",
         simulated=answer.simulated,
         seconds=answer.seconds,

@@ -1,1 +1,1 @@
-"""The Fit tab."""
+"""Fit tab."""

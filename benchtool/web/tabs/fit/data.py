@@ -1,4 +1,4 @@
-"""The data of a fit on the page: runs and tables to choose, a table to upload, its columns."""
+"""Data of a fit: selection of runs and tables, upload, and column maps."""
 
 from __future__ import annotations
 
@@ -22,107 +22,106 @@ from benchtool.web.tabs.fit.work import stand_summary_html, store_columns, store
 from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, show_errors
 
 FIT_CHANNELS = {
-    "thrust_N": "thrust_N (needed)",
-    "thrust_ratio": "thrust_ratio (T/T_OGE, in place of a thrust)",
-    "thrust_se_N": "thrust_se_N (its standard error)",
+    "thrust_N": "thrust_N (required)",
+    "thrust_ratio": "thrust_ratio (T/T_OGE, instead of thrust)",
+    "thrust_se_N": "thrust_se_N (standard error of thrust)",
     "thrust_sd_N": "",
     "plate_z_m": "plate_z_m (rotor plane to plate)",
-    "rpm1": "rpm1 (or that of all rotors)",
+    "rpm1": "rpm1 (or speed of all rotors)",
     "rpm2": "",
     "rpm3": "",
     "rpm4": "",
-    "pwm1_us": "pwm1_us (where there is no rpm)",
+    "pwm1_us": "pwm1_us (without rpm)",
     "plate_tilt_deg": "",
     "plate_x_m": "",
     "coverage1": "",
     "voltage_V": "",
     "time_s": "",
 }
-"""Channels that a fit uses, as docs/how-to/fit.md#csv-files lists them; those with words for people
-stand first, the others in a list that can be opened."""
+"""Channels of a fit (docs/how-to/fit.md#csv-files); those with a label are always visible."""
 
-NONE, CONSTANT = "", "\0constant"  # Choices of a column that are no column
+NONE, CONSTANT = "", "\0constant"  # choices that are not a column
 
 
-def units_for(channel: str) -> tuple[str, ...]:
-    """Return the units that a column of a channel may have, ours first."""
-    own = unit_from_name(channel)
-    dimension = find_unit(own).dimension
+def allowed_units(channel: str) -> tuple[str, ...]:
+    """Return the allowed units of a channel's column, default first."""
+    default = unit_from_name(channel)
+    dimension = find_unit(default).dimension
     others = (symbol for symbol, unit in UNITS.items() if unit.dimension == dimension)
-    return (own, *(symbol for symbol in others if symbol != own))
+    return (default, *(symbol for symbol in others if symbol != default))
 
 
-def columns_for(table: Path, radius_m: float | None = None) -> dict[str, ColumnSource]:
-    """Return the columns of a table as they were stored, or else as its header suggests."""
+def load_columns(table: Path, radius_m: float | None = None) -> dict[str, ColumnSource]:
+    """Return the stored column map of a table, or one guessed from its header."""
     stored = columns_file(table)
     if stored.is_file():
         return dict(read_column_map(stored))
     return guess_columns(read_csv_header(table), FIT_CHANNELS, radius_m)
 
 
-def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
-    """Return the columns that a form was filled with.
+def check_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
+    """Return the column map of a form.
 
     Raises:
-        InputError: no thrust, or neither speed nor pulse width of rotors.
+        InputError: no thrust, or neither speed nor pulse width of the rotors.
     """
     columns = {channel: source for channel, source in form.items() if source is not None}
     if not {"thrust_N", "thrust_ratio"} & set(columns):
-        raise InputError("no column is thrust_N; choose the one with the thrust")
+        raise InputError("thrust_N has no column; select the column with thrust")
     if not {"rpm1", "pwm1_us"} & set(columns):
         raise InputError(
-            "neither rpm1 nor pwm1_us has a column; choose one with rotor speed or pulse width, or "
-            "give rpm1 one number for all rows"
+            "neither rpm1 nor pwm1_us has a column; select a column with rotor speed or pulse "
+            "width, or one number for all rows of rpm1"
         )
     return columns
 
 
 class DataCard:
-    """Choose what is fitted."""
+    """Selection of the data to fit."""
 
     def __init__(
         self,
         context: PageContext,
         listing: RunsListing,
-        changed: Callable[[], None],
-        rig_made: Callable[[str], None],
+        on_change: Callable[[], None],
+        on_rig_written: Callable[[str], None],
     ) -> None:
-        self._context, self._listing, self._changed = context, listing, changed
-        self._rig_made = rig_made
+        self._context, self._listing, self._on_change = context, listing, on_change
+        self._on_rig_written = on_rig_written
         self._folder = listing.folder
         self.entries: dict[str, Entry] = {}
         self.choice = multiple_choice("Runs and tables", self._show_columns)
-        self.choice.on("popup-show", self.look)
+        self.choice.on("popup-show", self.refresh)
         TableUpload(context, self._uploaded)
         self._columns = ui.column().classes("w-full")
-        self._offer()
+        self._update_options()
 
     @property
     def names(self) -> list[str]:
-        """What is chosen and still there, in the order of choosing."""
+        """Selected entries that still exist, in order of selection."""
         return [name for name in self.choice.value or [] if name in self.entries]
 
-    async def choose(self, names: list[str]) -> None:
-        await self.look()
+    async def select(self, names: list[str]) -> None:
+        await self.refresh()
         for name in names:
             if name not in self.entries:
-                self._folder.path_of(name)  # raises what is wrong with a name
-                notify(f"{name} is not fitted: it is neither a sweep nor a readable table")
+                self._folder.path_of(name)  # raises for an invalid name
+                notify(f"{name} is not selected: it is neither a sweep nor a readable table")
         self.choice.set_value([name for name in names if name in self.entries])
 
     @show_errors
-    async def look(self) -> None:
-        if await self._listing.look():
-            self._offer()
+    async def refresh(self) -> None:
+        if await self._listing.refresh():
+            self._update_options()
 
-    def _offer(self) -> None:
+    def _update_options(self) -> None:
         self.entries = {entry.name: entry for entry in self._listing.entries if entry.can_fit}
-        offered = {
+        options = {
             name: f"{name} ({', '.join(filter(None, (entry.rig, entry.summary)))})"
             for name, entry in self.entries.items()
         }
-        if offered != self.choice.options:
-            self.choice.set_options(offered, value=self.names)
+        if options != self.choice.options:
+            self.choice.set_options(options, value=self.names)
 
     def _show_columns(self) -> None:
         self._columns.clear()
@@ -131,40 +130,40 @@ class DataCard:
                 if self.entries[name].kind == "table":
                     try:
                         if is_stand_table(self._folder.file_of(name)):
-                            self._stand_findings(name)
+                            self._add_import_report(name)
                         else:
-                            self._columns_form(name)
-                        self._radius_fields(name)
+                            self._add_column_form(name)
+                        self._add_radius_field(name)
                     except Exception as error:  # noqa: BLE001 -- the page stays usable
                         notify_error(error)
-        self._changed()
+        self._on_change()
 
     @show_errors
     async def _uploaded(self, name: str) -> None:
-        await self.look()
+        await self.refresh()
         notify(f"saved as {name}")
         self.choice.set_value([*self.names, name])
 
-    def _stand_findings(self, name: str) -> None:
-        """Show what the import finds in a stand's table, whose columns are known."""
-        with ui.expansion(f"Import of {name}").classes("w-full bordered") as shown:
-            place = ui.column().classes("w-full")
+    def _add_import_report(self, name: str) -> None:
+        """Add the import report of a test-stand table."""
+        with ui.expansion(f"Import of {name}").classes("w-full bordered") as expansion:
+            container = ui.column().classes("w-full")
 
         @show_errors
         async def fill() -> None:
-            if not shown.value or place.default_slot.children:
+            if not expansion.value or container.default_slot.children:
                 return
             worker = self._context.worker("tables")
             html = await worker.run(stand_summary_html, self._context.runs, name)
-            with place:
+            with container:
                 ui.html(html, sanitize=False).classes("shown-body")
 
-        shown.on_value_change(fill)
+        expansion.on_value_change(fill)
 
-    def _radius_fields(self, name: str) -> None:
-        """Offer to write a rig of the rotor's radius alone, for who has no rig file."""
+    def _add_radius_field(self, name: str) -> None:
+        """Add a field and a button to write a rig file with only the rotor radius."""
         with ui.row().classes("items-end w-full gap-3"):
-            radius = ui.number(f"Rotor radius of {name}, m", placeholder="empty: as it states")
+            radius = ui.number(f"Rotor radius of {name}, m", placeholder="empty: from the table")
             radius.props("dense stack-label step=any").classes("grow")
             make = ui.button("Make a rig of it").props("outline dense")
 
@@ -174,31 +173,30 @@ class DataCard:
             worker = self._context.worker("tables")
             path = await worker.run(store_radius, self._context.runs, name, radius.value)
             notify(f"written: {path.name}")
-            self._rig_made(str(path))
+            self._on_rig_written(str(path))
 
         make.on_click(store)
 
-    def _columns_form(self, name: str) -> None:
-        """Make the fields in which the columns of a table are chosen.
+    def _add_column_form(self, name: str) -> None:
+        """Add the form for the column map of a table.
 
         Raises:
-            BenchtoolError: the table cannot be read.
+            BenchtoolError: the table is not readable.
         """
         path = self._folder.file_of(name)
-        header, known = read_csv_header(path), columns_for(path)
-        first = [channel for channel, label in FIT_CHANNELS.items() if label or channel in known]
-        more = [channel for channel in FIT_CHANNELS if channel not in first]
+        header, columns = read_csv_header(path), load_columns(path)
+        main = [channel for channel, label in FIT_CHANNELS.items() if label or channel in columns]
+        extra = [channel for channel in FIT_CHANNELS if channel not in main]
         readers: dict[str, Callable[[], ColumnSource | None]] = {}
         with ui.expansion(f"Columns of {name}", value=not columns_file(path).is_file()) as form:
             form.classes("w-full bordered")
-            ui.label("Choose the column of each channel; what is left empty is not used.").classes(
-                "soft"
-            )
-            for channel in first:
-                readers[channel] = _column_fields(channel, known.get(channel), header)
+            hint = "Select the column of each channel; channels without a column are not used."
+            ui.label(hint).classes("soft")
+            for channel in main:
+                readers[channel] = _add_column_fields(channel, columns.get(channel), header)
             with ui.expansion("More channels").classes("w-full"):
-                for channel in more:
-                    readers[channel] = _column_fields(channel, None, header)
+                for channel in extra:
+                    readers[channel] = _add_column_fields(channel, None, header)
             use = ui.button("Use these columns").props("outline no-caps")
             result = ui.column().classes("w-full")
 
@@ -206,21 +204,21 @@ class DataCard:
         async def store() -> None:
             self._context.claim_control()
             result.clear()
-            columns = chosen_columns({name: readers[name]() for name in FIT_CHANNELS})
+            columns = check_columns({name: readers[name]() for name in FIT_CHANNELS})
             worker = self._context.worker("tables")
             html = await worker.run(store_columns, self._context.runs, name, columns)
             with result:
                 ui.html(html, sanitize=False).classes("w-full")
-            self._changed()
+            self._on_change()
 
         use.on_click(store)
 
 
-def _column_fields(
+def _add_column_fields(
     channel: str, source: ColumnSource | None, header: tuple[str, ...]
 ) -> Callable[[], ColumnSource | None]:
-    """Make the fields of one channel, and return what reads them."""
-    own = unit_from_name(channel)
+    """Add the fields of one channel and return a function that reads them."""
+    default_unit = unit_from_name(channel)
     choices = {NONE: "–", CONSTANT: "one number for all rows"}
     choices |= {cell: cell for cell in header if cell}
     value = NONE if source is None else source.column or CONSTANT
@@ -230,25 +228,23 @@ def _column_fields(
         number = ui.number(value=source.constant if source else None)
         number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-40")
         number.bind_visibility_from(column, "value", value=CONSTANT)
-        unit = ui.select(list(units_for(channel)), value=(source and source.unit) or own)
+        unit = ui.select(
+            list(allowed_units(channel)), value=(source and source.unit) or default_unit
+        )
         unit.props(f'dense outlined label="unit" aria-label="unit of {channel}"').classes("w-28")
         reverse = ui.checkbox("reversed", value=source is not None and source.sign < 0)
-        reverse.props(f'dense aria-label="{channel} points the other way"')
+        reverse.props(f'dense aria-label="sign of {channel} is reversed"')
 
     def read() -> ColumnSource | None:
-        chosen = str(column.value)
-        if chosen == NONE or (chosen == CONSTANT and number.value is None):
+        name, symbol = str(column.value), str(unit.value)
+        if name == NONE or (name == CONSTANT and number.value is None):
             return None
-        if (
-            source is not None
-            and chosen == source.column
-            and str(unit.value) == (source.unit or own)
-        ):
+        if source is not None and (name, symbol) == (source.column, source.unit or default_unit):
             return replace(source, sign=-1 if reverse.value else 1)
         return ColumnSource(
-            column=None if chosen == CONSTANT else chosen,
-            constant=number.value if chosen == CONSTANT else None,
-            unit=None if unit.value == own else str(unit.value),
+            column=None if name == CONSTANT else name,
+            constant=number.value if name == CONSTANT else None,
+            unit=None if symbol == default_unit else symbol,
             sign=-1 if reverse.value else 1,
         )
 

@@ -1,4 +1,4 @@
-"""Which models the page may fit, and what its form stands for: a recipe, a command. Pure."""
+"""Models and rigs for the Fit tab, and the recipe and command of its form."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 MODEL_FILE = "model.toml"
 
-OF_COMMAND = ("profile", "budget")  # Inputs of the command that stand in no recipe
+COMMAND_OPTIONS = ("profile", "budget")  # not part of a recipe
 
 
 class ParameterChoice(NamedTuple):
-    """Choose one number of a model to be free, or fixed at a value."""
+    """Choice of a model parameter: free, or fixed at a value."""
 
     free: bool
     value: float
@@ -44,12 +44,12 @@ class ParameterChoice(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class FitRequest:
-    """Hold the contents of the form.
+    """Contents of the form.
 
     Attributes:
         data: names of runs and tables.
-        model: as `model_choices` calls it.
-        choices: by parameter, where the form differs from the model.
+        model: key of `model_choices`.
+        choices: by parameter.
     """
 
     data: list[str] = field(default_factory=list)
@@ -60,63 +60,56 @@ class FitRequest:
 
 
 def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str]:
-    """Return models by what a recipe calls them, with words for people.
-
-    Those that benchtool ships, and those that fits and explanations here have written.
-    """
-    found = {name: name for name in model_names()}
+    """Return labels of library models and of models from fits and explanations, by name."""
+    labels = {name: name for name in model_names()}
     for entry in entries:
         if entry.kind in ("fit", "explanation") and not entry.problem:
             name = f"{entry.name}/{MODEL_FILE}"
             if (folder.root / name).is_file():
-                found[name] = f"{entry.name} ({entry.rig}, as written by that {entry.kind})"
-    return found
+                labels[name] = f"{entry.name} ({entry.rig}, from this {entry.kind})"
+    return labels
 
 
-def model_path(folder: RunsFolder, chosen: str) -> str:
-    """Return what a recipe calls a chosen model: its name, or its path in the runs folder.
+def model_path(folder: RunsFolder, name: str) -> str:
+    """Return the name of a library model, or the path of a model in the runs folder.
 
     Raises:
-        InputError: a name that leads out of the folder, or a model file that names a rig
-            outside of it, or a Python file.
+        InputError: the model file or its rig is outside the folder, or needs user code.
     """
-    if chosen in model_names():
-        return chosen
-    path = folder.file_of(chosen)
-    head = parse_toml(read_text(path), chosen).get("model", {})
-    head = head if isinstance(head, dict) else {}
-    beside = PurePosixPath(chosen).parent
-    if head.get("effects_file"):
-        check_code_allowed(f"{beside}/{head['effects_file']}")
-    rig = str(head.get("rig", ""))
+    if name in model_names():
+        return name
+    path = folder.file_of(name)
+    table = parse_toml(read_text(path), name).get("model", {})
+    table = table if isinstance(table, dict) else {}
+    parent = PurePosixPath(name).parent
+    if table.get("effects_file"):
+        check_code_allowed(f"{parent}/{table['effects_file']}")
+    rig = str(table.get("rig", ""))
     if rig and rig not in rig_names():
         if PurePosixPath(rig).name != rig:
             raise InputError(
-                f"{chosen} takes its rig from {rig!r}, outside its own folder, and the page reads "
-                f"the runs folder only; fit it with benchtool fit --model"
+                f"rig {rig!r} of {name} is outside its folder, but the page reads the runs folder "
+                f"only; use benchtool fit --model"
             )
-        folder.file_of(f"{beside}/{rig}")
+        folder.file_of(f"{parent}/{rig}")
     return str(path)
 
 
-def form_numbers(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
-    """Return a model's numbers by full name, on the rig of the data where that is another.
-
-    Those of the noise are left out: an option sets them.
-    """
-    found = load_choice(model, rig).model.parameters
-    return {name: item for name, item in found.items() if not name.startswith("noise.")}
+def form_parameters(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
+    """Return a model's parameters by full name, without noise parameters, which an option sets."""
+    parameters = load_choice(model, rig).model.parameters
+    return {name: value for name, value in parameters.items() if not name.startswith("noise.")}
 
 
 def load_choice(model: str, rig: Rig | None = None) -> LoadedModel:
-    """Return a model on a rig, by default its own; read anew only where its file has changed."""
+    """Return a model on a rig, by default its own; cached until its file changes."""
     path = Path(model)
-    return _read(model, path.stat().st_mtime_ns if path.is_file() else 0, _ByValue(rig))
+    return _load(model, path.stat().st_mtime_ns if path.is_file() else 0, _RigKey(rig))
 
 
 @dataclass(frozen=True, slots=True)
-class _ByValue:
-    """Make a rig a key of the cache: what a rig holds cannot be hashed, but compared."""
+class _RigKey:
+    """Cache key of a rig, which can be compared but not hashed."""
 
     rig: Rig | None
 
@@ -125,40 +118,40 @@ class _ByValue:
 
 
 @lru_cache(maxsize=8)
-def _read(model: str, stamp: int, on: _ByValue) -> LoadedModel:
-    del stamp  # another one after every change on the disk
-    return load_model(model, on.rig)
+def _load(model: str, stamp: int, key: _RigKey) -> LoadedModel:
+    del stamp  # part of the cache key: changes with the file
+    return load_model(model, key.rig)
 
 
 def choice_options(
-    numbers: Mapping[str, Parameter], choices: Mapping[str, ParameterChoice]
+    parameters: Mapping[str, Parameter], choices: Mapping[str, ParameterChoice]
 ) -> dict[str, object]:
-    """Return the recipe's options free, hold and fix that make a model's numbers as chosen.
+    """Return the recipe options free, hold and fix for choices that differ from the model."""
+    free: list[str] = []
+    hold: list[str] = []
+    fix: dict[str, float] = {}
+    for name, parameter in parameters.items():
+        choice = choices.get(name)
+        if choice is None:
+            continue
+        if choice.free and not parameter.free:
+            free.append(name)
+        if not choice.free and choice.value != parameter.value:
+            fix[name] = choice.value
+        elif not choice.free and parameter.free:
+            hold.append(name)
+    return {"free": free, "hold": hold, "fix": fix}
 
-    What is as the model has it needs no option.
-    """
-    chosen = [(name, numbers[name], choices[name]) for name in numbers if name in choices]
-    return {
-        "free": [name for name, own, to in chosen if to.free and not own.free],
-        "hold": [
-            name for name, own, to in chosen if own.free and not to.free and to.value == own.value
-        ],
-        "fix": {
-            name: to.value for name, own, to in chosen if not to.free and to.value != own.value
-        },
-    }
 
-
-def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
-    """Return the recipe that the form stands for.
+def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
+    """Return the recipe of the form.
 
     Raises:
-        InputError: nothing to fit, a name that leads elsewhere, or a value that is not taken.
+        InputError: no data, a name outside the runs folder, or an invalid value.
     """
     if not request.data:
         raise InputError(
-            "nothing to fit: choose a run or a table; where there is none, measure a sweep first, "
-            "or upload a CSV file"
+            "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
         )
     paths = [folder.path_of(name) for name in request.data]
     tables = [name for name in request.data if entries[name].kind == "table"]
@@ -166,8 +159,8 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
     stored = [path for path in maps if path.is_file()]
     if len(tables) > 1 and stored:
         raise InputError(
-            f"{' and '.join(tables)} are tables with maps of their own, and a fit takes one map; "
-            f"fit them one at a time"
+            f"{' and '.join(tables)} have separate column maps, but a fit uses one; fit them "
+            f"separately"
         )
     model = model_path(folder, request.model)
     columns = read_column_map(stored[0]) if stored else {}
@@ -176,7 +169,7 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
             path = folder.file_of(name)
             if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
                 raise InputError(
-                    f"{name} has no column thrust_N; choose its columns above and press Use these "
+                    f"{name} has no column thrust_N; select its columns above and press Use these "
                     f"columns"
                 )
     base = Recipe(
@@ -185,73 +178,70 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         model=model,
         columns=str(stored[0]) if stored else None,
     )
-    numbers = form_numbers(model, data_rig(request, folder))
-    options = {name: each for name, each in request.options.items() if name not in OF_COMMAND}
-    choices: dict[str, Any] = choice_options(numbers, request.choices)
-    if "R_m" in numbers and tables and _without_plate(tables, columns, folder):
-        # As the command does: no plate says anything of the effective radius.
+    parameters = form_parameters(model, data_rig(request, folder))
+    options = {key: value for key, value in request.options.items() if key not in COMMAND_OPTIONS}
+    choices: dict[str, Any] = choice_options(parameters, request.choices)
+    if "R_m" in parameters and tables and _has_no_plate(tables, columns, folder):
+        # As in the command: without a plate, the effective radius is not identifiable.
         choices["hold"] = sorted({*choices["hold"], "R_m"} - choices["fix"].keys())
     if "thrust_ratio" in columns and not options.get("basis"):
         options["basis"] = RATIO_BASIS
     if {"thrust_sd_N", "thrust_ratio_sd"} & columns.keys() and not options.get("noise"):
         options["noise"] = "scale"
-    stored_ones = recall_state("calibration")  # the page opens no other calibration files
-    if (chosen := options.get("calibration")) is not None and chosen not in stored_ones:
-        raise UnknownChoice("calibration", str(chosen), stored_ones)
+    calibrations = recall_state("calibration")  # the page opens no other calibration files
+    calibration = options.get("calibration")
+    if calibration is not None and calibration not in calibrations:
+        raise UnknownChoice("calibration", str(calibration), calibrations)
     return build_inputs(Recipe, {**choices, **options}, source="label", base=base)
 
 
-def _without_plate(
+def _has_no_plate(
     tables: Sequence[str], columns: Mapping[str, ColumnSource], folder: RunsFolder
 ) -> bool:
-    """Return whether tables hold no distance to a plate: stands', or maps without one."""
+    """Return whether tables contain no plate distance."""
     if columns:
         return "plate_z_m" not in columns
     return all(is_stand_table(folder.file_of(name)) for name in tables)
 
 
 def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
-    """Return the rig that the data are held against; None for that of the model's own file.
+    """Return the rig of the data; None for the rig of the model file.
 
     Raises:
-        InputError: data of two rigs or of none, or a rig that benchtool does not ship.
+        InputError: data without a rig or from two rigs, or an unknown rig.
     """
-    named = suggested_rig(request.options.get("rig"), folder)
-    return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, named)
+    rig = check_rig_choice(request.options.get("rig"), folder)
+    return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, rig)
 
 
 def rig_choices(folder: RunsFolder) -> dict[str, str]:
-    """Return rigs by name or path, with words for people: shipped ones, and rig files of the user.
-
-    The page opens rig files that stand in the runs folder itself, and no others.
-    """
-    found = {name: name for name in rig_names()}
+    """Return labels of library rigs and of rig files in the runs folder, by name or path."""
+    labels = {name: name for name in rig_names()}
     for path in sorted(folder.root.glob("*.toml")):
         try:
-            own = folder.file_of(path.name)
-            found[str(own)] = f"{load_rig_by_name(own).name} ({path.name})"
+            file = folder.file_of(path.name)
+            labels[str(file)] = f"{load_rig_by_name(file).name} ({path.name})"
         except InputError:
-            continue  # a model, a plan, or a rig that the command line says more of
-    return found
+            continue  # another kind of file, or an invalid rig
+    return labels
 
 
-def suggested_rig(name: str | None, folder: RunsFolder) -> str | None:
-    """Return a rig that the page offers.
+def check_rig_choice(name: str | None, folder: RunsFolder) -> str | None:
+    """Return the name of a rig if it is a choice of the page.
 
     Raises:
-        UnknownChoice: another one.
+        UnknownChoice: it is not.
     """
-    if name is not None and name not in (known := rig_choices(folder)):
-        raise UnknownChoice("rig", name, known)
+    if name is not None and name not in (choices := rig_choices(folder)):
+        raise UnknownChoice("rig", name, choices)
     return name
 
 
 def command_arguments(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
-    """Return the words behind `benchtool` that do the same."""
+    """Return the arguments of the equivalent `benchtool fit`."""
     out = str(folder.root / request.name) if request.name else ""
-    of_command = {name: request.options.get(name) or None for name in OF_COMMAND}
-    given = with_changes(recipe) | of_command | {"out": out}
-    return ["fit", *to_arguments(FitInputs, given)]
+    extra = {name: request.options.get(name) or None for name in COMMAND_OPTIONS}
+    return ["fit", *to_arguments(FitInputs, with_changes(recipe) | extra | {"out": out})]
 
 
 def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""The Fit tab: choose runs and a model, fit with progress, look at what came out."""
+"""Fit tab: selection of data and model, progress and result."""
 
 from __future__ import annotations
 
@@ -23,125 +23,130 @@ from benchtool.web.progress import JobProgress
 from benchtool.web.tabs.fit import model_choice
 from benchtool.web.tabs.fit.data import DataCard
 from benchtool.web.tabs.fit.work import fit_to_folder, view_fit
-from benchtool.web.widgets import STYLE, CommandRow, show_errors, show_section, show_waiting
+from benchtool.web.widgets import STYLE, CommandRow, show_errors, show_section, show_spinner
 
-USUAL_MODEL = "quad_bench"
-
-DRAWER = "figures"  # The process that reads runs and draws; the Runs tab has it, too
-FITS = "fits"  # Kind of the jobs
-ANSWER = "fit.answer"  # Under this name the page remembers which fit it shows
+DEFAULT_MODEL = "quad_bench"
+FIGURE_WORKER = "figures"  # process that reads runs and draws, shared with the Runs tab
+JOB_KIND = "fits"
+RESULT_KEY = "fit.answer"  # form key of the displayed fit
 
 BASES = {
-    "joint": "thrust itself (joint fit)",
+    "joint": "thrust (joint fit)",
     "equal_rpm2": "T_IGE/T_OGE at equal rpm²",
     "equal_pwm": "T_IGE/T_OGE at equal pulse width",
     "equal_power": "T_IGE/T_OGE at equal electrical power",
 }
 NOISES = {
-    "auto": "auto: scaled in a run, stated in a table",
-    "stated": "the errors as they are stated",
-    "scale": "one factor on the errors",
-    "add": "scatter added to the errors",
+    "auto": "auto: scale for runs, stated for tables",
+    "stated": "standard errors of the data",
+    "scale": "standard errors times a common factor",
+    "add": "standard errors plus a common scatter",
 }
 LOSSES = {
     "linear": "linear",
-    "soft_l1": "soft_l1: distant points count less",
-    "huber": "huber: distant points count less",
+    "soft_l1": "soft_l1: robust against outliers",
+    "huber": "huber: robust against outliers",
 }
 
 assert tuple(BASES) == get_args(Basis)
 assert tuple(NOISES) == get_args(Noise)
 
-HEADS = ("parameter", "unit", "free", "value", "bounds", "where the value comes from")
+HEADER = ("parameter", "unit", "free", "value", "bounds", "source")
 
 
 class ParameterTable:
-    """Show a model's numbers, each free or fixed, and what is chosen of each."""
+    """Table of a model's parameters with the user's choices, free or fixed."""
 
-    def __init__(self, context: PageContext, changed: Callable[[], None]) -> None:
-        self._context, self._changed = context, changed
+    def __init__(self, context: PageContext, on_change: Callable[[], None]) -> None:
+        self._context, self._on_change = context, on_change
         self._model = ""
-        self._numbers: dict[str, Parameter] = {}
+        self._parameters: dict[str, Parameter] = {}
         self.choices: dict[str, model_choice.ParameterChoice] = {}
-        self._place = ui.element("div").classes("w-full wide")
+        self._container = ui.element("div").classes("w-full wide")
 
     def clear(self) -> None:
-        """Forget what was chosen: another model follows."""
-        self._numbers, self.choices = {}, {}
-        self._place.clear()
+        """Discard the choices before another model is shown."""
+        self._parameters, self.choices = {}, {}
+        self._container.clear()
 
-    def show(self, model: str, numbers: dict[str, Parameter]) -> None:
-        """Show a model's numbers; what somebody changed stays, also on another rig."""
-        if numbers == self._numbers:
+    def show(self, model: str, parameters: dict[str, Parameter]) -> None:
+        """Show a model's parameters and keep the user's changes, also for another rig."""
+        if parameters == self._parameters:
             return
-        before = self._numbers
-        self._model, self._numbers = model, numbers
-        changed = {k: to for k, to in self.choices.items() if to != _of_model(before[k])}
-        self.choices = {k: changed.get(k, _of_model(own)) for k, own in numbers.items()}
-        self._place.clear()
-        with self._place, ui.element("table").classes("shown parameters"):
+        previous = self._parameters
+        self._model, self._parameters = model, parameters
+        changes = {
+            name: choice
+            for name, choice in self.choices.items()
+            if choice != _default_choice(previous[name])
+        }
+        defaults = {name: _default_choice(parameter) for name, parameter in parameters.items()}
+        self.choices = {name: changes.get(name, choice) for name, choice in defaults.items()}
+        self._container.clear()
+        with self._container, ui.element("table").classes("shown parameters"):
             with ui.element("thead"), ui.element("tr"):
-                for head in HEADS:
+                for text in HEADER:
                     with ui.element("th").props("scope=col"):
-                        ui.label(head)
+                        ui.label(text)
             with ui.element("tbody"):
-                for name, number in numbers.items():
-                    self._row(name, number)
+                for name, parameter in parameters.items():
+                    self._add_row(name, parameter)
 
-    def _row(self, name: str, number: Parameter) -> None:
+    def _add_row(self, name: str, parameter: Parameter) -> None:
         choice = self.choices[name]
-        bounds = f"{number.lower:g} … {number.upper:g}".replace("-", "−").replace("inf", "∞")
+        bounds = f"{parameter.lower:g} … {parameter.upper:g}"
+        bounds = bounds.replace("-", "−").replace("inf", "∞")
         with ui.element("tr"):
             with ui.element("th").props("scope=row"):
                 ui.label(name)
             with ui.element("td"):
-                ui.label(display_unit(number.unit))
+                ui.label(display_unit(parameter.unit))
             with ui.element("td"):
                 free = ui.checkbox(value=choice.free).props(f'dense aria-label="{name} is free"')
             with ui.element("td"):
                 value = ui.number(value=choice.value, format="%.6g").props("dense outlined")
-                value.props(f'aria-label="{name} is held at" step=any').classes("w-32")
+                value.props(f'aria-label="{name} is fixed at" step=any').classes("w-32")
                 value.set_enabled(not choice.free)
             with ui.element("td").classes("number soft"):
                 ui.label(bounds)
             with ui.element("td").classes("soft"):
-                ui.label(number.source)
+                ui.label(parameter.source)
 
         def read() -> None:
-            held = number.value if value.value is None else float(value.value)
-            # The number shows six digits: left as it is, it is the model's own.
-            if f"{held:.6g}" == f"{number.value:.6g}":
-                held = number.value
+            number = parameter.value if value.value is None else float(value.value)
+            # The field shows six digits; an unchanged field means the exact model value.
+            if f"{number:.6g}" == f"{parameter.value:.6g}":
+                number = parameter.value
             value.set_enabled(not free.value)
-            self.choices[name] = model_choice.ParameterChoice(bool(free.value), held)
-            self._changed()
+            self.choices[name] = model_choice.ParameterChoice(bool(free.value), number)
+            self._on_change()
 
         free.on_value_change(read)
         value.on_value_change(read)
-        for what, element in (("free", free), ("value", value)):
-            self._context.remember(f"fit.{self._model}.{name}.{what}", element)
+        for key, element in (("free", free), ("value", value)):
+            self._context.persist(f"fit.{self._model}.{name}.{key}", element)
 
 
-def _of_model(number: Parameter) -> model_choice.ParameterChoice:
-    return model_choice.ParameterChoice(number.free, number.value)
+def _default_choice(parameter: Parameter) -> model_choice.ParameterChoice:
+    return model_choice.ParameterChoice(parameter.free, parameter.value)
 
 
 class MethodCard:
-    """Choose how to fit."""
+    """Methods and options of the fit."""
 
     def __init__(
         self,
         context: PageContext,
         models: Mapping[str, str],
         rigs: Mapping[str, str],
-        changed: Callable[[], None],
+        on_change: Callable[[], None],
     ) -> None:
-        self._form = InputForm(FitInputs, changed)
+        self._form = InputForm(FitInputs, on_change)
         with ui.row().classes("items-center w-full gap-4"):
-            self._squares = ui.checkbox("least squares", value=True, on_change=changed)
-            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=changed)
-            context.remember("fit.least_squares", self._squares)
-            context.remember("fit.emcee", self._emcee)
+            self._squares = ui.checkbox("least squares", value=True, on_change=on_change)
+            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=on_change)
+            context.persist("fit.least_squares", self._squares)
+            context.persist("fit.emcee", self._emcee)
         with ui.element("div").classes("field-grid"):
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
@@ -149,34 +154,34 @@ class MethodCard:
             self._form.add("calibration", options=recall_state("calibration"))
         more = ui.expansion("More options").classes("w-full")
         with more, ui.element("div").classes("field-grid"):
-            self._form.add("compare", options={LAWS: "all laws of distance", **models})
+            self._form.add("compare", options={LAWS: "all ground-effect laws", **models})
             self._form.add("loss", options=LOSSES)
             self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
             self._form.add("budget", "temperature", "pressure", "humidity")
 
-    def choose_rig(self, rigs: Mapping[str, str], chosen: str) -> None:
-        self._form.choose("rig", rigs, chosen)
+    def select_rig(self, rigs: Mapping[str, str], rig: str) -> None:
+        self._form.choose("rig", rigs, rig)
 
     def options(self) -> dict[str, Any]:
         methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
-        given = self._form.given()
-        where = [part.strip() for part in (given["where"] or "").split(";") if part.strip()]
-        chosen = [method for method, wanted in methods.items() if wanted]
-        return {**given, "method": chosen, "where": where}
+        values = self._form.values()
+        where = [part.strip() for part in (values["where"] or "").split(";") if part.strip()]
+        selected = [method for method, is_selected in methods.items() if is_selected]
+        return {**values, "method": selected, "where": where}
 
 
 class FitTab:
-    """Hold the form and the answer, for one page."""
+    """Form and result of one page."""
 
     def __init__(self, context: PageContext, listing: RunsListing) -> None:
         self._context = context
         self._folder = listing.folder
         self._ready = False
-        self._named = ""
+        self._suggested_name = ""
         with ui.element("div").classes("fit-form"):
             with ui.card().classes("w-full"):
                 ui.label("Data").classes("card-title")
-                self.data = DataCard(context, listing, self._data_changed, self._rig_made)
+                self.data = DataCard(context, listing, self._on_data_change, self._on_rig_written)
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
                 models = model_choice.model_choices(self._folder, self.data.entries.values())
@@ -186,9 +191,9 @@ class FitTab:
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
-                self._model = ui.select(models, value=USUAL_MODEL, label="Model")
+                self._model = ui.select(models, value=DEFAULT_MODEL, label="Model")
                 self._model.props("use-input input-debounce=0").classes("grow")
-                self._model.on_value_change(self._other_model)
+                self._model.on_value_change(self._on_model_change)
             self._parameters = ParameterTable(context, self._changed)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-4"):
@@ -197,24 +202,24 @@ class FitTab:
                 self._fit = ui.button("Fit", icon="functions", on_click=self._start)
             self._command = CommandRow()
             self._hint = ui.label().classes("soft").props("role=status")
-            self._progress = JobProgress(context, FITS, "fit", self._done)
-        self._answer = ui.column().classes("w-full scroll-place")
+            self._progress = JobProgress(context, JOB_KIND, "fit", self._done)
+        self._result = ui.column().classes("w-full scroll-place")
         self._ready = True
         self._changed()
-        context.remember("fit.model", self._model)
-        context.remember("fit.name", self._name)
+        context.persist("fit.model", self._model)
+        context.persist("fit.name", self._name)
 
-    def _data_changed(self) -> None:
-        """Choose the model of one rotor for a table alone, until somebody chooses another."""
+    def _on_data_change(self) -> None:
+        """Select the single-rotor model for tables, unless the user has selected another model."""
         kinds = {self.data.entries[name].kind for name in self.data.names}
-        if self._ready and kinds == {"table"} and self._model.value == USUAL_MODEL:
+        if self._ready and kinds == {"table"} and self._model.value == DEFAULT_MODEL:
             self._model.set_value(MODEL)
         self._changed()
 
-    def _rig_made(self, path: str) -> None:
-        self._method.choose_rig(model_choice.rig_choices(self._folder), path)
+    def _on_rig_written(self, path: str) -> None:
+        self._method.select_rig(model_choice.rig_choices(self._folder), path)
 
-    def _other_model(self) -> None:
+    def _on_model_change(self) -> None:
         self._parameters.clear()
         self._changed()
 
@@ -230,19 +235,19 @@ class FitTab:
     def _changed(self) -> None:
         if not self._ready:
             return
-        suggested = model_choice.suggested_name(self._folder, self.data.names)
-        if not self._name.value or self._name.value == self._named:
-            self._named = suggested
-            self._name.set_value(suggested)
+        suggested_name = model_choice.suggested_name(self._folder, self.data.names)
+        if not self._name.value or self._name.value == self._suggested_name:
+            self._suggested_name = suggested_name
+            self._name.set_value(suggested_name)
         try:
             model = model_choice.model_path(self._folder, self._model.value)
             request = self._request()
             self._parameters.show(
                 self._model.value,
-                model_choice.form_numbers(model, model_choice.data_rig(request, self._folder)),
+                model_choice.form_parameters(model, model_choice.data_rig(request, self._folder)),
             )
             request = self._request()
-            recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
+            recipe = model_choice.build_recipe(request, self._folder, self.data.entries)
             self._command.show(model_choice.command_arguments(recipe, request, self._folder))
             self._hint.set_text("")
             self._fit.enable()
@@ -255,57 +260,57 @@ class FitTab:
         self._context.claim_control()
         request = self._request()
         out = self._folder.new_path(request.name)
-        recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
-        words = model_choice.command_arguments(recipe, request, self._folder)
-        self._answer.clear()
+        recipe = model_choice.build_recipe(request, self._folder, self.data.entries)
+        arguments = model_choice.command_arguments(recipe, request, self._folder)
+        self._result.clear()
         profile = bool(request.options["profile"])
         budget = request.options["budget"] or "propagation"
-        self._progress.start(lambda: Job(out, words, fit_to_folder, recipe, profile, budget))
+        self._progress.start(lambda: Job(out, arguments, fit_to_folder, recipe, profile, budget))
 
-    async def show_answer(self, name: str, words: tuple[str, ...] = ()) -> None:
-        """Show a fit that was written."""
-        section = await self._context.worker(DRAWER).run(view_fit, self._folder.root, name)
-        self._answer.clear()
-        with self._answer, ui.card().classes("w-full"):
-            show_section(replace(section, command=words or section.command))
+    async def show_result(self, name: str, command: tuple[str, ...] = ()) -> None:
+        """Show a stored fit."""
+        section = await self._context.worker(FIGURE_WORKER).run(view_fit, self._folder.root, name)
+        self._result.clear()
+        with self._result, ui.card().classes("w-full"):
+            show_section(replace(section, command=command or section.command))
 
     @show_errors
     async def _done(self, job: Job[str]) -> None:
         name = self._folder.name_of(job.out)
-        self._context.server.forms.note(self._context.tab, ANSWER, name)
-        await self.show_answer(name, job.words)
-        self._answer.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
-        await self.data.look()
+        self._context.server.forms.store(self._context.tab, RESULT_KEY, name)
+        await self.show_result(name, job.command)
+        self._result.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+        await self.data.refresh()
         self._changed()
 
 
 def build(context: PageContext) -> None:
-    """Make the tab; ?data=NAME chooses what is fitted."""
+    """Build the tab; ?data=NAME selects data."""
     ui.add_head_html(STYLE)
     names = ui.context.client.request.query_params.getlist("data")
-    place = ui.column().classes("w-full gap-3")
-    with place:
-        show_waiting("reading models and runs")
+    container = ui.column().classes("w-full gap-3")
+    with container:
+        show_spinner("reading models and runs")
 
     @show_errors
     async def fill() -> None:
-        # What takes long to load is loaded beside the loop, so that Stop never waits for it.
+        # Loading runs in a thread, so it never blocks the event loop and STOP.
         listing = RunsListing(RunsFolder(context.runs))
-        await listing.look()
-        await asyncio.to_thread(_load)
-        place.clear()
-        with place:
+        await listing.refresh()
+        await asyncio.to_thread(_preload)
+        container.clear()
+        with container:
             tab = FitTab(context, listing)
-        context.remember("fit.data", tab.data.choice, restore=not names)
+        context.persist("fit.data", tab.data.choice, restore=not names)
         if names:
-            await tab.data.choose(names)
-        answer = context.server.forms.values(context.tab).get(ANSWER)
-        if answer and any(entry.name == answer for entry in listing.entries):
-            await tab.show_answer(answer)
+            await tab.data.select(names)
+        fit_name = context.server.forms.values(context.tab).get(RESULT_KEY)
+        if fit_name and any(entry.name == fit_name for entry in listing.entries):
+            await tab.show_result(fit_name)
 
     ui.timer(0.0, fill, once=True)
 
 
-def _load() -> None:
-    model_choice.form_numbers(USUAL_MODEL)
-    Recipe(name="any", data=("any",), model=USUAL_MODEL)
+def _preload() -> None:
+    model_choice.form_parameters(DEFAULT_MODEL)
+    Recipe(name="any", data=("any",), model=DEFAULT_MODEL)

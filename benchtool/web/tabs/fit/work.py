@@ -1,4 +1,4 @@
-"""Fit and read fits, in processes of their own: what `benchtool fit --out` does and prints."""
+"""Fits in worker processes, as `benchtool fit --out`, and views of stored fits."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from benchtool.web.uploads import stand_blocks
 def fit_to_folder(
     report: ReportProgress,
     out: Path,
-    words: tuple[str, ...],
+    command: tuple[str, ...],
     recipe: Recipe,
     profile: bool = False,
     budget: BudgetMethod = "propagation",
 ) -> str:
-    """Run a recipe, write its folder in one step, and return the folder's name.
+    """Run a recipe, write its folder atomically and return the folder's name.
 
     Raises:
         BenchtoolError: the data or the model do not allow the fit.
@@ -40,18 +40,18 @@ def fit_to_folder(
     refuse_full(out)
     report("reading", 0.0)
 
-    def progress(what: str, done: int, expected: int) -> None:
-        report(what, done / max(expected, 1))
+    def progress(stage: str, done: int, expected: int) -> None:
+        report(stage, done / max(expected, 1))
 
     output = run_recipe(recipe, progress, profile=profile, budget=budget)
     report("drawing", 0.0)
-    with write_atomically(out) as part:
-        write_fit(part, output, [shlex.join(["benchtool", *words])])
+    with write_atomically(out) as folder:
+        write_fit(folder, output, [shlex.join(["benchtool", *command])])
     return out.name
 
 
 def view_fit(root: Path, name: str) -> PageSection:
-    """Return what `benchtool fit` prints of a stored fit, and its figures."""
+    """Return the result of a stored fit, as printed by `benchtool fit`, with its figures."""
     from benchtool.report.figure import captions
     from benchtool.report.fit.stored_fit import SIMULATED, figure_files, read_stored
     from benchtool.report.page import Paragraph
@@ -60,32 +60,32 @@ def view_fit(root: Path, name: str) -> PageSection:
     path = RunsFolder(root).path_of(name)
     stored = read_stored(path)
     blocks = [block for block in stored.blocks if block != Paragraph(SIMULATED)]
-    warnings, rest = blocks[-1], blocks[1:-1]
-    known = captions("fit")
+    warnings, tables = blocks[-1], blocks[1:-1]
+    texts = captions("fit")
     figures = [
-        FigureImage(file.read_bytes(), known[key]) for key, file in figure_files(path).items()
+        FigureImage(file.read_bytes(), texts[key]) for key, file in figure_files(path).items()
     ]
     return PageSection(
         title=name,
-        html=blocks_html([blocks[0], warnings, *figures[:1], *rest, *figures[1:]]),
+        html=blocks_html([blocks[0], warnings, *figures[:1], *tables, *figures[1:]]),
         simulated=stored.simulated,
         command=("report", str(path)),
     )
 
 
 def stand_summary_html(root: Path, name: str) -> str:
-    """Return what an import finds in a stand's table as HTML; empty for any other table."""
+    """Return the import report of a test-stand table as HTML; "" for other tables."""
     from benchtool.web.drawing import blocks_html
 
     return blocks_html(stand_blocks(RunsFolder(root).file_of(name)))
 
 
 def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
-    """Write a rig of a radius alone for a table, and return its file.
+    """Write a rig file with the rotor radius for a table and return its path.
 
     Raises:
-        InputError: neither a radius is given nor does the table state one.
-        WouldOverwrite: there is one already.
+        InputError: no radius is given and the table has none.
+        WouldOverwrite: the rig file exists.
     """
     from benchtool.commands.terminal.table_fit import radius_rig
     from benchtool.core.rig_file import parse_rig
@@ -94,7 +94,7 @@ def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
     table = folder.file_of(name)
     text = radius_rig(str(table), radius_m, known=is_stand_table(table))
     if not text:
-        raise InputError(f"{name} does not say how large the rotor is; type its radius")
+        raise InputError(f"{name} contains no rotor radius; type one in m")
     parse_rig(text, f"rig of {name}")
     path = folder.new_path(f"{table.stem}.rig.toml")
     replace_text(path, text)
@@ -102,10 +102,10 @@ def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
 
 
 def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) -> str:
-    """Read a table through a map, store the map beside it, and return what was read as HTML.
+    """Read a table with a column map, store the map next to it and return a summary as HTML.
 
     Raises:
-        FileFormatError: a cell that is no number, with its line; nothing was stored.
+        FileFormatError: a cell is not a number; nothing was stored.
     """
     from benchtool.report.page import Paragraph, Table
     from benchtool.web.drawing import blocks_html
@@ -115,15 +115,15 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
     rows = []
     for channel in recording.channels:
         values = recording.column(channel.name)
-        known = values[np.isfinite(values)]
-        least, most = (known.min(), known.max()) if known.size else (np.nan, np.nan)
-        rows.append((channel.name, channel.unit, str(known.size), f"{least:.4g}", f"{most:.4g}"))
+        finite = values[np.isfinite(values)]
+        low, high = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
+        rows.append((channel.name, channel.unit, str(finite.size), f"{low:.4g}", f"{high:.4g}"))
     replace_text(columns_file(path), column_map_to_toml(columns))
-    head = ("channel", "unit", "numbers", "least", "most")
+    header = ("channel", "unit", "values", "minimum", "maximum")
     repairs = recording.provenance["repairs"]
     return blocks_html(
         [
-            Table(f"{len(recording)} rows as they will be fitted.", head, rows, text_columns=2),
-            *([Paragraph(f"Repaired while reading: {repairs}.")] if repairs else []),
+            Table(f"{len(recording)} rows for the fit.", header, rows, text_columns=2),
+            *([Paragraph(f"Repairs: {repairs}.")] if repairs else []),
         ]
     )

@@ -1,1 +1,1 @@
-"""The Runs tab."""
+"""Runs tab."""

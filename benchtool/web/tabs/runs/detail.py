@@ -1,4 +1,4 @@
-"""One thing of the runs folder on the page: its summary, its figures, its downloads."""
+"""Detail view of entries of the runs folder: summary, figures and downloads."""
 
 from __future__ import annotations
 
@@ -30,22 +30,21 @@ from benchtool.web.widgets import (
     open_tab,
     show_errors,
     show_section,
+    show_spinner,
     show_stamp,
-    show_waiting,
 )
 
-EXPORTED = ("fit", *SWEEPS)  # kinds with values to export
-DRAWER = "figures"  # The process that reads runs and draws
-
-EXPORT_WRITER = "reports"  # process that writes downloads
+EXPORTABLE_KINDS = ("fit", *SWEEPS)
+FIGURE_WORKER = "figures"  # process that reads runs and draws
+EXPORT_WORKER = "reports"  # process that writes downloads
 
 
 class Download(NamedTuple):
-    """Offer one file: one that stands in the runs folder, a table of a run, or the report.
+    """Downloadable file: a file of the runs folder, a table of a run, or the report.
 
     Attributes:
-        path: in the runs folder; empty for a table and the report.
-        table: of a run, to be exported; empty for others.
+        path: in the runs folder; "" for a table or the report.
+        table: of a run, to be exported; "" for others.
     """
 
     label: str
@@ -55,7 +54,7 @@ class Download(NamedTuple):
 
 
 def downloads(entry: Entry) -> tuple[Download, ...]:
-    """Return what an entry offers; nothing that cannot be read offers anything."""
+    """Return the downloads of an entry; () for an unreadable one."""
     if entry.problem:
         return ()
     flat = entry.name.replace("/", "-")
@@ -80,161 +79,164 @@ def downloads(entry: Entry) -> tuple[Download, ...]:
 
 
 def report_download(name: str) -> Download:
-    """Return the report of something."""
+    """Return the download of a report."""
     return Download("Report, HTML", f"{name}-report.html")
 
 
 class RunDetail:
-    """Show an entry, or several compared, below the list."""
+    """View of one entry, or of several compared, below the list."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._folder = RunsFolder(context.runs)
-        self._number = 0
-        self._place = ui.column().classes("w-full gap-3 scroll-place")
+        self._request_number = 0
+        self._container = ui.column().classes("w-full gap-3 scroll-place")
 
     async def open(self, name: str) -> None:
         """Show one entry.
 
         Raises:
-            BenchtoolError: no such name, or it cannot be read.
+            BenchtoolError: the entry does not exist or is not readable.
         """
         entry = build_entry(self._folder, name)
-        found = await self._read(f"reading {name}", view_entry, name)
-        if found is None:
+        result = await self._load(f"reading {name}", view_entry, name)
+        if result is None:
             return
-        section, parts = found
-        with self._place, ui.card().classes("w-full"):
-            with self._head(section, f"{entry.kind} {entry.state}".strip()):
+        section, part_titles = result
+        with self._container, ui.card().classes("w-full"):
+            with self._add_header(section, f"{entry.kind} {entry.state}".strip()):
                 if entry.can_fit:
                     fit = ui.button("Fit", icon="functions").props("dense")
                     fit.on_click(lambda: open_tab("fit", data=name))
                 for download in downloads(entry):
-                    self._button(download, (name,))
-                if not entry.problem and (entry.kind in EXPORTED or MOTOR_PART in parts):
-                    self._export(name)
-            self._body(section)
-            for part in parts:
-                self._expansion(name, part)
+                    self._add_download(download, (name,))
+                has_export = entry.kind in EXPORTABLE_KINDS or MOTOR_PART in part_titles
+                if not entry.problem and has_export:
+                    self._add_export(name)
+            self._add_body(section)
+            for title in part_titles:
+                self._add_expansion(name, title)
 
     async def compare(
         self, entries: Sequence[Entry], over: str = "", thrust_N: float | None = None
     ) -> None:
-        """Show several side by side.
+        """Show a comparison of entries.
 
         Args:
-            over: what runs and recordings are drawn over; thrust ratios of sweeps when empty.
-            thrust_N: at which they are ranked then; not at all when None.
+            over: horizontal axis for runs and recordings; "" for thrust ratios of sweeps.
+            thrust_N: thrust at which they are ranked; None for no ranking.
         """
         kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
-        what, ratios = f"comparing {len(names)}", kinds <= {*SWEEPS} and not over
+        text, has_ratios = f"comparing {len(names)}", kinds <= {*SWEEPS} and not over
         if kinds == {"fit"}:
-            section = await self._read(what, view_fits, names)
-        elif ratios:
-            section = await self._read(what, view_comparison, names)
+            section = await self._load(text, view_fits, names)
+        elif has_ratios:
+            section = await self._load(text, view_comparison, names)
         else:
-            section = await self._read(what, view_over, names, over or "thrust", thrust_N)
+            section = await self._load(text, view_over, names, over or "thrust", thrust_N)
         if section is None:
             return
-        with self._place, ui.card().classes("w-full"):
-            with self._head(section, ""):
-                if ratios:
-                    self._button(report_download("compared"), names)
-            self._body(section)
+        with self._container, ui.card().classes("w-full"):
+            with self._add_header(section, ""):
+                if has_ratios:
+                    self._add_download(report_download("compared"), names)
+            self._add_body(section)
 
-    async def _read(self, what: str, work: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what is to be shown; None where something newer was opened meanwhile."""
-        self._number += 1
-        number = self._number
-        self._place.clear()
-        with self._place:
-            show_waiting(what)
-        self._place.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+    async def _load(self, text: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of a worker function, or None if another entry was opened meanwhile."""
+        self._request_number += 1
+        number = self._request_number
+        self._container.clear()
+        with self._container:
+            show_spinner(text)
+        self._container.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
         try:
-            found = await self._work(DRAWER, work, *arguments)
+            result = await self._run(FIGURE_WORKER, function, *arguments)
         finally:
-            if number == self._number:
-                self._place.clear()
-        return found if number == self._number else None
+            if number == self._request_number:
+                self._container.clear()
+        return result if number == self._request_number else None
 
-    def _head(self, section: PageSection, about: str) -> ui.row:
+    def _add_header(self, section: PageSection, subtitle: str) -> ui.row:
         with ui.row().classes("items-center w-full gap-3"):
             ui.label(section.title).classes("card-title")
-            ui.label(about).classes("soft")
+            ui.label(subtitle).classes("soft")
             show_stamp(section.simulated)
         return ui.row().classes("w-full gap-2")
 
-    def _body(self, section: PageSection) -> None:
+    def _add_body(self, section: PageSection) -> None:
         if section.command:
             CommandRow(section.command)
-        show_section(section, headed=False)
+        show_section(section, has_header=False)
 
-    def _button(self, download: Download, names: tuple[str, ...]) -> None:
+    def _add_download(self, download: Download, names: tuple[str, ...]) -> None:
         button = ui.button(download.label, icon="download").props("outline dense")
-        page = self._place.client
+        page = self._container.client
 
         @show_errors
-        async def take() -> None:
+        async def save() -> None:
             button.props("loading")
             try:
-                content = await self._content(download, names)
+                content = await self._load_content(download, names)
             finally:
                 button.props(remove="loading")
-            # Another entry may have been opened meanwhile, so that the button is no more.
+            # In the page's slot: opening another entry deletes the button.
             with page:
                 ui.download(content, download.file)
 
-        button.on_click(take)
+        button.on_click(save)
 
-    def _export(self, name: str) -> None:
-        """Offer the files of `benchtool export`."""
-        titles = {to: target.title.partition(":")[0] for to, target in TARGETS.items()}
+    def _add_export(self, name: str) -> None:
+        """Add a download of the files of `benchtool export`."""
+        titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
         with ui.row().classes("items-center gap-1"):
-            to = ui.select(titles, value="ardupilot", label="For").props("dense").classes("w-40")
+            target = (
+                ui.select(titles, value="ardupilot", label="For").props("dense").classes("w-40")
+            )
             button = ui.button("Export", icon="flight").props("outline dense")
-        page = self._place.client
+        page = self._container.client
 
         @show_errors
-        async def take() -> None:
+        async def save() -> None:
             button.props("loading")
             try:
-                file, content = await self._work(EXPORT_WRITER, export_file, name, to.value)
+                file, content = await self._run(EXPORT_WORKER, export_file, name, target.value)
             finally:
                 button.props(remove="loading")
             with page:
                 ui.download(content, file)
 
-        button.on_click(take)
+        button.on_click(save)
 
-    async def _content(self, download: Download, names: tuple[str, ...]) -> bytes | Path:
+    async def _load_content(self, download: Download, names: tuple[str, ...]) -> bytes | Path:
         if download.path:
             return self._folder.file_of(download.path)
         if not download.table:
-            return bytes(await self._work(EXPORT_WRITER, report_bytes, names))
+            return bytes(await self._run(EXPORT_WORKER, report_bytes, names))
         suffix = Path(download.file).suffix
-        return bytes(await self._work(EXPORT_WRITER, table_bytes, names[0], download.table, suffix))
+        return bytes(await self._run(EXPORT_WORKER, table_bytes, names[0], download.table, suffix))
 
-    def _expansion(self, name: str, part: str) -> None:
-        with ui.expansion(part).classes("w-full") as more:
-            place = ui.column().classes("w-full")
-        filled = False
+    def _add_expansion(self, name: str, title: str) -> None:
+        with ui.expansion(title).classes("w-full") as expansion:
+            container = ui.column().classes("w-full")
+        is_filled = False
 
         @show_errors
         async def fill() -> None:
-            nonlocal filled
-            if filled or not more.value:
+            nonlocal is_filled
+            if is_filled or not expansion.value:
                 return
-            filled = True
-            with place:
-                show_waiting(f"drawing {part.lower()}")
+            is_filled = True
+            with container:
+                show_spinner(f"drawing {title.lower()}")
             try:
-                section = await self._work(DRAWER, view_part, name, part)
+                section = await self._run(FIGURE_WORKER, view_part, name, title)
             finally:
-                place.clear()
-            with place:
-                show_section(section, headed=False)
+                container.clear()
+            with container:
+                show_section(section, has_header=False)
 
-        more.on_value_change(fill)
+        expansion.on_value_change(fill)
 
-    async def _work(self, worker: str, work: Callable[..., Any], *arguments: Any) -> Any:
-        return await self._context.worker(worker).run(work, self._folder.root, *arguments)
+    async def _run(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        return await self._context.worker(worker).run(function, self._folder.root, *arguments)

@@ -1,4 +1,4 @@
-"""The Runs tab: everything in the runs folder, to search, open, compare and download."""
+"""Runs tab: search, view, comparison and download of entries of the runs folder."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from benchtool.web.form import InputForm
 from benchtool.web.tabs.runs.detail import RunDetail
 from benchtool.web.widgets import STYLE, TableUpload, notify, show_errors
 
-ROWS = 10
-NOTHING = (
-    "Nothing to show. Measure a sweep under Sweep, save a simulation under Simulate, or put run "
-    "folders and CSV files into the folder; or search for other words."
+ROWS_PER_PAGE = 10
+EMPTY_TEXT = (
+    "No entry. Measure a sweep under Sweep, save a simulation under Simulate, or copy run folders "
+    "and CSV files to the runs folder; or change the search."
 )
-LOOK_S = 3.0
+REFRESH_INTERVAL_S = 3.0
 
-(_OVER,) = (item for item in items(ReportInputs) if item.name == "over")
-# Axes of compared runs.
-OVER = {"": "sweeps: thrust ratio"} | {key: f"over {key}" for key in _OVER.choices}
+(_OVER_FIELD,) = (item for item in items(ReportInputs) if item.name == "over")
+# Horizontal axes of comparisons.
+AXES = {"": "sweeps: thrust ratio"} | {key: f"over {key}" for key in _OVER_FIELD.choices}
 COLUMNS = (
     ("name", "Name"),
     ("kind", "Kind"),
     ("rig", "Rig or model"),
     ("date", "Date"),
     ("state", "State"),
-    ("summary", "What is in it"),
+    ("summary", "Summary"),
 )
 
 _NAME = """
@@ -55,24 +55,26 @@ _CHOOSE_ALL = '<q-checkbox v-model="props.selected" dense aria-label="Choose all
 
 
 class RunsTab:
-    """Hold the list and what is opened below it, for one page."""
+    """List of entries and the detail view of one page."""
 
     def __init__(self, context: PageContext) -> None:
         self._listing = RunsListing(RunsFolder(context.runs))
         ui.add_head_html(STYLE)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-4"):
-                self._words = ui.input("Search name, rig, date, state, note", on_change=self._fill)
-                self._words.classes("grow").props('debounce=120 clearable type="search"')
+                self._search = ui.input("Search name, rig, date, state, note", on_change=self._fill)
+                self._search.classes("grow").props('debounce=120 clearable type="search"')
                 kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}
                 self._kind = ui.select(kinds, value="", label="Kind", on_change=self._fill)
                 self._kind.classes("w-44")
                 self._tags = ui.select([], multiple=True, label="Tags", on_change=self._fill)
                 self._tags.classes("w-44").props("clearable use-chips")
-                self._over = ui.select(OVER, value="", label="Compared", on_change=self._chosen)
+                self._over = ui.select(AXES, value="", label="Compared", on_change=self._on_select)
                 self._over.classes("w-44")
                 self._thrust = ui.number("Ranked at thrust, N").classes("w-44")
-                self._compare = ui.button("Compare", icon="stacked_line_chart", on_click=self._put)
+                self._compare = ui.button(
+                    "Compare", icon="stacked_line_chart", on_click=self._show_comparison
+                )
             self._count = ui.label().classes("soft").props("role=status")
             self._table = self._make_table()
             with ui.expansion("Import a table or log").classes("w-full bordered"):
@@ -81,10 +83,10 @@ class RunsTab:
                     self._import.add("flip", "tare", "scale", "air_density", "hover", "over")
                     self._import.add("near_m", "propeller")
                 TableUpload(context, self._uploaded, self._import.make)
-        context.remember("runs.search", self._words)
-        context.remember("runs.kind", self._kind)
+        context.persist("runs.search", self._search)
+        context.persist("runs.kind", self._kind)
         self._detail = RunDetail(context)
-        ui.timer(LOOK_S, self._look)
+        ui.timer(REFRESH_INTERVAL_S, self._refresh)
 
     def _make_table(self) -> ui.table:
         table = ui.table(
@@ -96,12 +98,12 @@ class RunsTab:
             rows=[],
             row_key="name",
             selection="multiple",
-            pagination=ROWS,
-            on_select=self._chosen,
+            pagination=ROWS_PER_PAGE,
+            on_select=self._on_select,
         )  # fmt: skip
         table.classes("runs-table w-full").props("flat dense wrap-cells")
         with table.add_slot("no-data"):
-            ui.label(NOTHING).classes("soft q-py-sm")
+            ui.label(EMPTY_TEXT).classes("soft q-py-sm")
         table.add_slot("body-cell-name", _NAME)
         table.add_slot("body-cell-summary", _SUMMARY)
         table.add_slot("body-selection", _CHOOSE)
@@ -116,57 +118,59 @@ class RunsTab:
         ui.run_javascript(f"history.replaceState(null, '', {address})")
 
     @show_errors
-    async def _put(self) -> None:
+    async def _show_comparison(self) -> None:
         await self._detail.compare(self._comparable(), self._over.value, self._thrust.value or None)
 
     def _comparable(self) -> list[Entry]:
-        """Return what is chosen and can stand side by side: fits, or runs and recordings."""
+        """Return the selected entries that can be compared: fits, or runs and recordings."""
         names = {str(row.get("name")) for row in self._table.selected}
-        found = [one for one in self._listing.entries if one.name in names and not one.problem]
-        kinds = ("fit",) if found and found[0].kind == "fit" else (*SWEEPS, "recording", "table")
-        return [entry for entry in reversed(found) if entry.kind in kinds]
+        entries = [entry for entry in self._listing.entries if entry.name in names]
+        entries = [entry for entry in reversed(entries) if not entry.problem]
+        has_fit = bool(entries) and entries[-1].kind == "fit"
+        kinds = ("fit",) if has_fit else (*SWEEPS, "recording", "table")
+        return [entry for entry in entries if entry.kind in kinds]
 
     async def _uploaded(self, name: str) -> None:
-        await self._look()
+        await self._refresh()
         notify(f"saved as {name}")
         await self.open(name)
 
     @show_errors
-    async def _look(self) -> None:
-        if await self._listing.look():
-            known = sorted({tag for entry in self._listing.entries for tag in entry.tags})
-            chosen_tags = [tag for tag in self._tags.value or () if tag in known]
-            self._tags.set_options(known, value=chosen_tags)
-            self._tags.set_visibility(bool(known))
+    async def _refresh(self) -> None:
+        if await self._listing.refresh():
+            tags = sorted({tag for entry in self._listing.entries for tag in entry.tags})
+            selected_tags = [tag for tag in self._tags.value or () if tag in tags]
+            self._tags.set_options(tags, value=selected_tags)
+            self._tags.set_visibility(bool(tags))
             self._fill()
 
     def _fill(self) -> None:
-        by = ChoiceInputs(
-            words=self._words.value or "",
+        criteria = ChoiceInputs(
+            words=self._search.value or "",
             kind=self._kind.value or None,
             tag=tuple(self._tags.value or ()),
         )
-        found = filter_entries(self._listing.entries, by)
-        self._table.update_rows([_row(entry) for entry in found], clear_selection=False)
-        whole = len(self._listing.entries)
-        broken = sum(bool(entry.problem) for entry in found)
-        count = f"{len(found)} of {whole}" if len(found) < whole else f"{whole}"
+        entries = filter_entries(self._listing.entries, criteria)
+        self._table.update_rows([_row(entry) for entry in entries], clear_selection=False)
+        total = len(self._listing.entries)
+        n_unreadable = sum(bool(entry.problem) for entry in entries)
+        count = f"{len(entries)} of {total}" if len(entries) < total else f"{total}"
         count += f" in {self._listing.folder.root.name}"
-        self._count.set_text(count + (f", {broken} cannot be read" if broken else ""))
-        self._chosen()
+        self._count.set_text(count + (f", {n_unreadable} not readable" if n_unreadable else ""))
+        self._on_select()
 
-    def _chosen(self) -> None:
-        found = self._comparable()
-        count, kinds = len(found), {entry.kind for entry in found}
-        what = f"{min(kinds)}s" if len(kinds) == 1 else "runs"
+    def _on_select(self) -> None:
+        entries = self._comparable()
+        count, kinds = len(entries), {entry.kind for entry in entries}
+        noun = f"{min(kinds)}s" if len(kinds) == 1 else "runs"
         self._over.set_visibility(kinds != {"fit"})
         self._thrust.set_visibility(bool(self._over.value) and kinds != {"fit"})
-        self._compare.set_text(f"Compare {count} {what}" if count > 1 else "Compare")
+        self._compare.set_text(f"Compare {count} {noun}" if count > 1 else "Compare")
         self._compare.set_enabled(count > 1)
 
 
 def build(context: PageContext) -> None:
-    """Make the tab; ?run=NAME opens one."""
+    """Build the tab; ?run=NAME opens an entry."""
     tab = RunsTab(context)
     if name := ui.context.client.request.query_params.get("run", ""):
         ui.timer(0.0, lambda: tab.open(name), once=True)

@@ -1,7 +1,6 @@
-"""What the page shows and offers of one thing in the runs folder, for a process of its own.
+"""Views and downloads of entries of the runs folder, built in worker processes.
 
-Everything comes from the functions that the reports and the command line are made with. Every
-path comes from a name through `RunsFolder`, here as well as in the page.
+Every path is derived from a name by `RunsFolder`, which checks it.
 """
 
 from __future__ import annotations
@@ -25,21 +24,21 @@ if TYPE_CHECKING:
     from benchtool.report.compare.runs import Over
     from benchtool.report.page import Block, Report
 
-HEAD_ROWS = 12  # Rows of a table that are shown; a choice
+PREVIEW_ROWS = 12  # of a table; assumed
 
 
 def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
-    """Return what is shown of an entry at first, and the names of what `view_part` adds.
+    """Return the first section of an entry and the titles for `view_part`.
 
     Raises:
-        BenchtoolError: it cannot be read, for the reason in the list.
+        BenchtoolError: the entry is not readable, with the reason as in the list.
     """
     folder = RunsFolder(root)
     entry = build_entry(folder, name)
     path = folder.path_of(name)
     if entry.problem:
-        known = entry.problem.startswith(name)
-        raise InputError(entry.problem if known else f"{name}: {entry.problem}")
+        has_name = entry.problem.startswith(name)
+        raise InputError(entry.problem if has_name else f"{name}: {entry.problem}")
     if entry.kind == "fit":
         return view_fit(root, name), ()
     if entry.kind == "explanation":
@@ -47,7 +46,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.kind == "table":
         return _table(path, name), _motor_parts(path)
     if entry.summary == "no point yet":
-        raise FileFormatError(name, "the sweep has measured no point yet; look again later")
+        raise FileFormatError(name, "the sweep has no measured point yet; try again later")
     from benchtool.report.page import FactTable, Paragraph
     from benchtool.web.drawing import blocks_html
 
@@ -63,31 +62,31 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         simulated=report.simulated,
         command=("report", str(path)),
     )
-    more = _motor_parts(path) if entry.kind == "recording" else ()
-    return section, (*(part.title for part in report.sections[1:-1]), *more)
+    extra = _motor_parts(path) if entry.kind == "recording" else ()
+    return section, (*(section.title for section in report.sections[1:-1]), *extra)
 
 
-def view_part(root: Path, name: str, part: str) -> PageSection:
-    """Return one more section of an entry, by its title."""
+def view_part(root: Path, name: str, title: str) -> PageSection:
+    """Return a further section of an entry by title."""
     from benchtool.web.drawing import blocks_html
 
     folder = RunsFolder(root)
-    if part == MOTOR_PART:
+    if title == MOTOR_PART:
         return _motor(folder.path_of(name))
     report = _report(folder.path_of(name), build_entry(folder, name))
     for section in report.sections:
-        if section.title == part:
+        if section.title == title:
             return PageSection(
-                title=part, html=blocks_html(section.blocks), simulated=report.simulated
+                title=title, html=blocks_html(section.blocks), simulated=report.simulated
             )
-    raise InputError(f"{name} has no part {part!r}; open it again")
+    raise InputError(f"{name} has no section {title!r}; open it again")
 
 
-MOTOR_PART = "Thrust curve and motor constants"  # What is shown of a stand's log beside its numbers
+MOTOR_PART = "Thrust curve and motor constants"  # section of a test-stand log
 
 
 def _motor_parts(path: Path) -> tuple[str, ...]:
-    """Return the part for motor constants where a log of a stand has thrust over pulses."""
+    """Return the title of the motor section for a log with thrust over pulse width, else ()."""
     from benchtool.data.levels import read_levels
 
     try:
@@ -104,7 +103,7 @@ def _motor(path: Path) -> PageSection:
     from benchtool.web.drawing import blocks_html
 
     fit = fit_motor([path])
-    blocks = [block for part in MOTOR.sections(fit)[:-1] for block in part.blocks]
+    blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
     return PageSection(
         title=MOTOR_PART,
         html=blocks_html([Paragraph(motor_sentence(fit)), *blocks]),
@@ -114,10 +113,10 @@ def _motor(path: Path) -> PageSection:
 
 
 def export_file(root: Path, name: str, to: str) -> tuple[str, bytes]:
-    """Return name and content of an entry's file for a simulator, an autopilot or firmware.
+    """Return name and content of the export file for a simulator, an autopilot or firmware.
 
     Raises:
-        InputError: it was rejected by its own data, or a log does not say what it needs.
+        InputError: the data reject the model, or a required value is missing.
     """
     from benchtool.export.targets import file_for
     from benchtool.export.vehicle import build_vehicle
@@ -127,29 +126,29 @@ def export_file(root: Path, name: str, to: str) -> tuple[str, bytes]:
 
 
 def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
-    """Return runs, recordings and stands' tables side by side over a quantity.
+    """Return a comparison of runs, recordings and test-stand tables over a quantity.
 
     Args:
-        thrust_N: at which they are ranked; not at all when None.
+        thrust_N: thrust at which they are ranked; None for no ranking.
     """
     from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).path_of(name) for name in names]
-    one = compare_runs(paths, over, thrust_N)
-    blocks = [block for part in COMPARISON.sections(one) for block in part.blocks]
-    at = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
+    comparison = compare_runs(paths, over, thrust_N)
+    blocks = [block for section in COMPARISON.sections(comparison) for block in section.blocks]
+    option = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
     return PageSection(
         title=f"{len(names)} compared over {over}",
-        html=blocks_html([Paragraph(comparison_sentence(one)), *blocks]),
-        simulated=one.simulated,
-        command=("report", *map(str, paths), "--over", over, *at),
+        html=blocks_html([Paragraph(comparison_sentence(comparison)), *blocks]),
+        simulated=comparison.simulated,
+        command=("report", *map(str, paths), "--over", over, *option),
     )
 
 
 def view_fits(root: Path, names: Sequence[str]) -> PageSection:
-    """Return the values of several fits side by side."""
+    """Return a comparison of parameter values of several fits."""
     from benchtool.report.fit.stored_fit import read_stored
     from benchtool.report.fit.tables import fits_table
     from benchtool.web.drawing import blocks_html
@@ -157,20 +156,20 @@ def view_fits(root: Path, names: Sequence[str]) -> PageSection:
     fits = {name: read_stored(RunsFolder(root).path_of(name)) for name in names}
     return PageSection(
         title=f"{len(names)} fits compared",
-        html=blocks_html([fits_table({name: one.results for name, one in fits.items()})]),
-        simulated=any(one.simulated for one in fits.values()),
+        html=blocks_html([fits_table({name: fit.results for name, fit in fits.items()})]),
+        simulated=any(fit.simulated for fit in fits.values()),
     )
 
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
-    """Return several sweeps in one plot, with the settings that they share."""
+    """Return a comparison plot of several sweeps with their common settings."""
     from benchtool.report.sweep.page import COMPARED
     from benchtool.report.sweep.run import read_sweep_run
     from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).path_of(name) for name in names]
     if len(paths) < 2:
-        raise InputError("choose two sweeps or more to compare")
+        raise InputError("a comparison needs two sweeps or more; select more")
     report = COMPARED.report([read_sweep_run(path) for path in paths])
     return PageSection(
         title=f"{len(names)} sweeps compared",
@@ -181,14 +180,15 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
 
 
 def _report(path: Path, entry: Entry) -> Report:
-    stamp = max(item.stat().st_mtime_ns for item in (path, *path.glob("*")) if item.exists())
-    return _made(path, entry.kind, stamp)
+    files = (path, *path.glob("*"))
+    stamp = max(file.stat().st_mtime_ns for file in files if file.exists())
+    return _build_report(path, entry.kind, stamp)
 
 
 @lru_cache(maxsize=2)
-def _made(path: Path, kind: str, stamp: int) -> Report:
-    """Return the report of a run; its figures are drawn when they are shown."""
-    del stamp  # another one after every change on the disk
+def _build_report(path: Path, kind: str, stamp: int) -> Report:
+    """Return the report of a run; its figures are drawn on demand."""
+    del stamp  # part of the cache key: changes with the files
     if kind in SWEEPS:
         from benchtool.report.sweep.page import SWEEP
         from benchtool.report.sweep.run import read_sweep_run
@@ -200,6 +200,9 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
     return recording_page(path, ReplayInputs())
 
 
+DATA_SETS = {"learn": "training", "check": "validation"}  # labels of the keys of answer.json
+
+
 def _answer(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
@@ -209,8 +212,8 @@ def _answer(path: Path, name: str) -> PageSection:
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
-    known = captions("answer") | {"which": WHICH}
-    images = {path / f"{key}.svg": known[key] for key in ("gap", "where", "parameters", "which")}
+    texts = captions("answer") | {"which": WHICH}
+    images = {path / f"{key}.svg": texts[key] for key in ("gap", "where", "parameters", "which")}
     images |= dict.fromkeys(sorted(path.glob("which_*.svg")), WHICH_OF_SEVERAL)
     images |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
     figures = [
@@ -218,14 +221,14 @@ def _answer(path: Path, name: str) -> PageSection:
         for file, caption in images.items()
         if file.is_file()
     ]
-    shown = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
-    for which, sources in facts.get("data", {}).items():
-        shown[f"recordings to {which}"] = ", ".join(sources)
-    if following := facts.get("next_experiment", {}).get("title"):
-        shown["next experiment"] = str(following)
+    rows = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
+    for purpose, sources in facts.get("data", {}).items():
+        rows[f"{DATA_SETS.get(purpose, purpose)} recordings"] = ", ".join(sources)
+    if next_title := facts.get("next_experiment", {}).get("title"):
+        rows["next experiment"] = str(next_title)
     return PageSection(
         title=name,
-        html=blocks_html([Paragraph(str(facts["sentence"])), FactTable(shown), *figures]),
+        html=blocks_html([Paragraph(str(facts["sentence"])), FactTable(rows), *figures]),
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
     )
@@ -238,14 +241,14 @@ def _table(path: Path, name: str) -> PageSection:
     table = read_csv_text(path)
     size = f"{len(table.rows)} rows, {len(table.header)} columns."
     if table.repairs:
-        size += f" Repaired while reading: {'; '.join(table.repairs)}."
-    first = f"The first {min(HEAD_ROWS, len(table.rows))} rows."
-    rows = Table(first, table.header, table.rows[:HEAD_ROWS], text_columns=0)
+        size += f" Repairs: {'; '.join(table.repairs)}."
+    caption = f"First {min(PREVIEW_ROWS, len(table.rows))} rows."
+    rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS], text_columns=0)
     return PageSection(title=name, html=blocks_html([Paragraph(size), *stand_blocks(path), rows]))
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:
-    """Return the report of an entry, or of several sweeps, as an HTML file."""
+    """Return the HTML report of an entry or of several sweeps."""
     from benchtool.report.report_file import page_text
 
     folder = RunsFolder(root)

@@ -1,1 +1,1 @@
-"""The Simulate tab."""
+"""Simulate tab."""

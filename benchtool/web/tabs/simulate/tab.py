@@ -1,4 +1,4 @@
-"""The Simulate tab: fill in the inputs, simulate with progress, read the report."""
+"""Simulate tab: form, progress and report."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.jobs import Job, PageSection
 from benchtool.web.progress import JobProgress
-from benchtool.web.tabs.simulate.work import Simulation, command_words, simulate_into
+from benchtool.web.tabs.simulate.work import Simulation, command_arguments, simulate_to_folder
 from benchtool.web.widgets import (
     STYLE,
     CommandRow,
@@ -35,11 +35,11 @@ SimulationJob = Job[tuple[PageSection, str]]
 
 KINDS: dict[str, type[Simulation]] = {"pitch bench": PitchInputs, "flight": FlightInputs}
 
-ALWAYS = ("duration_s", "seed", "set", "out")  # Fields of every simulation
+COMMON_FIELDS = ("duration_s", "seed", "set", "out")
 
 
 def _pitch_choices() -> dict[str, Mapping[str, str] | None]:
-    """Return the fields of the pitch bench, with what is offered in each; None for typed ones."""
+    """Return the fields of the pitch bench with their options; None for a text field."""
     rigs = [
         name for name in rig_names() if any(rotor.x_m for rotor in load_rig_by_name(name).rotors)
     ]
@@ -52,8 +52,8 @@ def _pitch_choices() -> dict[str, Mapping[str, str] | None]:
 
 
 def _flight_choices() -> dict[str, Mapping[str, str] | None]:
-    """Return the fields of a flight, as above."""
-    # Fewer than four rotors cannot make thrust and three torques.
+    """Return the fields of a flight, as `_pitch_choices`."""
+    # Thrust and three torques need at least four rotors.
     rigs = [name for name in rig_names() if load_rig_by_name(name).n_rotors >= 4]
     return {
         "case": {name: flight.title for name, flight in FLIGHTS.items()},
@@ -66,16 +66,16 @@ def _flight_choices() -> dict[str, Mapping[str, str] | None]:
 
 
 class SimulateTab:
-    """Form and report, for one page."""
+    """Form and report of one page."""
 
     def __init__(self, context: PageContext) -> None:
         self._context, self._folder = context, RunsFolder(context.runs)
         self._ready = False
         with titled_card("Simulation"):
             self._kind = ui.toggle([*KINDS], value="pitch bench", on_change=self._changed)
-            self._kind.props('no-caps aria-label="What is simulated"')
+            self._kind.props('no-caps aria-label="Type of simulation"')
             choices = (_pitch_choices(), _flight_choices())
-            self._forms = dict(zip(KINDS, map(self._form, KINDS, choices), strict=True))
+            self._forms = dict(zip(KINDS, map(self._build_form, KINDS, choices), strict=True))
             with ui.row().classes("items-center w-full gap-4"):
                 self._simulate = ui.button("Simulate", icon="flight_takeoff", on_click=self._start)
                 self._hint = ui.label().classes("soft").props("role=status")
@@ -83,47 +83,47 @@ class SimulateTab:
             self._progress: JobProgress[SimulationJob] = JobProgress(
                 context, "simulations", "simulation", self._done, self._changed
             )
-        self._answer = ui.column().classes("w-full scroll-place")
-        context.remember("simulate.kind", self._kind)
+        self._report = ui.column().classes("w-full scroll-place")
+        context.persist("simulate.kind", self._kind)
         self._ready = True
         self._changed()
         if (latest := self._progress.latest) is not None:
             self._show(latest)
 
-    def _form(
+    def _build_form(
         self, kind: str, fields: Mapping[str, Mapping[str, str] | None]
     ) -> InputForm[Simulation]:
         form: InputForm[Simulation] = InputForm(KINDS[kind], self._changed)
-        with ui.element("div").classes("field-grid") as place:
-            for name in (*fields, *ALWAYS):
+        with ui.element("div").classes("field-grid") as container:
+            for name in (*fields, *COMMON_FIELDS):
                 form.add(name, options=fields.get(name))
-        place.bind_visibility_from(self._kind, "value", value=kind)
+        container.bind_visibility_from(self._kind, "value", value=kind)
         return form
 
     def _inputs(self) -> Simulation:
-        """Return what the form describes, with the folder that it will be written to."""
+        """Return the inputs of the form with the output folder."""
         form = self._forms[self._kind.value]
-        given = form.given()
-        course = given.get("schedule") or given.get("case")
-        free = self._folder.free_path(today(), f"{self._kind.value.partition(' ')[0]}-{course}")
-        form.show_empty({"out": free.name})
-        out = self._folder.new_path(given["out"]) if given["out"] else free
-        numbers = (given["set"] or "").replace(",", " ").split()
-        given |= {"out": str(out), "set": numbers or None}
-        return build_inputs(KINDS[self._kind.value], given, source="label")
+        values = form.values()
+        case = values.get("schedule") or values.get("case")
+        free = self._folder.free_path(today(), f"{self._kind.value.partition(' ')[0]}-{case}")
+        form.show_defaults({"out": free.name})
+        out = self._folder.new_path(values["out"]) if values["out"] else free
+        numbers = (values["set"] or "").replace(",", " ").split()
+        values |= {"out": str(out), "set": numbers or None}
+        return build_inputs(KINDS[self._kind.value], values, source="label")
 
     def _changed(self) -> None:
-        """Show the command of the form, or what it lacks."""
+        """Show the form's command or its first error."""
         if not self._ready:
             return
         try:
-            self._command.show(command_words(self._inputs()))
+            self._command.show(command_arguments(self._inputs()))
         except BenchtoolError as error:
             self._hint.set_text(str(error))
             self._simulate.disable()
             return
         self._hint.set_text("")
-        self._simulate.set_enabled(not self._progress.watching)
+        self._simulate.set_enabled(not self._progress.is_watching)
 
     @show_errors
     def _start(self) -> None:
@@ -131,29 +131,31 @@ class SimulateTab:
         inputs = self._inputs()
         out = inputs.study.out
         assert out is not None
-        self._answer.clear()
-        self._progress.start(lambda: Job(out, command_words(inputs), simulate_into, inputs))
+        self._report.clear()
+        self._progress.start(
+            lambda: Job(out, command_arguments(inputs), simulate_to_folder, inputs)
+        )
         self._changed()
 
     def _done(self, job: SimulationJob) -> None:
         self._show(job)
-        self._answer.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+        self._report.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
 
     def _show(self, job: SimulationJob) -> None:
         if job.state.result is None:
             return
         section, recording = job.state.result
-        self._answer.clear()
-        with self._answer, ui.card().classes("w-full"):
+        self._report.clear()
+        with self._report, ui.card().classes("w-full"):
             show_section(section)
             with ui.row().classes("items-center w-full gap-4"):
-                ui.label("written to the runs folder; it is listed under Runs").classes("soft")
+                ui.label("saved in the runs folder; see Runs").classes("soft")
                 if recording:
                     explain = ui.button("Explain", icon="troubleshoot").props("outline")
                     explain.on_click(lambda: open_tab("explain", learn=recording))
 
 
 def build(context: PageContext) -> None:
-    """Make the tab's elements in the present slot."""
+    """Build the tab in the current slot."""
     ui.add_head_html(STYLE)
     SimulateTab(context)

@@ -1,4 +1,4 @@
-"""Simulate, in a process of its own: what `benchtool simulate --out` writes and prints."""
+"""Simulation in a worker process, as `benchtool simulate --out`."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 
 Simulation = PitchInputs | FlightInputs
 
-DRAWN_FROM = 0.8  # share of a job at which the runs are done; assumed
+FIGURE_START_SHARE = 0.8  # of the progress; assumed
 
 
-def command_words(inputs: Simulation) -> list[str]:
-    """Return the words behind `benchtool` that simulate the same."""
+def command_arguments(inputs: Simulation) -> list[str]:
+    """Return the arguments of the equivalent `benchtool simulate`."""
     kind = "pitch" if isinstance(inputs, PitchInputs) else "flight"
     return ["simulate", kind, *to_arguments(type(inputs), with_changes(inputs))]
 
 
-def simulate_into(
-    report: ReportProgress, out: Path, words: tuple[str, ...], inputs: Simulation
+def simulate_to_folder(
+    report: ReportProgress, out: Path, command: tuple[str, ...], inputs: Simulation
 ) -> tuple[PageSection, str]:
-    """Simulate, write the folder in one step, and return the report and the first recording.
+    """Simulate, write the folder atomically and return the report and the first recording.
 
     Raises:
-        BenchtoolError: inputs that cannot be simulated.
-        WouldOverwrite: something of that name exists.
+        BenchtoolError: the inputs do not allow a simulation.
+        WouldOverwrite: the folder exists.
     """
     from benchtool.report.flight.flight import FLIGHT
     from benchtool.report.flight.pitch_study import PITCH
@@ -40,17 +40,17 @@ def simulate_into(
     from benchtool.results import flight_result, pitch_result
     from benchtool.web.drawing import blocks_html
 
-    report("simulating; the first time on a machine this compiles, up to a minute", 0.0)
+    report("simulating; the first run on a machine compiles for up to a minute", 0.0)
     result: Result[Any]
     if isinstance(inputs, PitchInputs):
         result, page = pitch_result(inputs), PITCH
     else:
         result, page = flight_result(inputs), FLIGHT
-    report("drawing", DRAWN_FROM)
-    with write_atomically(out) as part:
-        recording, *_ = result.save(part)
+    report("drawing", FIGURE_START_SHARE)
+    with write_atomically(out) as folder:
+        recording, *_ = result.save(folder)
     head, *lines = result.summary().splitlines()
     blocks = [block for section in page.sections(result.found) for block in section.blocks]
     html = blocks_html([Listing(head, "\n".join(lines)), *blocks])
-    section = PageSection(title=out.name, html=html, simulated=True, command=words)
+    section = PageSection(title=out.name, html=html, simulated=True, command=command)
     return section, f"{out.name}/{recording.name}" if page is PITCH else ""

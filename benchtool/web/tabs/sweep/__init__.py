@@ -1,1 +1,1 @@
-"""The Sweep tab."""
+"""Sweep tab."""

@@ -1,4 +1,4 @@
-"""Edit a plan, see its preview, start it, or resume a run that was stopped."""
+"""Card to edit and preview a plan, start it, or resume a stopped run."""
 
 from __future__ import annotations
 
@@ -34,17 +34,14 @@ from benchtool.web.widgets import (
     titled_card,
 )
 
-SHOWN_VISITS = 400  # Rows of the order that are shown; a choice
+MAX_PREVIEW_ROWS = 400  # assumed
+COLUMNS = ("point", "kind", "z/R", "us", "repeat")
+MAX_PLAN_BYTES = 100_000  # larger files are rejected; assumed
 
-COLUMNS = ("visit", "kind", "z/R", "us", "repeat")
-
-MAX_BYTES = 100_000  # A plan file that is longer is none
-
-FIRST = (
+MAIN_FIELDS = (  # inputs of a plan that are always visible
     "z_over_r", "pwm", "repeats", "rotors", "tilt", "lateral", "sample_s", "anchor_every", "seed",
     "order", "name",
 )  # fmt: skip
-"""Inputs of a plan that are always shown; the others can be opened."""
 
 FIELDS = tuple(item.name for item in items(Plan))
 PLATE_FIELDS = (*(item.name for item in items(PlatePart)), "anchor_every")  # inputs of a plate
@@ -52,66 +49,66 @@ AIR = tuple(item.name for item in items(Air))
 
 
 class PlanPreview(NamedTuple):
-    """Hold what is shown of a plan.
+    """Preview of a plan.
 
     Attributes:
-        arming: what the operator must know before confirming.
-        order: rows by the names of COLUMNS.
+        arming_text: information for the operator before arming.
+        rows: points in order, with keys COLUMNS.
     """
 
     facts: Mapping[str, str]
-    arming: str
-    order: Sequence[dict[str, str]]
+    arming_text: str
+    rows: Sequence[dict[str, str]]
 
 
 def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
     """Return the preview of a resolved plan.
 
     Raises:
-        PlanError: the limits of rig or device do not allow it.
+        PlanError: the plan exceeds the limits of the rig or the device.
     """
     expected = check_plan(plan, rig, device_limits)
     visits = plan_visits(plan, rig)
     radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
-    apart = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
-    apart = apart if plan.plate.used else ""
-    pulses = ", ".join(f"{pulse:g}" for pulse in plan.throttle.pwm_us)
+    extra = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
+    extra = extra if plan.plate.used else ""
+    pulses = ", ".join(f"{pwm_us:g}" for pwm_us in plan.throttle.pwm_us)
     facts = {
         "rig": f"{rig.name}: {rig.title}",
         "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
-        or "no plate: throttle alone",
-        "pulses": f"{pulses} us",
-        "visits": (
+        or "no plate: throttle only",
+        "pulse widths": f"{pulses} us",
+        "points": (
             f"{len(visits)}, of {len(plan_settings(plan, rig))} settings: "
-            f"{plan.repeats} repeats{apart}"
+            f"{plan.repeats} repeats{extra}"
         ),
         "duration": f"about {minutes(expected_duration_s(plan, rig, visits))}",
-        "limits hold": (
-            f"at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
+        "expected maxima": (
+            f"{expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
             f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N"
         ),
     }
     rows = []
-    for visit in visits[:SHOWN_VISITS]:
-        place, level = visit.setting.place, f"{visit.setting.level_us:g}"
+    for visit in visits[:MAX_PREVIEW_ROWS]:
+        position, pwm_text = visit.setting.place, f"{visit.setting.level_us:g}"
         kind: str = visit.kind
-        distance = f"{place.z_m / radius_m:.2f}"
+        z_text = f"{position.z_m / radius_m:.2f}"
         if not plan.plate.used:
-            kind, distance = "throttle", "–"
-        elif place.parked:
-            distance = "parked"
-        row = (str(visit.point), kind, distance, level, str(visit.repeat))
+            kind, z_text = "throttle", "–"
+        elif position.parked:
+            z_text = "parked"
+        row = (str(visit.point), kind, z_text, pwm_text, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
     return PlanPreview(facts, arming_prompt(plan, rig, expected), rows)
 
 
 def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
-    """Return what a plan, resolved for a rig, runs with, by field, as it would be typed."""
-    ratios = tuple(distance_m / rig.propulsion.radius_m for distance_m in plan.plate.distances_m)
-    values = input_values(plan) | {"z_over_r": ratios}
+    """Return the values of a resolved plan by field, in input notation."""
+    z_over_R = tuple(z_m / rig.propulsion.radius_m for z_m in plan.plate.distances_m)
+    values = input_values(plan) | {"z_over_r": z_over_R}
     return {
-        item.name: ",".join(f"{each:g}" for each in value)
+        item.name: ",".join(f"{number:g}" for number in value)
         if item.is_sequence
         else format_value(value)
         for item in items(Plan)
@@ -120,88 +117,90 @@ def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
 
 
 class PlanCard:
-    """Offer the plan and its start."""
+    """Plan with preview, start and resume."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._session: tuple[int, str] = (-1, "")
         self._preview: PlanPreview | None = None
         self._base, self._file = SweepInputs(), ""
-        self._form = InputForm(SweepInputs, self._look)
+        self._form = InputForm(SweepInputs, self._update)
         with titled_card("Plan") as self._card:
-            self._show_form()
+            self._build_form()
             self._facts = ui.element("div").classes("facts-grid")
             self._problem = ui.label().classes("warn-box w-full")
-            with ui.expansion("Order of the visits").classes("w-full").props("dense"):
+            with ui.expansion("Order of points").classes("w-full").props("dense"):
                 columns = [
                     {"name": name, "label": name, "field": name, "align": "right"}
                     for name in COLUMNS
                 ]
-                self._order = ui.table(rows=[], columns=columns, row_key="visit", pagination=12)
+                self._order = ui.table(rows=[], columns=columns, row_key="point", pagination=12)
                 self._order.props("dense flat")
             with ui.row().classes("items-center w-full"):
                 self._start = ui.button("Start the sweep", icon="play_arrow", on_click=self._arm)
-                self._resume = ui.button("Resume a stopped run", on_click=self._choose)
+                self._resume = ui.button("Resume a stopped run", on_click=self._select_run)
                 self._resume.props("outline")
             self._command = CommandRow()
-        self._look()
+        self._update()
 
-    def _show_form(self) -> None:
-        ui.label("A field that is left empty shows what runs instead.").classes("soft")
+    def _build_form(self) -> None:
+        ui.label("Empty fields show their default.").classes("soft")
         with ui.element("div").classes("field-grid"):
-            self._form.add(*FIRST)
-        more = ui.expansion("Air, operator, calibration, stage, more of the plan")
+            self._form.add(*MAIN_FIELDS)
+        more = ui.expansion("Air, operator, calibration, stage, other plan fields")
         more.classes("w-full").props("dense")
         with more, ui.element("div").classes("field-grid"):
             self._form.add("operator", *AIR, "calibration", "stage")
-            self._form.add(*(name for name in FIELDS if name not in FIRST))
+            self._form.add(*(name for name in FIELDS if name not in MAIN_FIELDS))
         with ui.row().classes("items-center"):
             tests = {name: name for name in THROTTLE_TESTS}
             ui.select(
-                {"": "plate sweep"} | tests, value="", label="Test", on_change=self._choose_test
+                {"": "plate sweep"} | tests, value="", label="Test", on_change=self._select_test
             ).classes("w-40")
-            upload = file_upload("Plan file (TOML)", max_file_size=MAX_BYTES, on_upload=self._load)
+            upload = file_upload(
+                "Plan file (TOML)", max_file_size=MAX_PLAN_BYTES, on_upload=self._load
+            )
             upload.props("accept=.toml flat bordered dense").classes("w-72")
-            self._loaded = ui.label().classes("soft")
+            self._base_hint = ui.label().classes("soft")
 
-    def _choose_test(self, event: events.ValueChangeEventArguments[str]) -> None:
-        """Take a shipped plan without a plate as what runs where nothing is typed."""
+    def _select_test(self, event: events.ValueChangeEventArguments[str]) -> None:
+        """Use a library plan without a plate as the base of the form."""
         name = str(event.value or "")
         plan = read_plan(name) if name else Plan()
         self._base, self._file = SweepInputs(plan=plan), name
-        self._look()
+        self._update()
 
     @show_errors
     async def _load(self, event: events.UploadEventArguments) -> None:
-        """Take a plan file as what runs where nothing is typed."""
+        """Use a plan file as the base of the form."""
         name = event.file.name
         try:
             text = (await event.file.read()).decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise FileFormatError(name, f"it cannot be read as text ({error})") from error
+            raise FileFormatError(name, f"the file is not UTF-8 text ({error})") from error
         self._base, self._file = SweepInputs(plan=plan_from_toml(text, name)), name
-        self._loaded.set_text(f"{name} is the base; what is typed above replaces parts of it")
-        self._look()
+        self._base_hint.set_text(f"{name} is the base; fields above override its values")
+        self._update()
 
     def refresh(self) -> None:
         connection = self._context.bench.connection
         if (connection.session, connection.status) != self._session:
             self._session = connection.session, connection.status
-            self._look()
-        idle = connection.status == "on" and not connection.weighs
-        idle = idle and not self._context.bench.sweep.active
-        self._start.set_enabled(idle and self._preview is not None)
-        self._resume.set_enabled(idle)
+            self._update()
+        is_idle = connection.status == "on" and not connection.weighs
+        is_idle = is_idle and not self._context.bench.sweep.active
+        self._start.set_enabled(is_idle and self._preview is not None)
+        self._resume.set_enabled(is_idle)
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         connection, runs = self._context.bench.connection, self._context.runs
         rig = connection.rig
         problem, self._preview = "", None
         try:
             if rig is None:
-                raise InputError("no bench is connected, so there is no rig; connect one first")
+                raise InputError("a plan needs the rig of a bench; connect a bench first")
             plan = self._form.make(self._base).plan.resolved(rig)
-            self._form.show_empty(plan_texts(plan, rig))
+            self._form.show_defaults(plan_texts(plan, rig))
             self._form.show_fields(PLATE_FIELDS, plan.plate.used)
             limits = connection.identity.limits if connection.identity else None
             self._preview = build_preview(plan, rig, limits)
@@ -210,48 +209,48 @@ class PlanCard:
         self._problem.set_text(problem)
         self._problem.set_visibility(bool(problem))
         show_facts(self._facts, self._preview.facts if self._preview else {})
-        self._order.rows = list(self._preview.order) if self._preview else []
+        self._order.rows = list(self._preview.rows) if self._preview else []
         self._order.update()
-        given = {
+        extra = {
             "address": connection.address or "ADDRESS",
             "plan": self._file,
             "rig": rig.name if rig and not connection.address.startswith("sim:") else None,
             "runs": None if runs == SweepInputs().runs else runs,
         }
-        self._command.show(["sweep", *self._form.words(given)])
+        self._command.show(["sweep", *self._form.arguments(extra)])
 
     @show_errors
     def _arm(self) -> None:
         self._context.require_control()
-        self._look()
+        self._update()
         if self._preview is None:
             raise InputError(self._problem.text)
-        self._confirm(self._preview.arming, None)
+        self._confirm(self._preview.arming_text, None)
 
     def _confirm(self, text: str, resume: Path | None) -> None:
-        def begin(typed: str, needs_page: bool) -> None:
+        def start(typed: str, needs_page: bool) -> None:
             inputs = SweepInputs() if resume else self._form.make(self._base)
             inputs = replace(inputs, runs=self._context.runs, resume=resume)
             self._context.bench.send(StartSweep(inputs, typed, needs_page))
-            # Its progress stands above.
+            # Scroll up to the progress.
             ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 
-        confirm_arming(self._context, self._card, text, begin)
+        confirm_arming(self._context, self._card, text, start)
 
     @show_errors
-    async def _choose(self) -> None:
+    async def _select_run(self) -> None:
         self._context.require_control()
         names = await run.io_bound(stopped_runs, self._context.runs)
         if not names:
-            raise InputError(f"no sweep in {self._context.runs} was stopped before its end")
+            raise InputError(f"no stopped sweep in {self._context.runs}; start a new sweep")
         with open_dialog("Resume a run") as dialog:
-            chosen = ui.select(list(names), value=names[0]).classes("w-full")
+            select = ui.select(list(names), value=names[0]).classes("w-full")
 
             @show_errors
             def resume() -> None:
-                path = RunsFolder(self._context.runs).path_of(chosen.value)
+                path = RunsFolder(self._context.runs).path_of(select.value)
                 with self._card:
-                    self._confirm(f"the rest of {chosen.value} is measured", path)
+                    self._confirm(f"The remaining points of {select.value} are measured.", path)
                 dialog.close()
 
             with ui.row():
@@ -260,14 +259,14 @@ class PlanCard:
 
 
 def stopped_runs(folder: Path) -> list[str]:
-    """Return the names of sweeps that were stopped, newest first."""
-    found = []
+    """Return the names of stopped sweeps, newest first."""
+    runs = []
     for path in folder.glob("*/metadata.json"):
         try:
             facts = read_json(path)
         except BenchtoolError:
             continue
-        sweeps = facts.get("experiment") is None and (path.parent / "plan.toml").is_file()
-        if sweeps and facts.get("state") == "stopped":
-            found.append((path.stat().st_mtime, path.parent.name))
-    return [name for _, name in sorted(found, reverse=True)]
+        is_sweep = facts.get("experiment") is None and (path.parent / "plan.toml").is_file()
+        if is_sweep and facts.get("state") == "stopped":
+            runs.append((path.stat().st_mtime, path.parent.name))
+    return [name for _, name in sorted(runs, reverse=True)]

@@ -1,4 +1,4 @@
-"""T_IGE/T_OGE over plate distance, points as they are measured, over a model and its band."""
+"""Card with measured thrust ratios over plate distance, updated live, and a model with its band."""
 
 from __future__ import annotations
 
@@ -19,36 +19,31 @@ from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios
 from benchtool.web.theme import LIGHT_INK
 
 BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pulse", "equal_power": "equal power"}
-"""What is held equal, in words."""
 
 assert tuple(BASES) == RATIO_BASES
 
-STANDARD = {1: "single_bench", 4: "quad_bench"}  # Model that is shown first, by the number of discs
-
-SPAN = (0.5, 5.0)  # z/R of the curves
+DEFAULT_MODELS = {1: "single_bench", 4: "quad_bench"}  # by number of discs
+CURVE_Z_OVER_R = (0.5, 5.0)
 _STAMP = {
     "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
     "showarrow": False, "font": {"color": VERMILION, "size": 13},
     "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
 }  # fmt: skip
-"""Marks a figure of simulated data, as every figure of the project does."""
-
-_EMPTY = {
+_EMPTY_TEXT = {
     "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
 }  # fmt: skip
-"""Stands in a plot that has nothing to show."""
 
 
 class RatioCard:
-    """Show the ratios of the present run over a model of choice."""
+    """Thrust ratios of the current run with a selected model."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._shown: tuple[object, ...] = ()
+        self._plot_key: tuple[object, ...] = ()
         self._rig_name = ""
         self._curves: tuple[Trace, ...] = ()
-        self._curves_of: tuple[str, ...] = ()
-        self._busy = asyncio.Lock()
+        self._curves_key: tuple[str, ...] = ()
+        self._lock = asyncio.Lock()
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full"):
                 ui.label("Thrust").classes("card-title grow")
@@ -57,14 +52,14 @@ class RatioCard:
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
                 self._model.classes("w-52")
-            figure = ratio_figure(MeasuredRatios(), (), empty_figure(context.bench), GREY)
+            figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
             self._plot = ui.plotly(figure).classes("w-full ratio-plot")
-            self._why = ui.label().classes("soft")
+            self._problem = ui.label().classes("soft")
 
     async def refresh(self) -> None:
-        if self._busy.locked():
+        if self._lock.locked():
             return
-        async with self._busy:
+        async with self._lock:
             await self._refresh()
 
     async def _refresh(self) -> None:
@@ -73,55 +68,59 @@ class RatioCard:
         ink = LIGHT_INK if self._context.dark else SERIES_STYLES["measurement"].color
         if rig is not None and rig.name != self._rig_name:
             self._rig_name = rig.name
-            self._model.value = STANDARD.get(rig.n_discs, "")
-        model, basis, empty = self._model.value, self._basis.value, empty_figure(bench)
-        wanted = (sweep.run, sweep.done, rig.name if rig else "", model, basis, ink, empty)
-        if wanted == self._shown:
+            self._model.value = DEFAULT_MODELS.get(rig.n_discs, "")
+        model, basis, text = self._model.value, self._basis.value, empty_text(bench)
+        rig_name = rig.name if rig else ""
+        key = (sweep.run, sweep.n_measured, rig_name, model, basis, ink, text)
+        if key == self._plot_key:
             return
-        self._shown = wanted
+        self._plot_key = key
         worker = self._context.worker("plots")
         points = MeasuredRatios()
-        if sweep.run and sweep.done and sweep.kind != "pitch":
+        if sweep.run and sweep.n_measured and sweep.kind != "pitch":
             points = await worker.run(measured_ratios, Path(sweep.run), basis)
-        if rig is not None and self._curves_of != (rig.name, model, ink, basis):
-            self._curves_of = rig.name, model, ink, basis
+        if rig is not None and self._curves_key != (rig.name, model, ink, basis):
+            self._curves_key = rig.name, model, ink, basis
             try:
-                self._curves = await worker.run(model_curves, model, rig, SPAN, ink, basis)
+                self._curves = await worker.run(
+                    model_curves, model, rig, CURVE_Z_OVER_R, ink, basis
+                )
             except BenchtoolError as error:
-                self._curves = await worker.run(model_curves, "", rig, SPAN, ink, basis)
-                points = points if points.rows else MeasuredRatios(why=str(error))
-        self._plot.update_figure(ratio_figure(points, self._curves, empty, ink))
-        self._why.set_text(points.why)
-        self._why.set_visibility(bool(points.why))
+                self._curves = await worker.run(model_curves, "", rig, CURVE_Z_OVER_R, ink, basis)
+                points = points if points.rows else MeasuredRatios(problem=str(error))
+        self._plot.update_figure(ratio_figure(points, self._curves, text, ink))
+        self._problem.set_text(points.problem)
+        self._problem.set_visibility(bool(points.problem))
 
 
-def empty_figure(bench: BenchClient) -> str:
+def empty_text(bench: BenchClient) -> str:
     """Return the text of an empty plot."""
     if bench.sweep.active and bench.sweep.kind == "sweep":
-        return "The sweep runs; its points come here as they are measured."
+        return "No point measured yet."
     if bench.connection.status == "on":
-        return "Start a sweep: its points come here as they are measured."
-    return "Connect a bench under Bench, then start a sweep:<br>its points come here."
+        return "Start a sweep to see its points here."
+    return "Connect a bench under Bench, then start a sweep<br>to see its points here."
 
 
 def ratio_figure(
-    points: MeasuredRatios, curves: Sequence[Trace], empty_text: str, ink: str
+    points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
 ) -> dict[str, Any]:
-    """Return the figure as Plotly takes it."""
+    """Return the Plotly figure."""
     x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
     measured = {
         "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
         "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
         "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
     }  # fmt: skip
-    empty = not points.rows and not curves
+    is_empty = not points.rows and not curves
     x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
-    if points.raw:
-        curves, x_title, y_title = (), "pulse, us", "thrust, N"
-    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not empty}
-    # Thrust rises with the pulse, ratios fall with the distance: one corner is free.
-    stamp = {**_STAMP, "y": 0.99} if points.raw else _STAMP
-    notes = [stamp] if points.simulated else [{**_EMPTY, "text": empty_text}] if empty else []
+    if points.is_thrust:
+        curves, x_title, y_title = (), "pulse width, us", "thrust, N"
+    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
+    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
+    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
+    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
+    notes = [stamp] if points.simulated else notes
     return {
         "data": [*curves, measured],
         "layout": {

@@ -1,4 +1,4 @@
-"""The Sweep tab: a plan with its preview, start to end, points on the plot as they come."""
+"""Sweep tab: plan with preview, control of the run and live plot."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from benchtool.web.tabs.sweep.plan_card import PlanCard
 from benchtool.web.tabs.sweep.ratio_card import RatioCard
 from benchtool.web.widgets import open_tab, show_errors
 
-LOOK_S = 0.5  # How often points are looked for: the plot changes at most twice a second
-HIDDEN_EVENTS = frozenset({"device"})  # Events that the run folder has and the page does not show
-
-MOST_EVENTS = 60
+REFRESH_INTERVAL_S = 0.5
+HIDDEN_EVENTS = frozenset({"device"})  # in the run folder only
+MAX_EVENTS = 60
 
 
 class RunCard:
-    """Show and steer the sweep that runs, or the last one."""
+    """Progress and control of the current or last sweep."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._events = -1
+        self._n_events = -1
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
                 self._title = ui.label().classes("card-title grow")
-                self._fit = ui.button("Fit", icon="functions", on_click=self._go_fit)
+                self._fit = ui.button("Fit", icon="functions", on_click=self._open_fit)
                 self._fit.props("outline")
                 self._pause = ui.button(
                     "Pause", icon="pause", on_click=lambda: self._set_pause(on=True)
@@ -40,10 +39,10 @@ class RunCard:
                     "Continue", icon="play_arrow", on_click=lambda: self._set_pause(on=False)
                 )
             self._bar = ui.linear_progress(show_value=False, size="12px")
-            self._bar.props('instant-feedback aria-label="Share of the visits that are measured"')
-            self._now = ui.label().classes("number")
+            self._bar.props('instant-feedback aria-label="Share of measured points"')
+            self._progress = ui.label().classes("number")
             self._reason = ui.label().classes("w-full")
-            with ui.column().classes("w-full warn-box") as self._asking:
+            with ui.column().classes("w-full warn-box") as self._question_box:
                 self._question = ui.label()
                 with ui.row(wrap=False).classes("items-end w-full"):
                     self._answer = ui.input("Answer").classes("grow")
@@ -58,24 +57,26 @@ class RunCard:
         self._pause.set_visibility(sweep.status == "running")
         self._continue.set_visibility(sweep.status in ("pausing", "paused"))
         self._fit.set_visibility(sweep.status == "ended")
-        self._bar.value = round(sweep.done / sweep.visits, 3) if sweep.visits else 0.0
-        left = f", about {minutes(sweep.left_s)} left" if sweep.active else ""
-        self._now.set_text(f"{sweep.done} of {sweep.visits} visits{left}  {sweep.now}")
+        share = sweep.n_measured / sweep.n_points if sweep.n_points else 0.0
+        self._bar.value = round(share, 3)
+        text = f"{sweep.n_measured} of {sweep.n_points} points"
+        text += f", about {minutes(sweep.remaining_s)} left" if sweep.active else ""
+        self._progress.set_text(f"{text}  {sweep.point_text}")
         self._reason.set_text(sweep.reason)
         self._reason.set_visibility(bool(sweep.reason))
-        warns = sweep.status == "stopped" or "not seen to stand" in sweep.reason
-        self._reason.classes(**{"add" if warns else "remove": "warn-box"})
-        self._asking.set_visibility(bool(sweep.question))
+        is_warning = sweep.status == "stopped" or "not seen to stand" in sweep.reason
+        self._reason.classes(**{"add" if is_warning else "remove": "warn-box"})
+        self._question_box.set_visibility(bool(sweep.question))
         self._question.set_text(sweep.question)
-        if len(events) != self._events:
-            self._events = len(events)
-            shown = [event for event in events if event.event not in HIDDEN_EVENTS][-MOST_EVENTS:]
+        if len(events) != self._n_events:
+            self._n_events = len(events)
+            visible = [event for event in events if event.event not in HIDDEN_EVENTS]
             self._log.clear()
             with self._log:
-                for event in reversed(shown):
+                for event in reversed(visible[-MAX_EVENTS:]):
                     ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
 
-    def _go_fit(self) -> None:
+    def _open_fit(self) -> None:
         open_tab("fit", data=Path(self._context.bench.sweep.run).name)
 
     @show_errors
@@ -89,11 +90,11 @@ class RunCard:
 
 
 def build(context: PageContext) -> None:
-    """Make the tab."""
+    """Build the tab."""
     with ui.element("div").classes("grid-main plan-left"):
         with ui.element("div"):
             run = RunCard(context)
-            charts = ChartCard(context, ("Thrust", "Speed"), tools=False)
+            charts = ChartCard(context, ("Thrust", "Speed"), has_tools=False)
             limits = LimitsCard(context)
             plot = RatioCard(context)
         with ui.element("div"):
@@ -103,6 +104,6 @@ def build(context: PageContext) -> None:
         for card in (run, charts, limits, plan):
             card.refresh()
 
-    ui.timer(LOOK_S, refresh)
-    # By itself: the state of a sweep does not wait for its plot.
-    ui.timer(LOOK_S, plot.refresh)
+    ui.timer(REFRESH_INTERVAL_S, refresh)
+    # Separate timer: the status of a sweep must not wait for its plot.
+    ui.timer(REFRESH_INTERVAL_S, plot.refresh)

@@ -1,4 +1,4 @@
-"""What the plot of ratios shows, made in a process of its own: points from the disk, the model."""
+"""Data of the ratio plot, computed in a worker process."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from benchtool.report.palette import BLUE, SERIES_STYLES, VERMILION
 
 CURVE_POINTS = 80
 
-Trace = dict[str, Any]  # One line or set of markers, as Plotly takes it
+Trace = dict[str, Any]  # Plotly trace
 
 
 class MeasuredRatios(NamedTuple):
-    """Hold measured ratios.
+    """Measured thrust ratios.
 
     Attributes:
         rows: z/R, T_IGE/T_OGE, standard error.
-        raw: before there is a ratio: rows are pulse in us, thrust in N, standard error.
-        why: why there are none, empty when there are.
+        problem: reason for missing ratios, or "".
+        is_thrust: no ratio available yet; rows are pulse width in us, thrust in N, standard error.
     """
 
     rows: tuple[tuple[float, ...], ...] = ()
-    why: str = ""
+    problem: str = ""
     simulated: bool = False
-    raw: bool = False
+    is_thrust: bool = False
 
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
-    """Return the ratios of a run as far as it is; thrust over pulse where it has none."""
+    """Return the ratios of a (running) sweep; thrust over pulse width if it has no ratio."""
     from benchtool.data.columns import word_to_code
     from benchtool.data.run.ratios import ratios
     from benchtool.data.run.read import read_points
@@ -46,40 +46,40 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
         facts = Run.open(run).metadata
         rig = run_rig(run, facts)
     except BenchtoolError as error:
-        return MeasuredRatios(why=str(error))
-    why = ""
+        return MeasuredRatios(problem=str(error))
+    problem = ""
     try:
         measured = ratios(points, basis, rig)
     except BenchtoolError as error:
-        measured, why = None, str(error)
+        measured, problem = None, str(error)
     kinds, simulated = points.column("kind"), bool(facts.get("simulated"))
     if measured is not None:
-        near = (kinds == word_to_code("kind", "measure")) & np.isfinite(measured.value)
+        is_valid = (kinds == word_to_code("kind", "measure")) & np.isfinite(measured.value)
         z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
         table = (z_over_R, measured.value, np.nan_to_num(measured.total_error))
-        if near.any():
-            return MeasuredRatios(_rows(table, near), simulated=simulated)
-    pulses_us = np.max([points.column(f"pwm{i + 1}_us") for i in range(rig.n_rotors)], axis=0)
-    table = (pulses_us, points.column("thrust_N"), np.nan_to_num(points.column("thrust_se_N")))
-    valid = np.isfinite(pulses_us) & np.isfinite(points.column("thrust_N"))
-    return MeasuredRatios(_rows(table, valid), why, simulated=simulated, raw=True)
+        if is_valid.any():
+            return MeasuredRatios(_rows(table, is_valid), simulated=simulated)
+    pwm_us = np.max([points.column(f"pwm{i + 1}_us") for i in range(rig.n_rotors)], axis=0)
+    table = (pwm_us, points.column("thrust_N"), np.nan_to_num(points.column("thrust_se_N")))
+    is_valid = np.isfinite(pwm_us) & np.isfinite(points.column("thrust_N"))
+    return MeasuredRatios(_rows(table, is_valid), problem, simulated=simulated, is_thrust=True)
 
 
-def _rows(table: tuple[Array, ...], chosen: NDArray[np.bool_]) -> tuple[tuple[float, ...], ...]:
-    return tuple(map(tuple, np.column_stack(table)[chosen].tolist()))
+def _rows(table: tuple[Array, ...], mask: NDArray[np.bool_]) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, np.column_stack(table)[mask].tolist()))
 
 
 def model_curves(
     model: str, rig: Rig, z_over_R: tuple[float, float], ink: str, basis: str
 ) -> tuple[Trace, ...]:
-    """Return a model's curve with its band, and the closed formulae, all rotors turning.
+    """Return curves of the closed formulas and of a model with its band, all rotors turning.
 
     Args:
-        model: name or file; empty for the formulae alone.
-        basis: what the model's ratios hold equal.
+        model: name or file; "" for the formulas only.
+        basis: ratio basis of the model's curve.
 
     Raises:
-        BenchtoolError: the model cannot be read, or is of another rig.
+        BenchtoolError: the model is not readable, or is for another rig.
     """
     from benchtool.fit.nominal import nominal_model
     from benchtool.physics import VALIDITY_Z_OVER_R
@@ -90,25 +90,25 @@ def model_curves(
     nearest = VALIDITY_Z_OVER_R if nominal is None else nominal.model.nearest_z_over_R
     x = np.geomspace(max(low, nearest), max(high, low + 0.5), CURVE_POINTS)
     speeds = np.full((rig.n_rotors, 1), 500.0)
-    found = []
+    traces = []
     for curve in formula_curves(rig, speeds, x[x >= VALIDITY_Z_OVER_R]):
         color = SERIES_STYLES["quad"].color if curve.role == "quad" else ink
         line = {"color": color, "dash": "dash", "width": 1.5}
-        found.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
+        traces.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
     if nominal is None:
-        return tuple(found)
-    middle = np.asarray(factor_at_distance(nominal.model, speeds, x, basis=basis), float)
-    middle = np.broadcast_to(middle, x.shape)
+        return tuple(traces)
+    ratio = np.asarray(factor_at_distance(nominal.model, speeds, x, basis=basis), float)
+    ratio = np.broadcast_to(ratio, x.shape)
     bands = uncertainty_bands(nominal.model, speeds, x, nominal.draws, basis)
     name = nominal.model.name
     if bands:
         edge = {"width": 0, "color": VERMILION}
         low_edge = _line("lower", x, bands[-1].lower, edge)
         high_edge = _line(f"{name}, 95 %", x, bands[-1].upper, edge)
-        found.append({**low_edge, "showlegend": False, "hoverinfo": "skip"})
-        found.append({**high_edge, "fill": "tonexty", "fillcolor": VERMILION + "33"})
+        traces.append({**low_edge, "showlegend": False, "hoverinfo": "skip"})
+        traces.append({**high_edge, "fill": "tonexty", "fillcolor": VERMILION + "33"})
     color = VERMILION if bands else BLUE
-    return (*found, _line(name, x, middle, {"color": color, "width": 2}))
+    return (*traces, _line(name, x, ratio, {"color": color, "width": 2}))
 
 
 def _line(name: str, x: Array, y: Array, line: dict[str, Any]) -> Trace:

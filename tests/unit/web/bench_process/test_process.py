@@ -1,4 +1,4 @@
-"""The bench process by its own protocol, on simulated benches: no server, no browser."""
+"""Bench process on simulated benches, by its message protocol without server and browser."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ from benchtool.web.bench_process.publisher import FRAME
 from benchtool.web.bench_process.spawn import StopEndpoint
 
 T = TypeVar("T")
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
-def over(event: messages.SweepStatus) -> bool:
-    """Tell whether a sweep is over."""
+def is_over(event: messages.SweepStatus) -> bool:
+    """Return whether a sweep is over."""
     return event.status in ("ended", "stopped")
+
+
+def drives_1400_us(event: messages.LiveStatus) -> bool:
+    return max(event.command_pwm_us, default=0.0) >= 1400.0
 
 
 PLAN = plan_from_toml(
@@ -48,7 +52,7 @@ pwm_us = [1400.0]
 
 
 class Server:
-    """Be the server's end of the pipe."""
+    """Server side of the pipe."""
 
     def __init__(self, pipe: Pipe, process: Any) -> None:
         self.pipe, self.process = pipe, process
@@ -58,9 +62,9 @@ class Server:
     def send(self, command: messages.Command) -> None:
         self.pipe.send_bytes(pickle.dumps(command))
 
-    def wait_for(self, kind: type[T], fits: Callable[[T], bool] = lambda event: True) -> T:
-        """Return the next event of a kind that fits."""
-        deadline = time.monotonic() + PATIENCE_S
+    def wait_for(self, kind: type[T], matches: Callable[[T], bool] = lambda event: True) -> T:
+        """Return the next event of a kind that matches."""
+        deadline = time.monotonic() + TIMEOUT_S
         while time.monotonic() < deadline:
             if not self.pipe.poll(0.5):
                 continue
@@ -70,27 +74,27 @@ class Server:
                 continue
             event = pickle.loads(message[1:])
             self.events.append(event)
-            if isinstance(event, kind) and fits(event):
+            if isinstance(event, kind) and matches(event):
                 return event
-        raise AssertionError(f"nothing of it came: {self.events[-5:]}")
+        raise AssertionError(f"no {kind.__name__} before the timeout: {self.events[-5:]}")
 
-    def connect(self, address: str, **more: Any) -> messages.ConnectionStatus:
-        self.send(messages.Connect(address=address, **more))
+    def connect(self, address: str, **options: Any) -> messages.ConnectionStatus:
+        self.send(messages.Connect(address=address, **options))
         return self.wait_for(messages.ConnectionStatus, lambda event: event.status != "opening")
 
 
 @pytest.fixture
 def bench():
     spawn = get_context("spawn")
-    ours, theirs = spawn.Pipe()
-    process = spawn.Process(target=run_bench_process, args=(theirs,))
+    pipe, child_pipe = spawn.Pipe()
+    process = spawn.Process(target=run_bench_process, args=(child_pipe,))
     process.start()
-    theirs.close()
-    yield Server(ours, process)
+    child_pipe.close()
+    yield Server(pipe, process)
     if process.is_alive():
-        ours.send_bytes(pickle.dumps(messages.Shutdown()))
+        pipe.send_bytes(pickle.dumps(messages.Shutdown()))
     process.join(20)
-    ours.close()
+    pipe.close()
     assert process.exitcode == 0
 
 
@@ -109,33 +113,33 @@ def test_a_bench_is_connected_told_of_and_let_go(bench):
 
 
 @pytest.mark.parametrize(
-    ("address", "why"),
+    ("address", "fragment"),
     [
         ("nonsense", "has no address scheme"),
         ("sim:none", "unknown rig"),
-        ("serial:/dev/none", "no rig for"),
+        ("serial:/dev/none", "no rig for serial"),
     ],
 )
-def test_what_cannot_be_opened_is_told_in_one_sentence(bench, address, why):
+def test_what_cannot_be_opened_is_told_in_one_sentence(bench, address, fragment):
     off = bench.connect(address)
     assert off.status == "off"
-    assert why in off.reason
+    assert fragment in off.reason
     assert bench.connect("sim:pquad_single").status == "on"
 
 
-def test_a_hand_turns_motors_only_while_it_is_heard_of(bench):
+def test_motors_turn_only_while_the_button_is_reported_as_held(bench):
     bench.connect("sim:pquad_single")
     for _ in range(30):
         bench.send(messages.HoldThrottle("a", 1, 1300.0, (1,)))
         time.sleep(0.05)
     turning = bench.wait_for(
-        messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) > 1100.0
+        messages.LiveStatus, lambda event: max(event.command_pwm_us, default=0.0) > 1100.0
     )
-    assert len(turning.pulses_us) == 1
+    assert len(turning.command_pwm_us) == 1
     bench.wait_for(messages.PressEnded, lambda event: "no report of the button for" in event.reason)
     assert turning.standstill == ""
     standing = bench.wait_for(messages.LiveStatus, lambda event: "was seen" in event.standstill)
-    assert max(standing.pulses_us) == 1000.0
+    assert max(standing.command_pwm_us) == 1000.0
     assert standing.standstill.startswith("rotor 1 was seen to stand")
 
 
@@ -147,9 +151,9 @@ def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench):
     assert live.weighed[0][0] == 0.0
     bench.send(messages.HoldThrottle("a", 1, 1300.0, (1,)))
     bench.send(messages.StartSweep(SweepInputs(plan=PLAN)))
-    assert "held for masses only" in bench.wait_for(messages.Notice).text
+    assert "connected for calibration only" in bench.wait_for(messages.Notice).text
     bench.send(messages.WeighMass(1e6))
-    assert "the load cell's rating" in bench.wait_for(messages.Notice).text
+    assert "load cell rating" in bench.wait_for(messages.Notice).text
 
 
 def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
@@ -164,7 +168,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
     bench.connect("sim:beam?mode=pitch&schedule=steps")
     bench.send(messages.SetClockSpeed(20.0))
     bench.send(command)
-    began = bench.wait_for(messages.SweepStatus, lambda event: event.left_s > 0.0)
+    began = bench.wait_for(messages.SweepStatus, lambda event: event.remaining_s > 0.0)
     assert began.kind == "pitch"
     assert began.active
     ended = bench.wait_for(messages.SweepStatus, lambda event: not event.active)
@@ -180,7 +184,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
             experiment=PitchExperiment(seconds=60.0, collective_us=1610.0), runs=tmp_path
         )
     )
-    bench.wait_for(messages.SweepStatus, lambda event: event.left_s > 0.0)
+    bench.wait_for(messages.SweepStatus, lambda event: event.remaining_s > 0.0)
     bench.send(messages.Disconnect())
     assert "a recording is under way" in bench.wait_for(messages.Notice).text
     bench.send(messages.StopMotors("a test"))
@@ -194,17 +198,17 @@ def test_a_sweep_runs_pauses_and_ends(bench, tmp_path):
     bench.connect("sim:pquad_single")
     bench.send(messages.SetClockSpeed(100.0))
     bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
-    bench.wait_for(messages.SweepStatus, lambda event: event.done == 1)
+    bench.wait_for(messages.SweepStatus, lambda event: event.n_measured == 1)
     bench.send(messages.PauseSweep(True))
     bench.wait_for(messages.SweepStatus, lambda event: event.status == "paused")
     bench.send(messages.Disconnect())
     assert "a sweep is under way" in bench.wait_for(messages.Notice).text
     bench.send(messages.PauseSweep(False))
-    ended = bench.wait_for(messages.SweepStatus, over)
+    ended = bench.wait_for(messages.SweepStatus, is_over)
     assert ended.status == "ended", ended.reason
-    assert ended.done == ended.visits == 5
-    events = [each.event.event for each in bench.events if isinstance(each, messages.RunEvent)]
-    assert {"tare", "paused", "went_on", "ended"} <= set(events)
+    assert ended.n_measured == ended.n_points == 5
+    run_events = [event.event for event in bench.events if isinstance(event, messages.RunEvent)]
+    assert {"tare", "paused", "went_on", "ended"} <= {event.event for event in run_events}
     (path,) = tmp_path.iterdir()
     assert len(read_points(path)) == 5
     assert Run.open(path).metadata["samples"]["parquet_sha256"]
@@ -213,20 +217,20 @@ def test_a_sweep_runs_pauses_and_ends(bench, tmp_path):
 def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(bench, tmp_path):
     bench.connect("sim:pquad_single")
     bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
-    bench.wait_for(messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0)
+    bench.wait_for(messages.LiveStatus, drives_1400_us)
     for _ in range(3):
         bench.send(messages.ServerHeartbeat("the page is closed"))
     bench.wait_for(messages.SweepStatus, lambda event: event.status == "paused")
     halted = bench.wait_for(messages.LiveStatus)
-    assert max(halted.pulses_us) == 1000.0
+    assert max(halted.command_pwm_us) == 1000.0
     bench.send(messages.SetClockSpeed(100.0))
     for _ in range(3):
         bench.send(messages.ServerHeartbeat())
     bench.send(messages.PauseSweep(False))
-    ended = bench.wait_for(messages.SweepStatus, over)
-    assert (ended.status, ended.done) == ("ended", 5), ended.reason
-    events = [each.event for each in bench.events if isinstance(each, messages.RunEvent)]
-    assert [each.text for each in events if each.event == "paused"] == [
+    ended = bench.wait_for(messages.SweepStatus, is_over)
+    assert (ended.status, ended.n_measured) == ("ended", 5), ended.reason
+    run_events = [event.event for event in bench.events if isinstance(event, messages.RunEvent)]
+    assert [event.text for event in run_events if event.event == "paused"] == [
         "the page is closed; motors at zero"
     ]
     run = Run.open(Path(ended.run))
@@ -239,26 +243,24 @@ def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(bench
 @pytest.mark.parametrize("token", ["right", "wrong"])
 def test_stop_has_a_port_of_its_own(token, tmp_path):
     spawn = get_context("spawn")
-    ours, theirs = spawn.Pipe()
+    pipe, child_pipe = spawn.Pipe()
     endpoint = StopEndpoint(socket.create_server(("127.0.0.1", 0)), "right")
-    process = spawn.Process(target=run_bench_process, args=(theirs, *endpoint))
+    process = spawn.Process(target=run_bench_process, args=(child_pipe, *endpoint))
     process.start()
-    theirs.close()
-    server = Server(ours, process)
+    child_pipe.close()
+    server = Server(pipe, process)
     try:
         server.connect("sim:pquad_single")
         server.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
-        server.wait_for(
-            messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0
-        )
-        sent = HTTPConnection("127.0.0.1", endpoint.port, timeout=PATIENCE_S)
+        server.wait_for(messages.LiveStatus, drives_1400_us)
+        sent = HTTPConnection("127.0.0.1", endpoint.port, timeout=TIMEOUT_S)
         sent.request("POST", "/stop", token)
         assert sent.getresponse().status == (200 if token == "right" else 403)
         if token == "right":
-            stopped = server.wait_for(messages.SweepStatus, over)
+            stopped = server.wait_for(messages.SweepStatus, is_over)
             assert stopped.reason.startswith("stopped from the page; zero was commanded")
     finally:
-        ours.send_bytes(pickle.dumps(messages.Shutdown()))
+        pipe.send_bytes(pickle.dumps(messages.Shutdown()))
         process.join(20)
-        ours.close()
+        pipe.close()
         endpoint.listening.close()

@@ -1,4 +1,4 @@
-"""Motors that were not seen to stand are reported on every page until somebody has looked."""
+"""Standstill problems are shown on every page until a user dismisses them."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from benchtool.web.header import status_parts
 TURNING = StandstillNotConfirmed("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
 
 
-@pytest.mark.parametrize(("error", "unseen"), [(TURNING, str(TURNING)), (LinkLost("gone"), "")])
-def test_the_bench_process_tells_that_motors_may_still_turn(error, unseen, monkeypatch):
-    def refuse(address: str) -> None:
+@pytest.mark.parametrize(("error", "problem"), [(TURNING, str(TURNING)), (LinkLost("gone"), "")])
+def test_the_bench_process_tells_that_motors_may_still_turn(error, problem, monkeypatch):
+    def fail(address: str) -> None:
         raise error
 
-    monkeypatch.setattr(process, "open_bench", refuse)
-    ours, theirs = Pipe()
-    held = process.BenchProcess(theirs)
-    held._hold(Connect(address="sim:pquad"))
-    events = [pickle.loads(ours.recv_bytes()[1:]) for _ in range(2)]
-    held._publisher.close()
-    _, ended = events
-    assert isinstance(ended, ConnectionStatus)
-    assert (ended.status, ended.reason, ended.unseen) == ("off", str(error), unseen)
+    monkeypatch.setattr(process, "open_bench", fail)
+    pipe, child_pipe = Pipe()
+    bench_process = process.BenchProcess(child_pipe)
+    bench_process._serve_bench(Connect(address="sim:pquad"))
+    _, status = [pickle.loads(pipe.recv_bytes()[1:]) for _ in range(2)]
+    bench_process._publisher.close()
+    assert isinstance(status, ConnectionStatus)
+    assert (status.status, status.reason) == ("off", str(error))
+    assert status.standstill_problem == problem
 
 
 def test_what_is_known_of_motors_is_first_that_they_may_turn():
     bench = BenchClient()
-    bench.connection = ConnectionStatus(reason=str(TURNING), unseen=str(TURNING))
+    bench.connection = ConnectionStatus(reason=str(TURNING), standstill_problem=str(TURNING))
     assert status_parts(bench) == [str(TURNING)]
     bench.dismiss_alarm()
     assert status_parts(bench) == ["no bench is connected"]

@@ -1,4 +1,4 @@
-"""What can be chosen, what leads elsewhere, and the command of a choice."""
+"""Choices of the Explain tab, rejected paths, and the equivalent command."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.recording_file import write_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.explain.sources import (
-    EXAMPLE,
+    EXAMPLE_PREFIX,
     RecordingSources,
-    command_words,
+    command_arguments,
     explain_inputs,
     suggested_folder,
 )
@@ -42,21 +42,20 @@ def sources(tmp_path):
 
 
 def test_recordings_of_the_runs_folder_come_before_the_examples(sources):
-    recordings = sources.choices().recordings
-    found = list(recordings)
-    assert set(found[:2]) == {"mine/learn.parquet", "table.csv"}
-    assert f"{EXAMPLE}pitch_friction/check.parquet" in found
-    assert f"{EXAMPLE}quad/run" in found
+    recordings = sources.read_choices().recordings
+    assert set(list(recordings)[:2]) == {"mine/learn.parquet", "table.csv"}
+    assert f"{EXAMPLE_PREFIX}pitch_friction/check.parquet" in recordings
+    assert f"{EXAMPLE_PREFIX}quad/run" in recordings
     assert "7,500 rows" in recordings["mine/learn.parquet"]
 
 
 @pytest.mark.parametrize(
     ("recording", "model"),
     [
-        (f"{EXAMPLE}quad/run", "quad_bench"),
-        (f"{EXAMPLE}single_rotor/run", "single_bench"),
+        (f"{EXAMPLE_PREFIX}quad/run", "quad_bench"),
+        (f"{EXAMPLE_PREFIX}single_rotor/run", "single_bench"),
         ("hinge.csv", "pitch_pquad"),
-        ("mine/learn.parquet", ""),  # it does not say its rig
+        ("mine/learn.parquet", ""),  # contains no rig
         ("table.csv", ""),
         ("lab.csv", "single"),
     ],
@@ -66,21 +65,26 @@ def test_a_recording_proposes_the_model_of_its_bench(sources, recording, model):
     hinge = Recording.from_columns([(Channel("theta_rad", "rad"), np.zeros(2))])
     facts = {"rig": json.loads(json.dumps(asdict(load_rig_by_name("pquad"))))}
     write_recording(sources.runs.root / "hinge.csv", hinge, facts)
-    assert sources.proposed_model(recording) == model
+    assert sources.suggest_model(recording) == model
 
 
 @pytest.mark.parametrize(
-    "choice", ["../secret.csv", "/etc/passwd", f"{EXAMPLE}../pyproject.toml", "a\\b", ".hidden"]
+    "choice",
+    ["../secret.csv", "/etc/passwd", f"{EXAMPLE_PREFIX}../pyproject.toml", "a\\b", ".hidden"],
 )
 def test_a_choice_that_leads_elsewhere_is_refused(sources, choice):
     with pytest.raises(InputError, match="leads out of"):
-        sources.path_of(choice)
+        sources.find_path(choice)
     with pytest.raises(InputError, match="leads out of"):
-        sources.model_of(choice)
+        sources.find_model(choice)
 
 
 def test_the_command_names_everything(sources):
-    chosen = ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
+    chosen = (
+        ["mine/learn.parquet"],
+        [f"{EXAMPLE_PREFIX}pitch_friction/check.parquet"],
+        "pitch_pquad",
+    )
     inputs = explain_inputs(sources, *chosen, "pquad")
     with pytest.raises(InputError, match="does not say which rig it was measured on"):
         explain_inputs(sources, *chosen)
@@ -88,7 +92,7 @@ def test_the_command_names_everything(sources):
         explain_inputs(sources, *chosen, "mine.toml")
     out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
     assert out == sources.runs.root / "2024-05-06-explain-learn"
-    assert command_words(inputs, out) == [
+    assert command_arguments(inputs, out) == [
         "explain", str(sources.runs.root / "mine/learn.parquet"), "--model", "pitch_pquad",
         "--rig", "pquad", "--check", str(EXAMPLES / "pitch_friction/check.parquet"),
         "--out", str(out),

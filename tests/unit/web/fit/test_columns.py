@@ -1,4 +1,4 @@
-"""A table's columns: what its header suggests, what the form gives, what is refused."""
+"""Column maps of tables: suggestions, form values and rejected maps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
 from benchtool.data.run.runs_folder import columns_file
-from benchtool.web.tabs.fit.data import chosen_columns, columns_for, units_for
+from benchtool.web.tabs.fit.data import allowed_units, check_columns, load_columns
 from benchtool.web.tabs.fit.work import store_columns
 
 
@@ -19,14 +19,14 @@ def table(tmp_path):
 
 
 def test_a_header_suggests_columns_and_units_of_the_same_kind(table):
-    assert columns_for(table) == {
+    assert load_columns(table) == {
         "plate_z_m": ColumnSource(column="gap (mm)", unit="mm"),
         "thrust_N": ColumnSource(column="Thrust (gf)", unit="gf"),
         "rpm1": ColumnSource(column="rpm"),
     }
-    assert units_for("thrust_N")[0] == "N"
-    assert {"gf", "lbf"} <= set(units_for("thrust_N"))
-    assert "mm" not in units_for("thrust_N")
+    assert allowed_units("thrust_N")[0] == "N"
+    assert {"gf", "lbf"} <= set(allowed_units("thrust_N"))
+    assert "mm" not in allowed_units("thrust_N")
 
 
 def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
@@ -41,7 +41,7 @@ def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
 
 
 def test_a_map_needs_thrust_and_a_speed():
-    with pytest.raises(InputError, match="no column is thrust_N"):
-        chosen_columns({"rpm1": ColumnSource(column="rpm")})
+    with pytest.raises(InputError, match="thrust_N has no column"):
+        check_columns({"rpm1": ColumnSource(column="rpm")})
     with pytest.raises(InputError, match="neither rpm1 nor pwm1_us"):
-        chosen_columns({"thrust_N": ColumnSource(column="F"), "rpm1": None})
+        check_columns({"thrust_N": ColumnSource(column="F"), "rpm1": None})

@@ -1,4 +1,4 @@
-"""Which models the page fits, and how its form changes their numbers."""
+"""Models of the Fit tab, and recipe options of its form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchtool.physics.model_file import load_model, model_to_toml
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
     choice_options,
-    form_numbers,
+    form_parameters,
     model_choices,
     model_path,
 )
@@ -62,21 +62,21 @@ def test_a_model_may_not_lead_out_either(folder, line):
 
 
 def test_what_the_form_leaves_alone_needs_no_option():
-    numbers = form_numbers("quad_bench")
-    assert not any(name.startswith("noise.") for name in numbers)
-    same = {name: ParameterChoice(number.free, number.value) for name, number in numbers.items()}
-    assert choice_options(numbers, same) == {"free": [], "hold": [], "fix": {}}
+    parameters = form_parameters("quad_bench")
+    assert not any(name.startswith("noise.") for name in parameters)
+    same = {name: ParameterChoice(item.free, item.value) for name, item in parameters.items()}
+    assert choice_options(parameters, same) == {"free": [], "hold": [], "fix": {}}
 
 
 def test_the_form_frees_holds_and_fixes():
-    numbers = form_numbers("quad_bench")
-    fixed = next(name for name, number in numbers.items() if not number.free)
+    parameters = form_parameters("quad_bench")
+    fixed = next(name for name, parameter in parameters.items() if not parameter.free)
     choices = {
         "body_lift.K_b": ParameterChoice(False, 2.5),
-        "R_m": ParameterChoice(False, numbers["R_m"].value),
-        fixed: ParameterChoice(True, numbers[fixed].value),
+        "R_m": ParameterChoice(False, parameters["R_m"].value),
+        fixed: ParameterChoice(True, parameters[fixed].value),
     }
-    options = choice_options(numbers, choices)
+    options = choice_options(parameters, choices)
     assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
     recipe = build_inputs(
         Recipe, options, base=Recipe(name="x", data=("a",), model="quad_bench", rig="pquad")

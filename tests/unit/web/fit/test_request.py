@@ -1,4 +1,4 @@
-"""The Fit form as a recipe, as a command, and as a folder that a process of its own writes."""
+"""The Fit form as a recipe, as a command, and as a folder written by a worker process."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from benchtool.report.fit.stored_fit import read_stored
 from benchtool.web.tabs.fit.model_choice import (
     FitRequest,
     ParameterChoice,
+    build_recipe,
     command_arguments,
     data_rig,
-    form_numbers,
-    recipe_for,
+    form_parameters,
 )
 from benchtool.web.tabs.fit.work import fit_to_folder
 
@@ -43,8 +43,8 @@ def entries(folder):
 
 
 def request(**changes: object) -> FitRequest:
-    given: dict[str, object] = {"data": ["one"], "model": "single_bench", "name": "fit-one"}
-    return FitRequest(**{**given, **changes})  # type: ignore[arg-type]
+    fields: dict[str, object] = {"data": ["one"], "model": "single_bench", "name": "fit-one"}
+    return FitRequest(**{**fields, **changes})  # type: ignore[arg-type]
 
 
 def test_the_form_gives_a_recipe_and_its_words(folder, entries):
@@ -52,11 +52,11 @@ def test_the_form_gives_a_recipe_and_its_words(folder, entries):
     methods = ["least_squares", "emcee"]
     options = {"method": methods, "profile": True, "budget": "mc", "temperature": "21"}
     form = request(choices=fixed, options=options)
-    recipe = recipe_for(form, folder, entries)
+    recipe = build_recipe(form, folder, entries)
     assert recipe.data == (str(folder.root / "one"),)
-    words = command_arguments(recipe, form, folder)
-    assert words[:4] == ["fit", str(folder.root / "one"), "--model", "single_bench"]
-    assert words[4:] == [
+    arguments = command_arguments(recipe, form, folder)
+    assert arguments[:4] == ["fit", str(folder.root / "one"), "--model", "single_bench"]
+    assert arguments[4:] == [
         *("--method", "least_squares", "--method", "emcee", "--fix", "R_m=0.13"),
         *("--temperature", "21", "--profile", "--budget", "mc"),
         *("--out", str(folder.root / "fit-one")),
@@ -70,52 +70,51 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(folder, entries):
     metadata.write_text(json.dumps(facts), "utf-8")
     rig = data_rig(request(data=["one", "lab.csv"]), folder)
     assert rig is not None
-    numbers, own = form_numbers("single_bench", rig), form_numbers("single_bench")
-    assert numbers["R_m"].value == 0.2 != own["R_m"].value
-    # What is shown needs no option; the model file's own number is another here, and does.
-    for value, fix in ((0.2, {}), (own["R_m"].value, {"R_m": own["R_m"].value})):
-        recipe = recipe_for(
+    numbers, defaults = form_parameters("single_bench", rig), form_parameters("single_bench")
+    assert numbers["R_m"].value == 0.2 != defaults["R_m"].value
+    # The displayed value needs no option; the value of the model file differs here and does.
+    for value, fix in ((0.2, {}), (defaults["R_m"].value, {"R_m": defaults["R_m"].value})):
+        recipe = build_recipe(
             request(choices={"R_m": ParameterChoice(False, value)}), folder, entries
         )
         assert recipe.fix == fix
         assert recipe_model(recipe).model.parameters["R_m"].value == value
     with pytest.raises(InputError, match=r"lab\.csv does not say which rig it was measured on"):
         data_rig(request(data=["lab.csv"]), folder)
-    named = data_rig(request(data=["lab.csv"], options={"rig": "amuse_single"}), folder)
-    assert named == load_rig_by_name("amuse_single")
+    rig = data_rig(request(data=["lab.csv"], options={"rig": "amuse_single"}), folder)
+    assert rig == load_rig_by_name("amuse_single")
 
 
 def test_a_tables_own_map_goes_with_it(folder, entries):
     table = folder.path_of("lab.csv")
     columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
     form = request(data=["lab.csv"], options={"rig": "pquad_single"})
-    recipe = recipe_for(form, folder, entries)
+    recipe = build_recipe(form, folder, entries)
     assert recipe.columns == str(columns_file(table))
     (folder.root / "two.csv").write_text("thrust_N,rpm1\n1,2\n", "utf-8")
     both = {entry.name: entry for entry in list_entries(folder)}
-    with pytest.raises(InputError, match="a fit takes one map"):
-        recipe_for(request(data=["lab.csv", "two.csv"]), folder, both)
+    with pytest.raises(InputError, match="a fit uses one"):
+        build_recipe(request(data=["lab.csv", "two.csv"]), folder, both)
 
 
 def test_the_work_writes_what_the_command_would(folder, entries):
     form = request()
-    recipe = recipe_for(form, folder, entries)
+    recipe = build_recipe(form, folder, entries)
     stages: list[str] = []
 
-    def report(what: str, share: float) -> None:
-        stages.append(what)
+    def report(stage: str, share: float) -> None:
+        stages.append(stage)
 
     out = folder.new_path("fit-one")
-    words = command_arguments(recipe, form, folder)
-    assert fit_to_folder(report, out, tuple(words), recipe, False) == "fit-one"
+    arguments = command_arguments(recipe, form, folder)
+    assert fit_to_folder(report, out, tuple(arguments), recipe, False) == "fit-one"
     assert stages == ["reading", "least squares", "drawing"]
     expected = run_recipe(recipe).results[0]
-    found = read_stored(out).results[0]
-    assert found["R_m"] == expected["R_m"]
-    assert f"benchtool {' '.join(words)}" in (out / "report.html").read_text("utf-8")
+    assert read_stored(out).results[0]["R_m"] == expected["R_m"]
+    assert f"benchtool {' '.join(arguments)}" in (out / "report.html").read_text("utf-8")
     assert not partial_folder(out).exists()
     with pytest.raises(WouldOverwrite):
-        fit_to_folder(report, out, tuple(words), recipe, False)
+        fit_to_folder(report, out, tuple(arguments), recipe, False)
 
 
 def test_a_table_takes_only_calibrations_that_this_machine_stored(
@@ -124,7 +123,7 @@ def test_a_table_takes_only_calibrations_that_this_machine_stored(
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     stored = str(store_state("calibration", "bench-01", {}))
     table = {"data": ["one"], "options": {"calibration": stored}}
-    assert recipe_for(request(**table), folder, entries).calibration == stored
+    assert build_recipe(request(**table), folder, entries).calibration == stored
     other = {**table, "options": {"calibration": "/etc/hostname"}}
     with pytest.raises(UnknownChoice, match="hostname"):
-        recipe_for(request(**other), folder, entries)
+        build_recipe(request(**other), folder, entries)

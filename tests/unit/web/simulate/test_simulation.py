@@ -1,4 +1,4 @@
-"""What the page simulates is what its command simulates, and what is saved is what it writes."""
+"""Simulations of the page, compared with the files and texts of the command."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.web.jobs import PageSection
-from benchtool.web.tabs.simulate.work import Simulation, command_words, simulate_into
+from benchtool.web.tabs.simulate.work import Simulation, command_arguments, simulate_to_folder
 from tests.unit.commands.command_line import run
 
 BEAM: dict[str, Any] = {
@@ -43,23 +43,25 @@ SIMULATIONS = [
 
 
 def simulate(inputs: Simulation, out: Path) -> tuple[PageSection, str]:
-    words = (*command_words(inputs), "--out", str(out))
-    return simulate_into(lambda what, share: None, out, words, inputs)
+    command = (*command_arguments(inputs), "--out", str(out))
+    return simulate_to_folder(lambda stage, share: None, out, command, inputs)
 
 
-@pytest.mark.parametrize("inputs", SIMULATIONS, ids=lambda inputs: " ".join(command_words(inputs)))
+@pytest.mark.parametrize(
+    "inputs", SIMULATIONS, ids=lambda inputs: " ".join(command_arguments(inputs))
+)
 def test_the_command_prints_and_writes_what_the_page_does(inputs, tmp_path, capsys):
     section, recording = simulate(inputs, tmp_path / "saved")
-    assert run(*command_words(inputs), "--out", tmp_path / "printed") == 0
+    assert run(*command_arguments(inputs), "--out", tmp_path / "printed") == 0
     numbers = (tmp_path / "printed" / "numbers.txt").read_text("utf-8")
     assert numbers in capsys.readouterr().out
     head, table = numbers.rstrip().split("\n", 1)
     assert escape(head) in section.html
     assert escape(table) in section.html
-    ours, printed = (sorted((tmp_path / name).iterdir()) for name in ("saved", "printed"))
-    assert [path.name for path in ours] == [path.name for path in printed]
-    for one, other in zip(ours, printed, strict=True):
-        assert one.suffix != ".csv" or one.read_bytes() == other.read_bytes()
+    saved, printed = (sorted((tmp_path / name).iterdir()) for name in ("saved", "printed"))
+    assert [path.name for path in saved] == [path.name for path in printed]
+    for path, expected in zip(saved, printed, strict=True):
+        assert path.suffix != ".csv" or path.read_bytes() == expected.read_bytes()
     if isinstance(inputs, PitchInputs):
         assert recording == "saved/pid.csv"
         assert read_recording(tmp_path / recording).simulated
