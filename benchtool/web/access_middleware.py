@@ -88,9 +88,9 @@ class AccessMiddleware:
             return
         response: Response | None = None
         if rejection is not None:
-            has_wrong_token = self._access.token is not None and bool(url_token or request.token)
+            is_token_guess = self._access.token is not None and bool(url_token or request.token)
             status = FORBIDDEN
-            if has_wrong_token and not await self._delay():
+            if is_token_guess and not await self._delay():
                 status, rejection = TOO_MANY, "too many wrong tokens; try again later"
             response = PlainTextResponse(f"benchtool: {rejection}\n", status)
         elif url_token and self._access.token is not None:

@@ -1,4 +1,4 @@
-"""State shared by all pages of the server, and state of one page."""
+"""Shared state of all pages, state of one page, and the control lock."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from benchtool.web.page_memory import FormState, MessageHistory
 
 J = TypeVar("J", bound=Job[Any])
 
-RECONNECT_TIMEOUT_S = 2.0  # the lock of a page gone for longer may be taken over; assumed
+RECONNECT_TIMEOUT_S = 2.0  # a page disconnected for longer can lose the lock; assumed
 
 
 class ControlLock:
@@ -57,7 +57,7 @@ class ControlLock:
         return tab != "" and self.holder == tab
 
     def is_free(self, now_s: float) -> bool:
-        """Return whether another page may take the lock: no holder, or its page is gone."""
+        """Return whether a page may take the lock: no holder, or a disconnected one."""
         if self.holder is None:
             return True
         gone_s = self._disconnected_s
@@ -104,7 +104,7 @@ class PageWatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerState:
-    """State shared by all pages of a server.
+    """Shared state of all pages of a server.
 
     Attributes:
         runs: the only folder that pages read and write.
@@ -230,7 +230,7 @@ class PageContext:
             raise InputError(f"another page has the control lock; {remedy}")
 
     def claim_control(self) -> None:
-        """Acquire the control lock if it is free, before files are written without motors.
+        """Acquire the control lock if it is free, for handlers that write files only.
 
         Raises:
             InputError: another page has the control lock.

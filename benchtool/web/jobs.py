@@ -86,7 +86,7 @@ class PageSection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobState(Generic[T]):
-    """State of a job.
+    """Job state.
 
     Attributes:
         stage: current or last stage.

@@ -1,4 +1,4 @@
-"""State that survives a page reload: message history and form values."""
+"""Message history and form values, which survive a page reload."""
 
 from __future__ import annotations
 

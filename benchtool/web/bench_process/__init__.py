@@ -1,1 +1,1 @@
-"""The bench's own process: it holds the bench, runs sweeps, stops, and publishes what happens."""
+"""Separate process that owns the bench: sweeps, recordings, STOP and telemetry."""

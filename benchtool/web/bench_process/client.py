@@ -57,8 +57,8 @@ class BenchClient:
         # A missing process is reported and replaced by the listener thread.
         self._process.send(pickle.dumps(command))
 
-    def stop(self, who: str) -> None:
-        self.send(messages.StopMotors(who))
+    def stop(self, source: str) -> None:
+        self.send(messages.StopMotors(source))
 
     def dismiss_alarm(self) -> None:
         """Clear the standstill warning and the disconnect reason after a user's confirmation."""

@@ -25,7 +25,7 @@ class Connect:
 
     Attributes:
         rig: may be empty if the address names one.
-        weighs: connect without the guard's limits to calibrate the load cell; motors are locked.
+        weighs: for load cell calibration without the guard's limits; rejects motor commands.
     """
 
     address: str
@@ -42,7 +42,7 @@ class Disconnect:
 class StopMotors:
     """Stop motors, sweep and recording at once."""
 
-    who: str = "the page"
+    source: str = "the page"
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class StartSweep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRecording:
-    """Record a pitch experiment; a lost page stops it if `needs_page`, else as `StartSweep`."""
+    """Record a pitch experiment; fields as in `StartSweep`, but a lost page stops it."""
 
     experiment: PitchExperiment
     runs: Path = Path("runs")
@@ -213,7 +213,7 @@ class ConnectionStatus:
         session: connection number; a new number means other channels and a new clock.
         rig: with the limits in force; None when off.
         rig_limits: limits of the rig file, the upper bound of `TightenLimits`.
-        weighs: connected for load cell calibration only; motors are locked.
+        weighs: connected for load cell calibration only; no motor can be commanded.
         reason: cause of the disconnection, "" if commanded.
         standstill_problem: reason why motors may still turn, or "".
     """

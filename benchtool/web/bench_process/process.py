@@ -56,7 +56,7 @@ def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token:
     listener = StopListener(
         listening,
         token,
-        lambda who: process.stop(f"stopped from {who}"),
+        lambda source: process.stop(f"stopped from {source}"),
         lambda: report_standstill(process.guard),
     )
     with listener:
@@ -108,7 +108,7 @@ class BenchProcess:
                 if command.page_problem and (bench := self._bench) is not None:
                     self._runs.lose_page(bench, command.page_problem)
             elif isinstance(command, messages.StopMotors):
-                self.stop(f"stopped from {command.who}")
+                self.stop(f"stopped from {command.source}")
             elif isinstance(command, messages.HoldThrottle):
                 self._dead_man.hold(command, time.monotonic())
             elif isinstance(command, messages.ReleaseThrottle):

@@ -268,7 +268,7 @@ class RunSupervisor(RunProgress):
             self._change(status="running")
 
     def _prepare_resume(self, bench: GuardedBench, run: Path) -> SweepStart:
-        """Return the start of a resumed run; a separate process reads it, the bench stays read."""
+        """Return the start of a resumed run; the bench is read while another process reads it."""
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             future = pool.submit(prepare_run, run)
             while not future.done():

@@ -108,7 +108,7 @@ class Telemetry:
         self._frames: Decimator | None = None
         self._status_frame: bytes | None = None
         self._live = LiveStatus()
-        self._start_s = self._frame_due_s = clock()
+        self._start_s = self._last_frame_s = clock()
         self._frames_since_status = 0
         self._rate_samples, self._rate_time_s = 0, 0.0
         self._channels: tuple[Channel, ...] = ()
@@ -124,7 +124,7 @@ class Telemetry:
         self._channels = identity.channels
         self._names = tuple(channel.name for channel in identity.channels)
         self._frames = Decimator(self._session, len(self._names))
-        self._start_s = self._frame_due_s = self._clock()
+        self._start_s = self._last_frame_s = self._clock()
 
     def update(self, **changes: Any) -> None:
         """Change the next status; a change of `busy` is published at once."""
@@ -153,10 +153,10 @@ class Telemetry:
 
     def _publish(self, frames: Decimator, newest_s: float | None) -> None:
         now_s = self._clock()
-        if now_s - self._frame_due_s < FRAME_INTERVAL_S:
+        if now_s - self._last_frame_s < FRAME_INTERVAL_S:
             return
         # Frames stay on their time grid, except after a delay of more than one interval.
-        self._frame_due_s = max(self._frame_due_s + FRAME_INTERVAL_S, now_s - FRAME_INTERVAL_S)
+        self._last_frame_s = max(self._last_frame_s + FRAME_INTERVAL_S, now_s - FRAME_INTERVAL_S)
         frame = frames.pop_frame(now_s - self._start_s)
         older = self._status_frame
         self._status_frame = frame if older is None else merge_frames(older, frame)

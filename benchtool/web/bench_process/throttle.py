@@ -30,20 +30,20 @@ class DeadManSwitch:
         self._ended_presses: dict[str, int] = {}
         self._lock = threading.Lock()
 
-    def hold(self, hold: HoldThrottle, now_s: float) -> None:
+    def hold(self, report: HoldThrottle, now_s: float) -> None:
         """Store a report; late reports of an ended press are ignored."""
         with self._lock:
-            if hold.press > self._ended_presses.get(hold.tab, -1):
-                self._last = (hold, now_s)
+            if report.press > self._ended_presses.get(report.tab, -1):
+                self._last = (report, now_s)
 
     def release(self, release: ReleaseThrottle) -> None:
         """End a press, including one whose first report has not arrived yet."""
         with self._lock:
-            hold = self._last[0] if self._last is not None else None
-            is_same_tab = hold is not None and hold.tab == release.tab
-            if hold is not None and is_same_tab and hold.press <= (release.press or hold.press):
+            last = self._last[0] if self._last is not None else None
+            is_same_tab = last is not None and last.tab == release.tab
+            if last is not None and is_same_tab and last.press <= (release.press or last.press):
                 self._last = None
-                self._mark_ended(hold.tab, hold.press)
+                self._mark_ended(last.tab, last.press)
             if release.press is not None:
                 self._mark_ended(release.tab, release.press)
 
@@ -61,12 +61,12 @@ class DeadManSwitch:
         last = self._last
         if last is None:
             return None
-        hold, received_s = last
+        report, received_s = last
         link_s = now_s - received_s
-        silence_s = link_s + hold.age_s
+        silence_s = link_s + report.age_s
         if silence_s <= self._timeout_s:
-            return hold
-        cause = "the page is too busy" if hold.age_s > link_s else "no heartbeat from the browser"
+            return report
+        cause = "the page is too busy" if report.age_s > link_s else "no heartbeat from the browser"
         self.end_press(
             f"no report of the button for {1e3 * silence_s:.0f} ms; allowed: "
             f"{1e3 * self._timeout_s:.0f} ms: {cause}"

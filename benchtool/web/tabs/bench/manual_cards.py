@@ -113,7 +113,7 @@ class LoadCellCard:
             with ui.column().classes("w-full") as self._weighs:
                 ui.label(
                     "Hang a mass, wait until it is still and press Weigh; repeat with increasing, "
-                    "then decreasing masses. Motors are locked."
+                    "then decreasing masses. No motor can be commanded."
                 )
                 with ui.row(wrap=False).classes("items-end w-full"):
                     mass_kg = ui.number("Mass, kg", value=0.0, step=0.1).classes("grow")

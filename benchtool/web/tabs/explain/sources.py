@@ -41,8 +41,8 @@ def explain_inputs(
     """Return the inputs of `benchtool explain` for the selected choices.
 
     Raises:
-        InputError: a choice or the rig is missing, a choice is outside the allowed folders, or a
-            recording is selected for both training and validation.
+        InputError: missing choice or rig, path outside the allowed folders, or a recording
+            selected for both training and validation.
     """
     if not learn:
         raise InputError(
