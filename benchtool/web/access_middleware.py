@@ -143,11 +143,7 @@ class SizeLimitedBody:
         self._has_started = False
 
     async def receive(self) -> Message:
-        """Return the next part.
-
-        Raises:
-            BodyTooLarge: the error response was sent.
-        """
+        """Return the next part; raise `BodyTooLarge` after the error response."""
         message = await self._receive()
         self._n_bytes += len(message.get("body", b""))
         if self._n_bytes > MAX_BODY_BYTES:

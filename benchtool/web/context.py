@@ -135,11 +135,7 @@ class ServerState:
             job.cancel()
 
     def start_job(self, kind: str, create: Callable[[], J]) -> J:
-        """Start a job, one per kind; delete the incomplete folder of the previous job.
-
-        Raises:
-            InputError: the previous job is still running.
-        """
+        """Start a job, one per kind; delete the incomplete folder of the previous job."""
         if (previous := self.jobs.get(kind)) is not None:
             if previous.state.running:
                 raise InputError(
@@ -219,31 +215,19 @@ class PageContext:
         return self.server.control.is_held_by(self.tab)
 
     def require_control(self) -> None:
-        """Check that this page has the control lock, before motors turn or runs are written.
-
-        Raises:
-            InputError: another page has the control lock.
-        """
+        """Raise unless this page has the control lock, before motors turn or runs are written."""
         if not self.in_control():
             is_free = self.server.control.is_free(monotonic())
             remedy = "press Take over first" if is_free else "use that page, or close it"
             raise InputError(f"another page has the control lock; {remedy}")
 
     def claim_control(self) -> None:
-        """Acquire the control lock if it is free, for handlers that write files only.
-
-        Raises:
-            InputError: another page has the control lock.
-        """
+        """Acquire the control lock if free, else raise; for handlers that only write files."""
         self.server.control.acquire(self.tab, monotonic())
         self.require_control()
 
     def send(self, command: Command) -> None:
-        """Send a command to the bench process.
-
-        Raises:
-            InputError: another page has the control lock.
-        """
+        """Send a command to the bench process; raise without the control lock."""
         self.require_control()
         # A command proves that the page responds.
         self.server.watch.record_heartbeat(self.tab, 0.0, monotonic())

@@ -63,11 +63,7 @@ class InputForm(Generic[T]):
         return {name: _parse_empty(field.value) for name, field in self._fields.items()}
 
     def make(self, base: T | None = None) -> T:
-        """Return the inputs.
-
-        Raises:
-            InputError: a value is not readable or out of range.
-        """
+        """Return the inputs; raise for a value that is not readable or out of range."""
         return build_inputs(self._cls, self.values(), source="label", base=base)
 
     def arguments(self, extra: Mapping[str, Any]) -> list[str]:

@@ -62,11 +62,7 @@ class JobProgress(Generic[J]):
         return self._job is not None
 
     def start(self, create: Callable[[], J]) -> None:
-        """Start a job and display it.
-
-        Raises:
-            InputError: the previous job is still running.
-        """
+        """Start a job and display it; raise if the previous one is still running."""
         self._watch(self._context.server.start_job(self._kind, create))
 
     def _watch(self, job: J) -> None:

@@ -109,11 +109,7 @@ def access_for(host: str, *, wants_token: bool = False) -> Access:
 
 
 def listen(host: str, port: int | None) -> socket.socket:
-    """Return a listening socket.
-
-    Raises:
-        InputError: the port is taken, or the host is no address of this machine.
-    """
+    """Return a listening socket; raise if the address is not available."""
     with suppress(OSError):
         return _create_socket(host, DEFAULT_PORT if port is None else port)
     try:

@@ -196,7 +196,7 @@ def serve(server: BenchServer, link: PtyLink) -> None:
     threading.Thread(target=end_with_the_test, daemon=True).start()
     print(link.address, flush=True)
     with suppress(KeyboardInterrupt):  # Ctrl-C in a terminal ends the test process too
-        server.run(nap_s=POLL_INTERVAL_S)
+        server.run(interval_s=POLL_INTERVAL_S)
 
 
 if __name__ == "__main__":

@@ -47,11 +47,7 @@ class StopMotors:
 
 @dataclass(frozen=True, slots=True)
 class ServerHeartbeat:
-    """Heartbeat of the web server; the motors stop if heartbeats are missing.
-
-    Attributes:
-        page_problem: reason why STOP cannot be pressed on the page with the control lock, or "".
-    """
+    """Heartbeat of the web server; `page_problem` of the page with the control lock, or ""."""
 
     page_problem: str = ""
 

@@ -41,11 +41,7 @@ POLL_INTERVAL_S = 0.1
 
 
 def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token: str = "") -> None:
-    """Serve the web server over a pipe until it closes.
-
-    Args:
-        listening: bound socket of the STOP listener; None for no listener.
-    """
+    """Serve the web server until the pipe closes; `listening` is the STOP listener's socket."""
     # This loop feeds the device's watchdog, so it gets priority where permitted.
     with suppress(OSError, AttributeError):
         os.nice(BENCH_NICENESS)
@@ -145,11 +141,7 @@ class BenchProcess:
             self._runs.annotate(text)
 
     def _receive(self) -> messages.Command:
-        """Return the next command; stop the motors if heartbeats are missing meanwhile.
-
-        Raises:
-            EOFError, OSError: the server has ended.
-        """
+        """Return the next command; stop the motors if heartbeats are missing meanwhile."""
         while not self._pipe.poll(POLL_INTERVAL_S):
             heard_s = self._server_heard_s
             if heard_s is not None and time.monotonic() - heard_s > MAX_SERVER_SILENCE_S:

@@ -45,10 +45,7 @@ class Decimator:
 
 
 def merge_frames(older: bytes, newer: bytes) -> bytes:
-    """Return one frame with the newer time and the extremes of both.
-
-    If the frames are from different sessions, return the newer one.
-    """
+    """Return one frame with the newer time and both extremes; the newer one after a new session."""
     a, b = np.frombuffer(older, "<f4"), np.frombuffer(newer, "<f4")
     if len(a) != len(b) or a[0] != b[0]:
         return newer

@@ -62,11 +62,7 @@ def prepare_run(path: Path) -> SweepStart | str:
 
 
 def require_armed(typed: str, identity: DeviceInfo, rig: Rig) -> None:
-    """Check the typed arming confirmation; a simulated or checked bench needs none.
-
-    Raises:
-        RunInterrupted: the bench is not armed.
-    """
+    """Check the typed arming confirmation; a simulated or checked bench needs none."""
     if not typed:
         require_unattended(identity, rig, datetime.now().astimezone().date())
     elif typed.strip() != CONFIRMATION:

@@ -57,11 +57,7 @@ class Session:
         self._armed = False
 
     def run(self, bench: Bench) -> None:
-        """Serve an open bench until it is disconnected.
-
-        Raises:
-            BenchtoolError: an error that ended the session.
-        """
+        """Serve an open bench until it is disconnected or an error ends the session."""
         guarded = bench if isinstance(bench, GuardedBench) else None
         self._armed = guarded is not None and bench.identity.simulated
         self._telemetry.begin(bench.identity, guarded)
@@ -205,12 +201,7 @@ MAX_WEIGHING_S = 60.0
 
 
 def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float, float]:
-    """Return a mass and the mean counts under it.
-
-    Raises:
-        InputError: mass or averaging time out of range.
-        CalibrationError: the device streams no counts.
-    """
+    """Return a mass and the mean counts under it."""
     rating_N, weight_N = rig.limits.load_cell_rating_N, mass_kg * STANDARD_GRAVITY_M_S2
     if not 0.0 <= weight_N <= rating_N:
         raise InputError(
@@ -228,11 +219,7 @@ def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float
 def store_calibration(
     weighed: Sequence[tuple[float, float]], device_id: str, weighing: WeighingInputs
 ) -> Calibration:
-    """Fit a calibration to masses in kg and counts, store it for the device and return it.
-
-    Raises:
-        CalibrationError: too few masses, or no linear relation to the counts.
-    """
+    """Fit a calibration to masses in kg and counts, store it for the device and return it."""
     table = np.array(weighed, float).reshape(-1, 2)
     calibration = apply_calibration(table[:, 0], table[:, 1], device_id, current_date(), weighing)
     store_state("calibration", device_id, asdict(calibration))

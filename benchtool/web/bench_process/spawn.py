@@ -83,12 +83,7 @@ class ProcessHandle:
         return ProcessHandle(self.stop_endpoint)
 
     def receive(self) -> bytes:
-        """Wait for a message.
-
-        Raises:
-            EOFError: the process has ended.
-            OSError: the pipe was closed here.
-        """
+        """Return the next message; raise `EOFError` or `OSError` if the process has ended."""
         if self._pipe is None:
             raise EOFError
         message: bytes = self._pipe.recv_bytes()

@@ -38,12 +38,7 @@ def explain_inputs(
     model: str,
     rig: str | None = None,
 ) -> ExplainInputs:
-    """Return the inputs of `benchtool explain` for the selected choices.
-
-    Raises:
-        InputError: missing choice or rig, path outside the allowed folders, or a recording
-            selected for both training and validation.
-    """
+    """Return the inputs of `benchtool explain` for the selected choices."""
     if not learn:
         raise InputError(
             "no training recording is selected; select one, save one under Simulate, or record "
@@ -82,10 +77,7 @@ RECORDING_KINDS = (*SWEEPS, "pitch recording", "recording", "table")
 
 
 def examples_folder() -> Path | None:
-    """Return the folder of example recordings of a source checkout, if any.
-
-    The path is relative to the working directory if possible.
-    """
+    """Return the folder of example recordings of a source checkout, relative if possible."""
     folder = Path(__file__).parents[4] / "datasets"
     if not (folder / "pitch_friction").is_dir():
         return None
@@ -129,12 +121,7 @@ class RecordingSources(NamedTuple):
         return RecordingChoices(recordings=recordings, models=models)
 
     def find_path(self, choice: str) -> Path:
-        """Return the path of a recording.
-
-        Raises:
-            InputError: the path is outside the runs folder and the examples.
-            FileFormatError: the recording does not exist.
-        """
+        """Return the path of a recording; raise if it is missing or outside the folders."""
         folder, name = self._folder(choice)
         return folder.path_of(name)
 

@@ -42,12 +42,7 @@ class ExplainJob(Job[ExplanationResult]):
     accepted_model: str | None = None
 
     def accept(self, out: Path) -> None:
-        """Rename the hidden folder to `out`.
-
-        Raises:
-            InputError: there is no result, or it is accepted already.
-            WouldOverwrite: the folder exists.
-        """
+        """Rename the hidden folder to `out`; raise if it exists or without a result."""
         from benchtool.explain.updated_model import MODEL
         from benchtool.physics.model_file import load_model
 
@@ -64,11 +59,7 @@ class ExplainJob(Job[ExplanationResult]):
 def explain(
     report: ReportProgress, out: Path, command: tuple[str, ...], inputs: ExplainInputs
 ) -> ExplanationResult:
-    """Identify the effect that a model lacks and write the result to a hidden folder.
-
-    Raises:
-        BenchtoolError: recordings or model do not allow a verdict.
-    """
+    """Identify the effect that a model lacks and write the result to a hidden folder."""
     from benchtool.explain.next_steps import next_file
     from benchtool.explain.updated_model import added_effects
     from benchtool.report.answer.folder import write_folder

@@ -60,11 +60,7 @@ def load_columns(table: Path, radius_m: float | None = None) -> dict[str, Column
 
 
 def check_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
-    """Return the column map of a form.
-
-    Raises:
-        InputError: no thrust, or neither speed nor pulse width of the rotors.
-    """
+    """Return the column map of a form; raise without thrust, or without speed and pulse width."""
     columns = {channel: source for channel, source in form.items() if source is not None}
     if not {"thrust_N", "thrust_ratio"} & set(columns):
         raise InputError("thrust_N has no column; select the column with thrust")
@@ -178,11 +174,7 @@ class DataCard:
         make.on_click(store)
 
     def _add_column_form(self, name: str) -> None:
-        """Add the form for the column map of a table.
-
-        Raises:
-            BenchtoolError: the table is not readable.
-        """
+        """Add the form for the column map of a table."""
         path = self._folder.file_of(name)
         header, columns = read_csv_header(path), load_columns(path)
         main = [channel for channel, label in FIT_CHANNELS.items() if label or channel in columns]

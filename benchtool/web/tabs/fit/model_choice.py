@@ -144,11 +144,7 @@ def choice_options(
 
 
 def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
-    """Return the recipe of the form.
-
-    Raises:
-        InputError: no data, a name outside the runs folder, or an invalid value.
-    """
+    """Return the recipe of the form; raise for missing data or an invalid value."""
     if not request.data:
         raise InputError(
             "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
@@ -205,11 +201,7 @@ def _has_no_plate(
 
 
 def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
-    """Return the rig of the data; None for the rig of the model file.
-
-    Raises:
-        InputError: data without a rig or from two rigs, or an unknown rig.
-    """
+    """Return the rig of the data; None for the rig of the model file."""
     rig = check_rig_choice(request.options.get("rig"), folder)
     return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, rig)
 
@@ -227,11 +219,7 @@ def rig_choices(folder: RunsFolder) -> dict[str, str]:
 
 
 def check_rig_choice(name: str | None, folder: RunsFolder) -> str | None:
-    """Return the name of a rig if it is a choice of the page.
-
-    Raises:
-        UnknownChoice: it is not.
-    """
+    """Return the name of a rig; raise if it is not a choice of the page."""
     if name is not None and name not in (choices := rig_choices(folder)):
         raise UnknownChoice("rig", name, choices)
     return name

@@ -29,11 +29,7 @@ def fit_to_folder(
     profile: bool = False,
     budget: BudgetMethod = "propagation",
 ) -> str:
-    """Run a recipe, write its folder atomically and return the folder's name.
-
-    Raises:
-        BenchtoolError: the data or the model do not allow the fit.
-    """
+    """Run a recipe, write its folder atomically and return the folder's name."""
     from benchtool.fit.run_recipe import run_recipe
     from benchtool.report.fit.page import refuse_full, write_fit
 
@@ -81,12 +77,7 @@ def stand_summary_html(root: Path, name: str) -> str:
 
 
 def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
-    """Write a rig file with the rotor radius for a table and return its path.
-
-    Raises:
-        InputError: no radius is given and the table has none.
-        WouldOverwrite: the rig file exists.
-    """
+    """Write a rig file with the rotor radius for a table and return its path."""
     from benchtool.commands.terminal.table_fit import radius_rig
     from benchtool.core.rig_file import parse_rig
 

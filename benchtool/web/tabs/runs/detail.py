@@ -93,11 +93,7 @@ class RunDetail:
         self._container = ui.column().classes("w-full gap-3 scroll-place")
 
     async def open(self, name: str) -> None:
-        """Show one entry.
-
-        Raises:
-            BenchtoolError: the entry does not exist or is not readable.
-        """
+        """Show one entry."""
         entry = build_entry(self._folder, name)
         result = await self._load(f"reading {name}", view_entry, name)
         if result is None:

@@ -28,11 +28,7 @@ PREVIEW_ROWS = 12  # of a table; assumed
 
 
 def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
-    """Return the first section of an entry and the titles for `view_part`.
-
-    Raises:
-        BenchtoolError: the entry is not readable, with the reason as in the list.
-    """
+    """Return the first section of an entry and the titles for `view_part`."""
     folder = RunsFolder(root)
     entry = build_entry(folder, name)
     path = folder.path_of(name)
@@ -113,11 +109,7 @@ def _motor(path: Path) -> PageSection:
 
 
 def export_file(root: Path, name: str, to: str) -> tuple[str, bytes]:
-    """Return name and content of the export file for a simulator, an autopilot or firmware.
-
-    Raises:
-        InputError: the data reject the model, or a required value is missing.
-    """
+    """Return name and content of the export file for a simulator, an autopilot or firmware."""
     from benchtool.export.targets import file_for
     from benchtool.export.vehicle import build_vehicle
 

@@ -28,12 +28,7 @@ def command_arguments(inputs: Simulation) -> list[str]:
 def simulate_to_folder(
     report: ReportProgress, out: Path, command: tuple[str, ...], inputs: Simulation
 ) -> tuple[PageSection, str]:
-    """Simulate, write the folder atomically and return the report and the first recording.
-
-    Raises:
-        BenchtoolError: the inputs do not allow a simulation.
-        WouldOverwrite: the folder exists.
-    """
+    """Simulate, write the folder atomically and return the report and the first recording."""
     from benchtool.report.flight.flight import FLIGHT
     from benchtool.report.flight.pitch_study import PITCH
     from benchtool.report.page import Listing

@@ -62,11 +62,7 @@ class PlanPreview(NamedTuple):
 
 
 def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
-    """Return the preview of a resolved plan.
-
-    Raises:
-        PlanError: the plan exceeds the limits of the rig or the device.
-    """
+    """Return the preview of a resolved plan; raise if it exceeds the limits of rig or device."""
     expected = check_plan(plan, rig, device_limits)
     visits = plan_visits(plan, rig)
     radius_m = rig.propulsion.radius_m
