@@ -218,7 +218,9 @@ class PageContext:
         """Raise unless this page has the control lock, before motors turn or runs are written."""
         if not self.in_control():
             is_free = self.server.control.is_free(monotonic())
-            remedy = "press Take over first" if is_free else "use that page, or close it"
+            remedy = (
+                "press Take over first" if is_free else "use that page, or close it and take over"
+            )
             raise InputError(f"another page has the control lock; {remedy}")
 
     def claim_control(self) -> None:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import pytest
 
 from benchtool.data.run.run import Run
 from tests.browser.conftest import connect, expect
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 

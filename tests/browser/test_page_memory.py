@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import pytest
 
 from tests.browser.conftest import expect, serving
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -16,9 +15,6 @@ from tests.browser.conftest import (
     wait_for_points,
 )
 from tests.browser.device import served_device
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 

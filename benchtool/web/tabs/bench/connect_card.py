@@ -50,7 +50,7 @@ class ConnectCard:
                 )
                 self._speed.on_value_change(self._set_speed)
             self._command = CommandRow()
-        with titled_card("No bench is connected") as self._start:
+        with titled_card("No bench is connected") as self._help_card:
             ui.markdown("\n".join(f"1. {step}" for step in FIRST_STEPS)).classes("steps")
         self._show_command()
 
@@ -59,7 +59,7 @@ class ConnectCard:
         self._on.set_visibility(connection.status == "off")
         self._off.set_visibility(connection.status != "off")
         self._speed.set_visibility(live.speed > 0.0)
-        self._start.set_visibility(connection.status == "off")
+        self._help_card.set_visibility(connection.status == "off")
         if connection.status == "on" and connection.session != self._session:
             # A reloaded or watching page shows the connected bench.
             self._session = connection.session

@@ -133,8 +133,8 @@ class LoadCellCard:
                         "Start over", on_click=lambda: send(messages.Calibrate(store=False))
                     )
                     restart.props("outline")
-                    done = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
-                    done.props("outline")
+                    finish = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
+                    finish.props("outline")
                 self._command = CommandRow()
             self._busy = ui.label().classes("soft").props("role=status")
 

@@ -44,7 +44,7 @@ DESCRIPTION = (
 OPEN_SECTIONS = ("What now", "Where", "Which", "The gap")  # expanded by default
 
 
-class AnswerView:
+class ResultView:
     """Result of an explanation with a button to accept it."""
 
     def __init__(
@@ -152,7 +152,7 @@ class ExplainTab:
             self._progress: JobProgress[ExplainJob] = JobProgress(
                 context, "explanations", "explanation", self._done, self._changed, has_stages=True
             )
-        self._result = AnswerView(context, self._sources, self._refresh)
+        self._result = ResultView(context, self._sources, self._refresh)
         self._changed()
         if self._progress.latest is not None:
             self._result.show(self._progress.latest)

@@ -152,8 +152,8 @@ class MethodCard:
             self._form.add("noise", options=NOISES)
             self._form.add("rig", options=rigs)
             self._form.add("calibration", options=recall_state("calibration"))
-        more = ui.expansion("More options").classes("w-full")
-        with more, ui.element("div").classes("field-grid"):
+        options = ui.expansion("More options").classes("w-full")
+        with options, ui.element("div").classes("field-grid"):
             self._form.add("compare", options={LAWS: "all ground-effect laws", **models})
             self._form.add("loss", options=LOSSES)
             self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")

@@ -69,8 +69,8 @@ class RunsTab:
                 self._kind.classes("w-44")
                 self._tags = ui.select([], multiple=True, label="Tags", on_change=self._fill)
                 self._tags.classes("w-44").props("clearable use-chips")
-                self._over = ui.select(AXES, value="", label="Compared", on_change=self._on_select)
-                self._over.classes("w-44")
+                self._axis = ui.select(AXES, value="", label="Compared", on_change=self._on_select)
+                self._axis.classes("w-44")
                 self._thrust = ui.number("Ranked at thrust, N").classes("w-44")
                 self._compare = ui.button(
                     "Compare", icon="stacked_line_chart", on_click=self._show_comparison
@@ -119,7 +119,7 @@ class RunsTab:
 
     @show_errors
     async def _show_comparison(self) -> None:
-        await self._detail.compare(self._comparable(), self._over.value, self._thrust.value or None)
+        await self._detail.compare(self._comparable(), self._axis.value, self._thrust.value or None)
 
     def _comparable(self) -> list[Entry]:
         """Return the selected entries that can be compared: fits, or runs and recordings."""
@@ -163,8 +163,8 @@ class RunsTab:
         entries = self._comparable()
         count, kinds = len(entries), {entry.kind for entry in entries}
         noun = f"{min(kinds)}s" if len(kinds) == 1 else "runs"
-        self._over.set_visibility(kinds != {"fit"})
-        self._thrust.set_visibility(bool(self._over.value) and kinds != {"fit"})
+        self._axis.set_visibility(kinds != {"fit"})
+        self._thrust.set_visibility(bool(self._axis.value) and kinds != {"fit"})
         self._compare.set_text(f"Compare {count} {noun}" if count > 1 else "Compare")
         self._compare.set_enabled(count > 1)
 

@@ -38,9 +38,9 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.kind == "fit":
         return view_fit(root, name), ()
     if entry.kind == "explanation":
-        return _answer(path, name), ()
+        return _view_explanation(path, name), ()
     if entry.kind == "table":
-        return _table(path, name), _motor_parts(path)
+        return _view_table(path, name), _motor_parts(path)
     if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has no measured point yet; try again later")
     from benchtool.report.page import FactTable, Paragraph
@@ -68,7 +68,7 @@ def view_part(root: Path, name: str, title: str) -> PageSection:
 
     folder = RunsFolder(root)
     if title == MOTOR_PART:
-        return _motor(folder.path_of(name))
+        return _view_motor(folder.path_of(name))
     report = _report(folder.path_of(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == title:
@@ -92,7 +92,7 @@ def _motor_parts(path: Path) -> tuple[str, ...]:
     return (MOTOR_PART,) if {"pwm1_us", "thrust_N"} <= set(names) else ()
 
 
-def _motor(path: Path) -> PageSection:
+def _view_motor(path: Path) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
     from benchtool.report.motor.page import MOTOR, motor_sentence
     from benchtool.report.page import Paragraph
@@ -108,12 +108,12 @@ def _motor(path: Path) -> PageSection:
     )
 
 
-def export_file(root: Path, name: str, to: str) -> tuple[str, bytes]:
+def export_file(root: Path, name: str, target: str) -> tuple[str, bytes]:
     """Return name and content of the export file for a simulator, an autopilot or firmware."""
     from benchtool.export.targets import file_for
     from benchtool.export.vehicle import build_vehicle
 
-    file, text = file_for(build_vehicle(RunsFolder(root).path_of(name)), to)
+    file, text = file_for(build_vehicle(RunsFolder(root).path_of(name)), target)
     return file, text.encode("utf-8")
 
 
@@ -195,7 +195,7 @@ def _build_report(path: Path, kind: str, stamp: int) -> Report:
 DATA_SETS = {"learn": "training", "check": "validation"}  # labels of the keys of answer.json
 
 
-def _answer(path: Path, name: str) -> PageSection:
+def _view_explanation(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
     from benchtool.report.figure import captions
@@ -226,7 +226,7 @@ def _answer(path: Path, name: str) -> PageSection:
     )
 
 
-def _table(path: Path, name: str) -> PageSection:
+def _view_table(path: Path, name: str) -> PageSection:
     from benchtool.report.page import Paragraph, Table
     from benchtool.web.drawing import blocks_html
 

@@ -143,9 +143,9 @@ class PlanCard:
         ui.label("Empty fields show their default.").classes("soft")
         with ui.element("div").classes("field-grid"):
             self._form.add(*MAIN_FIELDS)
-        more = ui.expansion("Air, operator, calibration, stage, other plan fields")
-        more.classes("w-full").props("dense")
-        with more, ui.element("div").classes("field-grid"):
+        options = ui.expansion("Air, operator, calibration, stage, other plan fields")
+        options.classes("w-full").props("dense")
+        with options, ui.element("div").classes("field-grid"):
             self._form.add("operator", *AIR, "calibration", "stage")
             self._form.add(*(name for name in FIELDS if name not in MAIN_FIELDS))
         with ui.row().classes("items-center"):
