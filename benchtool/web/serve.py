@@ -75,7 +75,7 @@ def serve(
     """
     listening = listen(host, port)
     port = listening.getsockname()[1]
-    access = access_for(host, wants_token=wants_token)
+    access = build_access(host, wants_token=wants_token)
     name = "127.0.0.1" if host in ALL_INTERFACES else host
     url = f"http://{f'[{name}]' if ':' in name else name}:{port}/"
     url_with_token = f"{url}?token={access.token}" if access.token else url
@@ -95,7 +95,7 @@ def serve(
         stop_endpoint.listening.close()
 
 
-def access_for(host: str, *, wants_token: bool = False) -> Access:
+def build_access(host: str, *, wants_token: bool = False) -> Access:
     """Return the access rules of a server bound to a host; loopback needs no token by default."""
     if is_loopback(host):
         token = secrets.token_urlsafe(TOKEN_BYTES) if wants_token else None

@@ -25,12 +25,12 @@ class Connect:
 
     Attributes:
         rig: may be empty if the address names one.
-        weighs: for load cell calibration without the guard's limits; rejects motor commands.
+        is_weighing: for load cell calibration without the guard's limits; rejects motor commands.
     """
 
     address: str
     rig: str = ""
-    weighs: bool = False
+    is_weighing: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +209,7 @@ class ConnectionStatus:
         session: connection number; a new number means other channels and a new clock.
         rig: with the limits in force; None when off.
         rig_limits: limits of the rig file, the upper bound of `TightenLimits`.
-        weighs: connected for load cell calibration only; no motor can be commanded.
+        is_weighing: connected for load cell calibration only; no motor can be commanded.
         reason: cause of the disconnection, "" if commanded.
         standstill_problem: reason why motors may still turn, or "".
     """
@@ -221,7 +221,7 @@ class ConnectionStatus:
     rig: Rig | None = None
     rig_limits: Limits | None = None
     calibration: Calibration | None = None
-    weighs: bool = False
+    is_weighing: bool = False
     reason: str = ""
     standstill_problem: str = ""
 

@@ -177,7 +177,7 @@ class BenchProcess:
                 connect, number, rig, self._publisher, self._commands, self._dead_man, self._runs,
                 telemetry,
             )  # fmt: skip
-            closed_bench = stoppable if connect.weighs else GuardedBench(stoppable, rig)
+            closed_bench = stoppable if connect.is_weighing else GuardedBench(stoppable, rig)
             self.guard = closed_bench if isinstance(closed_bench, GuardedBench) else None
             with self.announce(address), closed_bench as bench:
                 session.run(bench)

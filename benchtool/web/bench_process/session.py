@@ -192,7 +192,7 @@ class Session:
                 rig=self._rig,
                 rig_limits=self._rig_limits,
                 calibration=calibration_for(None, identity),
-                weighs=self._connect.weighs,
+                is_weighing=self._connect.is_weighing,
             )
         )
 

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from benchtool.web.access import Access, RequestInfo, host_name, is_loopback
-from benchtool.web.serve import access_for, open_page
+from benchtool.web.serve import build_access, open_page
 
 HERE = "127.0.0.1:8460"
 
@@ -61,7 +61,7 @@ def test_other_names_and_other_pages_are_refused(request_info, why):
 
 
 def test_another_bind_wants_the_token_and_takes_numeric_addresses():
-    access = access_for("0.0.0.0")
+    access = build_access("0.0.0.0")
     assert access.token is not None
     assert len(access.token) >= 32
     request_info = RequestInfo(host="192.168.1.5:8460")
@@ -72,12 +72,12 @@ def test_another_bind_wants_the_token_and_takes_numeric_addresses():
     assert access.find_rejection(RequestInfo(host="192.168.1.5:8460", token=access.token)) is None
     rebound = RequestInfo(host="evil.example", token=access.token)
     assert "is not a name of this server" in str(access.find_rejection(rebound))
-    assert access_for("0.0.0.0").token != access.token
+    assert build_access("0.0.0.0").token != access.token
 
 
 def test_loopback_needs_no_token_unless_asked_for():
-    assert access_for("127.0.0.1").token is None
-    assert access_for("127.0.0.1", wants_token=True).token is not None
+    assert build_access("127.0.0.1").token is None
+    assert build_access("127.0.0.1", wants_token=True).token is not None
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ class ThrottleCard:
         connection, live = self._context.bench.connection, self._context.bench.live
         identity, rig = connection.identity, connection.rig
         self._card.set_visibility(
-            identity is not None and rig is not None and not connection.weighs
+            identity is not None and rig is not None and not connection.is_weighing
         )
         if identity is None or rig is None:
             return
@@ -106,11 +106,11 @@ class LoadCellCard:
                         "Tare", icon="exposure_zero", on_click=lambda: send(messages.TareLoadCell())
                     )
                     calibrate = ui.button("Calibrate", icon="scale")
-                    calibrate.on_click(lambda: self._reconnect(weighs=True)).props("outline")
+                    calibrate.on_click(lambda: self._reconnect(is_weighing=True)).props("outline")
                 with ui.row(wrap=False).classes("items-end w-full") as self._plate:
                     self._z_mm = ui.number("Plate distance, mm", value=500.0).classes("grow")
                     ui.button("Move", on_click=self._move).props("outline")
-            with ui.column().classes("w-full") as self._weighs:
+            with ui.column().classes("w-full") as self._weighing_column:
                 ui.label(
                     "Hang a mass, wait until it is still and press Weigh; repeat with increasing, "
                     "then decreasing masses. No motor can be commanded."
@@ -133,7 +133,7 @@ class LoadCellCard:
                         "Start over", on_click=lambda: send(messages.Calibrate(store=False))
                     )
                     restart.props("outline")
-                    finish = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
+                    finish = ui.button("Done", on_click=lambda: self._reconnect(is_weighing=False))
                     finish.props("outline")
                 self._command = CommandRow()
             self._busy = ui.label().classes("soft").props("role=status")
@@ -151,8 +151,8 @@ class LoadCellCard:
         self._scale.set_text(
             f"calibration {stored.id}" if stored else "no calibration; thrust as sent by the device"
         )
-        self._guarded.set_visibility(not connection.weighs)
-        self._weighs.set_visibility(connection.weighs)
+        self._guarded.set_visibility(not connection.is_weighing)
+        self._weighing_column.set_visibility(connection.is_weighing)
         self._plate.set_visibility(identity.moves_plate)
         self._busy.set_text(live.busy)
         self._weighed.set_text(
@@ -169,8 +169,10 @@ class LoadCellCard:
         self._context.send(messages.MovePlateTo(1e-3 * float(self._z_mm.value)))
 
     @show_errors
-    def _reconnect(self, *, weighs: bool) -> None:
+    def _reconnect(self, *, is_weighing: bool) -> None:
         connection = self._context.bench.connection
         rig = connection.rig.name if connection.rig else ""
         self._context.send(messages.Disconnect())
-        self._context.send(messages.Connect(address=connection.address, rig=rig, weighs=weighs))
+        self._context.send(
+            messages.Connect(address=connection.address, rig=rig, is_weighing=is_weighing)
+        )

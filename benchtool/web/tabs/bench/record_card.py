@@ -50,7 +50,7 @@ class LiveRecordCard:
         is_live = sweep.kind == "live" and sweep.status != "none"
         channels = connection.identity.channels if connection.identity else ()
         has_thrust = any(channel.name == "thrust_N" for channel in channels)
-        self._card.set_visibility(has_thrust and not connection.weighs)
+        self._card.set_visibility(has_thrust and not connection.is_weighing)
         self._start.set_visibility(not sweep.active)
         self._end.set_visibility(is_live and sweep.status == "running")
         self._show.set_visibility(is_live and not sweep.active)
@@ -95,7 +95,9 @@ class RecordCard:
         connection, sweep = self._context.bench.connection, self._context.bench.sweep
         identity, rig = connection.identity, connection.rig
         names = {channel.name for channel in identity.channels} if identity else set()
-        self._card.set_visibility(names.issuperset(REQUIRED_CHANNELS) and not connection.weighs)
+        self._card.set_visibility(
+            names.issuperset(REQUIRED_CHANNELS) and not connection.is_weighing
+        )
         if identity is not None and rig is not None and connection.session != self._session:
             self._session = connection.session
             duration_s = float(identity.facts.get("schedule_s") or self._base.seconds)

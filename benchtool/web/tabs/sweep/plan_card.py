@@ -183,7 +183,7 @@ class PlanCard:
         if (connection.session, connection.status) != self._session:
             self._session = connection.session, connection.status
             self._update()
-        is_idle = connection.status == "on" and not connection.weighs
+        is_idle = connection.status == "on" and not connection.is_weighing
         is_idle = is_idle and not self._context.bench.sweep.active
         self._start.set_enabled(is_idle and self._preview is not None)
         self._resume.set_enabled(is_idle)

@@ -144,8 +144,8 @@ def test_motors_turn_only_while_the_button_is_reported_as_held(bench):
 
 
 def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench):
-    on = bench.connect("sim:pquad_single", weighs=True)
-    assert on.weighs
+    on = bench.connect("sim:pquad_single", is_weighing=True)
+    assert on.is_weighing
     bench.send(messages.WeighMass(0.0, seconds=0.2))
     live = bench.wait_for(messages.LiveStatus, lambda event: len(event.weighed) == 1)
     assert live.weighed[0][0] == 0.0
