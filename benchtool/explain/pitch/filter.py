@@ -1,8 +1,8 @@
-"""The filter of constant gain that follows a pitch log, worked out from the stated noise alone.
+"""Steady-state Kalman filter of a pitch log, from the stated noise alone.
 
-State: pitch, rate, and the wake's torque as an Ornstein-Uhlenbeck process. What it takes for noise
-is the bench's own (data sheets, a hover-hold record), never the residual that is being judged; so
-a slow effect such as a centre-of-gravity offset cannot hide in the disturbance.
+State: pitch, rate, and the wake's torque as an Ornstein-Uhlenbeck process. The noise is that of the
+bench (data sheets, a hover-hold record), not of the residuals under test, so that the disturbance
+cannot absorb a slow effect such as a centre-of-gravity offset.
 """
 
 from __future__ import annotations
@@ -19,28 +19,26 @@ from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
 MIN_WAKE_TORQUE = 1e-3  # sd of the wake's torque over m g L where none is stated; assumed
-USUAL_CORRELATION_S = 0.1  # of the wake's torque where none is stated; assumed
+DEFAULT_CORRELATION_S = 0.1  # of the wake's torque where none is stated; assumed
 
+# Share of a speed error corrected by each reading: errors decay in some 50 readings. Larger gains
+# feed reading noise through the lag, which biases its estimate: 20 ms became 16 ms at 0.1.
 SPEED_GAIN = 0.02
-"""How far a reading of rotor speed corrects the speed: what the pulses do wrong is gone from the
-thrust after some fifty readings. A larger gain feeds the readings' noise back through the lag, and
-the likelihood then prefers a shorter lag that forgets it: at 0.1 a lag of 20 ms seemed to be 16 ms
-where little moved."""
 
-PIECE = 40_000  # rows of a recording that are filtered at once; memory goes as their number
+PIECE = 40_000  # rows filtered at once; memory is proportional to it
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchFilter:
-    """Hold the gains of a filter and what its innovations should be.
+    """Gains of a filter and statistics of its innovations.
 
     Attributes:
         state_root: (3, 3) root of the covariance of pitch, rate and wake torque after a reading.
-        step: (3, 3) how pitch, rate and wake torque go on from one row to the next.
+        step: (3, 3) transition matrix of pitch, rate and wake torque over one row.
     """
 
-    gains: Array  # (7,) as `simulate.pitch.filter_ticks` takes them
-    whitener: Array  # (2, 2) turns innovations of pitch and gyro into white noise of unit size
+    gains: Array  # (7,) in the order of `simulate.pitch.filter_ticks`
+    whitener: Array  # (2, 2) from innovations of pitch and gyro to unit white noise
     speed_sd_rad_s: float  # standard deviation of the innovation of a rotor speed
     state_root: Array
     step: Array
@@ -48,65 +46,73 @@ class PitchFilter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterResult:
-    """Hold one recording with what belongs to it.
+    """Recording with its filter and its valid rows.
 
     Attributes:
-        taken: (n_rows * together,) rows whose innovations say something.
-        together: so many of those are one row of evidence.
+        indices: (n_rows * n_averaged,) indices of rows with settled innovations.
+        n_averaged: number of those averaged into one row of evidence.
     """
 
     logged: LoggedPitch
     filter: PitchFilter
-    taken: NDArray[np.intp]
-    together: int
+    indices: NDArray[np.intp]
+    n_averaged: int
     has_gyro: bool
     has_speed: tuple[bool, ...]
 
     @classmethod
     def of(
-        cls, logged: LoggedPitch, filter_: PitchFilter, counted: NDArray[np.bool_], together: int
+        cls,
+        logged: LoggedPitch,
+        filter_: PitchFilter,
+        valid: NDArray[np.bool_],
+        n_averaged: int,
     ) -> FilterResult:
-        """Return a recording of which some rows (n,) count."""
-        taken = [
-            first + np.flatnonzero(counted[first : first + PIECE])
-            for first in range(0, len(counted), PIECE)
+        """Return a recording of which only some rows (n,) are evidence."""
+        indices = [
+            first + np.flatnonzero(valid[first : first + PIECE])
+            for first in range(0, len(valid), PIECE)
         ]
-        whole = [part[: len(part) // together * together] for part in taken]
+        blocks = [part[: len(part) // n_averaged * n_averaged] for part in indices]
         return cls(
             logged=logged,
             filter=filter_,
-            taken=np.concatenate(whole),
-            together=together,
-            has_gyro=bool(np.isfinite(logged.gyro_rad_s[counted]).any()),
-            has_speed=tuple(bool(np.isfinite(read[counted]).any()) for read in logged.speed_rad_s),
+            indices=np.concatenate(blocks),
+            n_averaged=n_averaged,
+            has_gyro=bool(np.isfinite(logged.gyro_rad_s[valid]).any()),
+            has_speed=tuple(
+                bool(np.isfinite(readings[valid]).any()) for readings in logged.speed_rad_s
+            ),
         )
 
     @property
     def n_rows(self) -> int:
-        """How many rows of evidence a channel has."""
-        return len(self.taken) // self.together
+        """Number of rows of evidence per channel."""
+        return len(self.indices) // self.n_averaged
 
     def rows(self, values: Array) -> Array:
-        """Return the means (n_rows, ...) of values (n, ...) over what makes a row."""
-        taken = np.asarray(values[self.taken], float)
-        if self.together == 1:
-            return taken
-        return np.asarray(taken.reshape(self.n_rows, self.together, *taken.shape[1:]).mean(axis=1))
+        """Return values (n, ...) averaged over each row of evidence (n_rows, ...)."""
+        selected = np.asarray(values[self.indices], float)
+        if self.n_averaged == 1:
+            return selected
+        return np.asarray(
+            selected.reshape(self.n_rows, self.n_averaged, *selected.shape[1:]).mean(axis=1)
+        )
 
     def pieces(self, lead: int) -> Iterator[tuple[FilterResult, float]]:
-        """Give pieces of the recording, each with the time of its first row: s.
+        """Yield pieces of the recording, each with the time of its first row: s.
 
-        Each begins so many rows before those of it that count, for a filter to settle.
+        Each begins `lead` rows before its rows of evidence, for the filter to settle.
         """
         for first in range(0, len(self.logged), PIECE):
-            start, last = max(first - lead, 0), min(first + PIECE, len(self.logged))
-            inside = self.taken[(self.taken >= first) & (self.taken < last)] - start
-            part = replace(self, logged=self.logged.between(start, last), taken=inside)
+            start, stop = max(first - lead, 0), min(first + PIECE, len(self.logged))
+            indices = self.indices[(self.indices >= first) & (self.indices < stop)] - start
+            part = replace(self, logged=self.logged.between(start, stop), indices=indices)
             yield part, start / self.logged.rate_Hz
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:
-    """Return the steady filter of a bench whose log has so many rows a second."""
+    """Return the steady-state filter of a bench at the rate of its log."""
     dt_s = 1.0 / rate_Hz
     theta_sd, gyro_sd, speed_sd = (
         reading_sd(bench.sensors.get(name, PitchSensor()))
@@ -116,42 +122,42 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
     a = np.array(
         [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0 / bench.inertia_kgm2], [0.0, 0.0, -1.0 / correlation_s]]
     )
-    driven = np.zeros((3, 3))
-    driven[2, 2] = 2.0 * wake_Nm**2 / correlation_s
-    # Van Loan 1978: transition and noise of one tick from one exponential.
-    both = expm(np.block([[-a, driven], [np.zeros((3, 3)), a.T]]) * dt_s)
-    step = both[3:, 3:].T
-    noise = step @ both[:3, 3:]
-    seen = np.eye(3)[:2] if gyro else np.eye(3)[:1]
-    reading = np.diag([theta_sd**2, gyro_sd**2])[: len(seen), : len(seen)]
+    process_noise = np.zeros((3, 3))
+    process_noise[2, 2] = 2.0 * wake_Nm**2 / correlation_s
+    # Van Loan 1978: transition and noise of one tick from one matrix exponential.
+    exponential = expm(np.block([[-a, process_noise], [np.zeros((3, 3)), a.T]]) * dt_s)
+    step = exponential[3:, 3:].T
+    noise = step @ exponential[:3, 3:]
+    measurement = np.eye(3)[:2] if gyro else np.eye(3)[:1]
+    reading_noise = np.diag([theta_sd**2, gyro_sd**2])[: len(measurement), : len(measurement)]
     scale = np.diag([theta_sd, gyro_sd, wake_Nm])  # for a well-conditioned equation
     inverse = np.linalg.inv(scale)
-    p = scale @ solve_discrete_are(
+    covariance = scale @ solve_discrete_are(
         (inverse @ step @ scale).T,
-        (seen @ scale).T,
+        (measurement @ scale).T,
         inverse @ noise @ inverse,
-        reading,
+        reading_noise,
     ) @ scale  # fmt: skip
-    innovation = seen @ p @ seen.T + reading
-    gain = p @ seen.T @ np.linalg.inv(innovation)
-    after = p - gain @ seen @ p
+    innovation = measurement @ covariance @ measurement.T + reading_noise
+    gain = covariance @ measurement.T @ np.linalg.inv(innovation)
+    updated = covariance - gain @ measurement @ covariance
     gains = np.zeros((3, 2))
-    gains[:, : len(seen)] = gain
+    gains[:, : len(measurement)] = gain
     whitener = np.eye(2)
-    whitener[: len(seen), : len(seen)] = np.linalg.inv(np.linalg.cholesky(innovation))
+    whitener[: len(measurement), : len(measurement)] = np.linalg.inv(np.linalg.cholesky(innovation))
     return PitchFilter(
         gains=np.append(gains.ravel(), SPEED_GAIN if speeds else 0.0),
         whitener=whitener,
         speed_sd_rad_s=speed_sd,
         step=step,
         state_root=np.asarray(
-            np.linalg.cholesky(0.5 * (after + after.T) + 1e-16 * scale @ scale), float
+            np.linalg.cholesky(0.5 * (updated + updated.T) + 1e-16 * scale @ scale), float
         ),
     )
 
 
 def reading_sd(sensor: PitchSensor) -> float:
-    """Return the standard deviation of one reading, its quantum included; never quite 0."""
+    """Return the standard deviation of one reading including its quantum; at least 1e-6."""
     return float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))
 
 
@@ -159,5 +165,5 @@ def wake_model(bench: PitchBench) -> tuple[float, float]:
     """Return standard deviation (N m) and correlation time (s) of the wake's torque."""
     rig = bench.model.rig
     arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
-    least = MIN_WAKE_TORQUE * rig.body.mass_kg * 9.81 * arm_m
-    return bench.model.random_torque or (least, USUAL_CORRELATION_S)
+    min_Nm = MIN_WAKE_TORQUE * rig.body.mass_kg * 9.81 * arm_m
+    return bench.model.random_torque or (min_Nm, DEFAULT_CORRELATION_S)

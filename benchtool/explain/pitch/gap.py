@@ -1,8 +1,8 @@
-"""The gap: how far a model's prediction over a window is from a recording, and how far it must be.
+"""Gap between recording and open-loop prediction over windows, and its noise floor.
 
-Each window starts from a state that the filter estimated from earlier samples only, and runs free.
-The floor is what the same prediction would miss if the model were the truth: a start as uncertain
-as the filter says, the stated wake torque, the stated sensor noise; never the residual itself.
+Each window starts from the filter's state estimate from earlier samples only. The floor is the
+prediction error of a true model: from the covariance of the initial state, the stated wake torque
+and the stated sensor noise, independent of the residuals.
 """
 
 from __future__ import annotations
@@ -30,19 +30,15 @@ UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}  # channels of
 
 RPM = 30.0 / np.pi
 
-LEAD_S = 0.1  # how much of the pulses before a window a delay may still hold
-AT_ONCE = 32  # how many truths are simulated together
-MOST_NUMBERS = 2_000_000  # rows times lanes predicted at once: two minutes at 250 Hz
-
-OVERLAP = 2
-"""A window begins in the middle of the one before: what it misses is then counted twice, which
-steadies the mean nearly as much as half as many windows more would."""
-
-BLOCK_S = 1.0  # of reported errors; longer than what windows and wake share
+LEAD_S = 0.1  # pulses before a window that a delay needs
+MAX_LANES = 32  # true models simulated at once
+MAX_BLOCK_SIZE = 2_000_000  # rows times lanes predicted at once: two minutes at 250 Hz
+OVERLAP = 2  # half-overlapping windows; the mean is nearly as precise as with 1.5 times as many
+BLOCK_S = 1.0  # of reported errors; longer than the correlation of windows and wake
 
 
 def read_channels(logged: LoggedPitch) -> dict[str, Array]:
-    """Return readings (n,) by channel, of speeds (n, n_discs), in the channel's unit."""
+    """Return readings (n,), speeds (n, n_discs), by channel in its unit."""
     return {
         "theta_rad": logged.theta_rad,
         "gyro_rad_s": logged.gyro_rad_s,
@@ -51,7 +47,7 @@ def read_channels(logged: LoggedPitch) -> dict[str, Array]:
 
 
 def predicted_channels(run: Predictions) -> dict[str, Array]:
-    """Return predictions (n, lanes) by channel, of speeds (n, n_discs, lanes)."""
+    """Return predictions (n, lanes), speeds (n, n_discs, lanes), by channel in its unit."""
     return {
         "theta_rad": run.theta_rad,
         "gyro_rad_s": run.gyro_rad_s,
@@ -60,55 +56,55 @@ def predicted_channels(run: Predictions) -> dict[str, Array]:
 
 
 def sensor_sds(bench: PitchBench) -> dict[str, float]:
-    """Return the standard deviation of a reading by channel: rad, rad/s, of speeds rad/s."""
+    """Return the standard deviation of a reading by channel: rad, rad/s, speeds in rad/s."""
     sensors = rig_sensors(bench.model.rig)
     return {name: reading_sd(sensors.get(name, PitchSensor())) for name in UNITS}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Windows:
-    """Cut a log into windows, none across a gap and none before the filter settled."""
+    """Windows of a log without dropouts, after the filter has settled."""
 
     log: FilterResult  # the recording with its filter
     starts: NDArray[np.intp]  # (w,) first rows
     rows: int  # rows of a window
-    block: int  # how many windows one after the other make a block
+    block: int  # consecutive windows in a block
 
     @classmethod
     def of(cls, log: FilterResult, window_s: float, overlap: int = 1) -> Windows:
-        """Return windows of a length; each begins after 1/`overlap` of the one before."""
+        """Return windows of a length; each begins after 1/`overlap` of the previous one."""
         logged = log.logged
         rows = max(2, round(window_s * logged.rate_Hz))
         hop = max(1, rows // overlap)
-        wait = round(SETTLING_S * logged.rate_Hz)
+        n_settling = round(SETTLING_S * logged.rate_Hz)
         edges = [0, *np.flatnonzero(logged.mode == t.RESTART), len(logged)]
         starts = {
             start
             for first, last in pairwise(edges)
-            for start in range(first + wait, last - rows + 1, hop)
+            for start in range(first + n_settling, last - rows + 1, hop)
         }
         block = max(1, round(BLOCK_S * logged.rate_Hz / hop))
         return cls(log=log, starts=np.array(sorted(starts), np.intp), rows=rows, block=block)
 
     def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
-        """Return what each bench (a lane) predicts in each window, from its own estimate on."""
+        """Return predictions of each bench (lane) in each window, from its state estimate."""
         return self._run(benches, slice(None), self._states(benches))
 
     def errors(self, benches: Sequence[PitchBench]) -> dict[str, Array]:
         """Return mean squared errors of each block (b, lanes) by channel."""
-        out: dict[str, list[Array]] = {name: [] for name in UNITS}
-        read, states = read_channels(self.log.logged), self._states(benches)
+        errors: dict[str, list[Array]] = {name: [] for name in UNITS}
+        readings, states = read_channels(self.log.logged), self._states(benches)
         for part in self._parts(len(benches)):
             runs = self._run(benches, part, states[part])
             for start, run in zip(self.starts[part], runs, strict=True):
                 for name, values in predicted_channels(run).items():
-                    error = read[name][start : start + self.rows, ..., None] - values
+                    error = readings[name][start : start + self.rows, ..., None] - values
                     if np.isfinite(error).any():
-                        out[name].append(np.nanmean(error**2, axis=tuple(range(error.ndim - 1))))
-        return {name: self._in_blocks(np.array(s)) for name, s in out.items() if s}
+                        errors[name].append(np.nanmean(error**2, axis=tuple(range(error.ndim - 1))))
+        return {name: self._in_blocks(np.array(s)) for name, s in errors.items() if s}
 
     def _in_blocks(self, squares: Array) -> Array:
-        """Return means of blocks of windows; what is too short for one more joins the last."""
+        """Return means of blocks of windows; the last block includes the remaining windows."""
         firsts = self.block * np.arange(max(1, len(squares) // self.block))
         sizes = np.diff([*firsts, len(squares)])
         means: Array = np.add.reduceat(squares, firsts) / sizes[:, None]
@@ -120,35 +116,31 @@ class Windows:
         """Return root mean squared errors of a true model (draws,) by channel.
 
         Args:
-            truths: what is taken for true, one for each draw of the noise: the model itself, or
-                models as far from it as its numbers are uncertain.
+            truths: true model of each draw: the model itself, or draws of its parameters.
         """
         states = self._states([bench])
         squares = {name: np.zeros(len(truths)) for name in UNITS}
-        for part in self._parts(min(len(truths), AT_ONCE)):
-            quiet = self._run([bench], part, states[part])
-            for first in range(0, len(truths), AT_ONCE):
-                lanes = slice(first, first + AT_ONCE)
-                starts = [np.repeat(one, len(truths[lanes]), axis=1) for one in states[part]]
+        for part in self._parts(min(len(truths), MAX_LANES)):
+            nominal = self._run([bench], part, states[part])
+            for first in range(0, len(truths), MAX_LANES):
+                lanes = slice(first, first + MAX_LANES)
+                starts = [np.repeat(state, len(truths[lanes]), axis=1) for state in states[part]]
                 runs = self._disturbed(truths[lanes], part, starts, rng)
-                for name, more in _squares(runs, quiet, sensor_sds(bench), rng).items():
-                    squares[name][lanes] += more
-        return {name: np.sqrt(one / len(self.starts)) for name, one in squares.items()}
+                for name, increments in _squares(runs, nominal, sensor_sds(bench), rng).items():
+                    squares[name][lanes] += increments
+        return {name: np.sqrt(total / len(self.starts)) for name, total in squares.items()}
 
     def _parts(self, lanes: int) -> list[slice]:
         """Return the windows in parts that fit in memory."""
-        many = max(1, MOST_NUMBERS // (self.rows * lanes))
-        return [slice(first, first + many) for first in range(0, len(self.starts), many)]
+        n_windows = max(1, MAX_BLOCK_SIZE // (self.rows * lanes))
+        return [slice(first, first + n_windows) for first in range(0, len(self.starts), n_windows)]
 
     def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
-        """Return what the filter knows before each window (4 + n_discs, lanes).
-
-        The state at a row is that of the row before, run on for one tick: as it was predicted.
-        """
-        whole = filter_log(benches, self.log.logged, self.log.filter.gains)
-        rows = (whole.pitch_rad, whole.rate_rad_s, whole.wake_Nm, whole.bent)
+        """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
+        result = filter_log(benches, self.log.logged, self.log.filter.gains)
+        rows = (result.pitch_rad, result.rate_rad_s, result.wake_Nm, result.bent)
         return [
-            np.vstack([*(one[row] for one in rows), whole.state_speed_rad_s[row]])
+            np.vstack([*(values[row] for values in rows), result.state_speed_rad_s[row]])
             for row in self.starts
         ]
 
@@ -159,7 +151,7 @@ class Windows:
         states: Sequence[Array],
         rng: np.random.Generator,
     ) -> list[Predictions]:
-        """Run from states as uncertain as the filter says (changed in place), with wake torque."""
+        """Return predictions with wake torque, from states disturbed (in place) by their sd."""
         for state in states:
             state[:3] += self.log.filter.state_root @ rng.standard_normal((3, len(benches)))
         return self._run(benches, part, states, seed=int(rng.integers(2**31)))
@@ -178,18 +170,18 @@ class Windows:
 
 def _squares(
     runs: Sequence[Predictions],
-    quiet: Sequence[Predictions],
-    sd: dict[str, float],
+    nominal_runs: Sequence[Predictions],
+    sensor_sd: dict[str, float],
     rng: np.random.Generator,
 ) -> dict[str, Array]:
-    """Return the sum over windows of mean squared errors (lanes,) by channel, sensors' noise on."""
+    """Return mean squared errors (lanes,) with sensor noise, summed over windows, by channel."""
     total = dict.fromkeys(UNITS, np.zeros(runs[0].theta_rad.shape[-1]))
-    for run, still in zip(runs, quiet, strict=True):
-        expected = predicted_channels(still)
-        for name, values in predicted_channels(run).items():
-            noise = sd[name] * rng.standard_normal(values.shape, np.float32)
+    for run, nominal in zip(runs, nominal_runs, strict=True):
+        expected = predicted_channels(nominal)
+        for name, prediction in predicted_channels(run).items():
+            noise = sensor_sd[name] * rng.standard_normal(prediction.shape, np.float32)
             scale = RPM if name == "rpm" else 1.0
-            error = values - expected[name] + scale * noise.astype(float)
+            error = prediction - expected[name] + scale * noise.astype(float)
             mean = np.mean(error**2, axis=tuple(range(error.ndim - 1)))
             total[name] = total[name] + mean
     return total

@@ -16,7 +16,7 @@ from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.verdict import NextExperiment
-from benchtool.explain.pitch.dependences import missed_torques
+from benchtool.explain.pitch.dependences import summarize_residuals
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
 from benchtool.explain.pitch.log import PitchLog, pitch_log
@@ -30,7 +30,7 @@ from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
 
-COARSE = 5  # rows averaged into one where experiments are compared
+MIN_AVERAGED = 5  # rows averaged into one to compare experiments
 
 RATE_HZ = 250.0
 
@@ -47,26 +47,23 @@ COLLECTIVES = {
 }
 DITHER = Signal(shape="prbs", level=15.0, bit_s=0.04, seed=1)
 Z_OVER_R = (0.9, 1.3, 2.0, 3.0)
-LENGTHS_S = (20.0, 30.0, 45.0, 60.0)  # what a design is chosen from; assumed
-SLIDE_S = 1.0  # between visits of the plate, for it to go; assumed
+LENGTHS_S = (20.0, 30.0, 45.0, 60.0)  # candidate durations of a design; assumed
+SLIDE_S = 1.0  # between visits of the plate; assumed
+# Candidate prediction windows, ascending. Over a near plate the beam diverges from any prediction
+# within a second, so that errors of a few long windows are dominated by chance.
 WINDOWS_S = (0.25, 0.5, 1.0)
-"""Lengths that a prediction may have, the shortest first. The plant is predictable over a window
-where a true model's error comes out alike each time; over a near plate the beam falls away from
-any prediction within a second, and few long windows then measure luck."""
 
-ALIKE = 0.05
-"""How far above its mean a true model's error over a recording may be, 95 times in 100, for a
-window to count as predictable. Half of the tenth by which a gap may stand above its floor; the
-other half is left to the wake, whose size nobody states to better than that. A choice."""
-
-ALIKE_DRAWS = 32  # simulated recordings behind that choice
+# 95 % quantile of a true model's error above its mean, relative, at which a window is predictable.
+# Half of the 10 % allowed for a gap above its floor; the rest is for the wake torque; assumed.
+MAX_FLOOR_SPREAD = 0.05
+FLOOR_DRAWS = 32  # simulated recordings for that quantile
 ONE_SIDED_95 = 1.645  # normal quantile
-BREAK = np.full((1, 4), np.nan)  # put between windows, so that lines break there
+BREAK = np.full((1, 4), np.nan)  # between windows, to break lines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchDesign:
-    """Describe a pitch experiment: motions take turns, the plate comes once to each distance."""
+    """Design of a pitch experiment: motions in turn, one plate visit per distance."""
 
     motions: tuple[str, ...]
     collective: str = ""
@@ -75,7 +72,7 @@ class PitchDesign:
     length_s: float = LENGTHS_S[0]
 
     def schedule(self) -> Schedule:
-        """Return its commands."""
+        """Return the schedule of its commands."""
         turn_s = self.length_s / max(1, len(self.motions))
         visit_s = self.length_s / (len(self.z_over_R) + 1)
         return Schedule(
@@ -83,45 +80,45 @@ class PitchDesign:
             title=self.text(),
             duration_s=self.length_s,
             reference_deg=tuple(
-                replace(MOTIONS[name], from_s=number * turn_s, to_s=(number + 1) * turn_s)
-                for number, name in enumerate(self.motions)
+                replace(MOTIONS[name], from_s=index * turn_s, to_s=(index + 1) * turn_s)
+                for index, name in enumerate(self.motions)
             ),
             collective=(COLLECTIVES[self.collective],) if self.collective else (),
             dither_us=(DITHER,) if self.dither else (),
             plate=tuple(
                 PlateVisit(
-                    z_over_R=ratio, in_s=number * visit_s, out_s=(number + 1) * visit_s - SLIDE_S
+                    z_over_R=ratio, in_s=index * visit_s, out_s=(index + 1) * visit_s - SLIDE_S
                 )
-                for number, ratio in enumerate(self.z_over_R, 1)
+                for index, ratio in enumerate(self.z_over_R, 1)
             ),
         )
 
     def text(self) -> str:
-        """Say what is done."""
+        """Return the design as a phrase."""
         parts = [*self.motions, self.collective, "dither on the pulses" if self.dither else ""]
-        done = ", ".join(part for part in parts if part)
+        motions = ", ".join(part for part in parts if part)
         ratios = ", ".join(f"{ratio:g}" for ratio in self.z_over_R)
-        plate = f"the plate away, then at z/R {ratios}" if ratios else "no plate"
-        return f"{done[:1].upper()}{done[1:]}; {plate}; {self.length_s:g} s"
+        plate = f"the plate parked, then at z/R {ratios}" if ratios else "no plate"
+        return f"{motions[:1].upper()}{motions[1:]}; {plate}; {self.length_s:g} s"
 
     def more(self, rig: Rig) -> dict[str, PitchDesign]:
-        """Return every design with one thing more, by that thing."""
-        found = {}
+        """Return designs with one addition each, by its name."""
+        designs = {}
         for name in MOTIONS.keys() - set(self.motions):
-            found[name] = replace(self, motions=(*self.motions, name))
+            designs[name] = replace(self, motions=(*self.motions, name))
         for name in COLLECTIVES.keys() - {self.collective}:
-            found[name] = replace(self, collective=name)
+            designs[name] = replace(self, collective=name)
         if not self.dither:
-            found["dither"] = replace(self, dither=True)
+            designs["dither"] = replace(self, dither=True)
         for ratio in set(Z_OVER_R) - set(self.z_over_R):
             if ratio * rig.propulsion.radius_m >= rig.plate.z_min_m:
                 ratios = tuple(sorted((*self.z_over_R, ratio), reverse=True))
-                found[f"z/R {ratio}"] = replace(self, z_over_R=ratios)
+                designs[f"z/R {ratio}"] = replace(self, z_over_R=ratios)
         for length_s in LENGTHS_S:
             if length_s > self.length_s:
-                found["length"] = replace(self, length_s=length_s)
+                designs["length"] = replace(self, length_s=length_s)
                 break
-        return found
+        return designs
 
 
 def next_pitch(
@@ -131,37 +128,39 @@ def next_pitch(
     refused: Subsystem | None = None,
     minutes: float | None = None,
 ) -> NextExperiment:
-    """Return the experiment that is expected to separate two rivals or more."""
-    model, known = evidence.model, [log.logged for log in evidence.logs]
-    together = max(COARSE, evidence.together)
-    forecast = Forecast(evidence.of(known, together), rivals)
-    at = forecast.rivals[0].fit.values
+    """Return the experiment with the best expected separation of the rivals."""
+    model, logs = evidence.model, [log.logged for log in evidence.logs]
+    n_averaged = max(MIN_AVERAGED, evidence.n_averaged)
+    forecast = Forecast(evidence.of(logs, n_averaged), rivals)
+    values = forecast.rivals[0].fit.values
     bench = PitchBench.of(
-        model.with_values(parameters_at(model.parameters, evidence.parameters, at))
+        model.with_values(parameters_at(model.parameters, evidence.parameters, values))
     )
     job = PitchJob(bench, PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ))
 
     seed = int(rng.integers(2**31))
 
-    def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
+    def expect(design: PitchDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
         log = pitch_log(recording, model.rig, checked=False).logged
-        new, both = (evidence.of(some, together) for some in ([log], [*known, log]))
-        return forecast.expected(new, both, drawn)
+        new, combined = (
+            evidence.of(recordings, n_averaged) for recordings in ([log], [*logs, log])
+        )
+        return forecast.expected(new, combined, drawn)
 
     ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
     first = PitchDesign(motions=("slow reversals",))
     best = select_design(
         ladder if refused == "pwm_to_rpm" else first,
         lambda design: design.more(model.rig),
-        weighed,
+        expect,
         lambda design: design.length_s,
         60.0 * minutes if minutes else LENGTHS_S[-1],
     )
     return proposal(
         forecast.rivals,
-        weighed(best, rng),
+        expect(best, rng),
         best.text(),
         best.length_s,
         refused,
@@ -170,10 +169,10 @@ def next_pitch(
 
 
 class PitchSubject(Subject):
-    """Hold pitch recordings against a model."""
+    """Pitch recordings, compared with a model."""
 
     kind = "pitch"
-    missed_by = staticmethod(missed_torques)
+    missed_by = staticmethod(summarize_residuals)
     next_by = staticmethod(next_pitch)
     evidence: PitchEvidence
     all_evidence: PitchEvidence
@@ -190,21 +189,21 @@ class PitchSubject(Subject):
             [(log.name, bench_numbers(log.logged, model.rig)) for log in (*learn, *check)]
         )
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
-        self._check = PitchEvidence(model, [log.logged for log in check], extra)
+        self._validation_evidence = PitchEvidence(model, [log.logged for log in check], extra)
         self.all_evidence = PitchEvidence(model, [log.logged for log in (*learn, *check)], extra)
 
     @cached_property
     def window_s(self) -> float:
-        """The longest prediction over which the plant is predictable, judged by simulation alone.
+        """Longest window over which the plant is predictable: s.
 
-        The model as given simulates its own check recordings with the stated noise.
+        Judged by simulated validation recordings of the model as given, with the stated noise.
         """
         as_given = np.zeros(len(self.evidence.parameters))
         predictable = WINDOWS_S[0]
         for window_s in WINDOWS_S[1:]:
-            found = self._floor(window_s, as_given, np.random.default_rng(0), ALIKE_DRAWS)
-            spread = max(np.std(roots) / np.mean(roots) for roots in found.values())
-            if ONE_SIDED_95 * spread > ALIKE:
+            floors = self._floor(window_s, as_given, np.random.default_rng(0), FLOOR_DRAWS)
+            relative_sd = max(np.std(roots) / np.mean(roots) for roots in floors.values())
+            if ONE_SIDED_95 * relative_sd > MAX_FLOOR_SPREAD:
                 break
             predictable = window_s
         return predictable
@@ -212,8 +211,8 @@ class PitchSubject(Subject):
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each block of the check recordings, by channel."""
         found: dict[str, list[Array]] = {}
-        for log in self._check.logs:
-            benches = [self._check.bench(one, log.logged.rate_Hz) for one in sets]
+        for log in self._validation_evidence.logs:
+            benches = [self._validation_evidence.bench(one, log.logged.rate_Hz) for one in sets]
             windows = Windows.of(log, self.window_s, OVERLAP)
             for name, squares in windows.errors(benches).items():
                 found.setdefault(name, []).append(squares)
@@ -237,13 +236,15 @@ class PitchSubject(Subject):
     ) -> Mapping[str, Array]:
         total: dict[str, Array] = {}
         count = 0
-        for log in self._check.logs:
+        for log in self._validation_evidence.logs:
             windows = Windows.of(log, window_s, OVERLAP)
-            bench = self._check.bench(at, log.logged.rate_Hz)
+            bench = self._validation_evidence.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
                 scaled = rng.multivariate_normal(at, spread, draws, method="eigh")
-                truths = [self._check.bench(one, log.logged.rate_Hz) for one in scaled]
+                truths = [
+                    self._validation_evidence.bench(one, log.logged.rate_Hz) for one in scaled
+                ]
             for name, roots in windows.floor(bench, truths, rng).items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
@@ -251,11 +252,13 @@ class PitchSubject(Subject):
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with the predictions of each window, by channel."""
-        log = self._check.logs[0]
+        log = self._validation_evidence.logs[0]
         rate_Hz = log.logged.rate_Hz
         windows = Windows.of(log, self.window_s)
-        runs = windows.predicted([self._check.bench(one, rate_Hz) for one in (before, after)])
-        out = []
+        runs = windows.predicted(
+            [self._validation_evidence.bench(scaled, rate_Hz) for scaled in (before, after)]
+        )
+        overlays = []
         for name, read in read_channels(log.logged).items():
             values = read if read.ndim == 1 else read[:, 0]
             if not np.isfinite(values).any():
@@ -263,14 +266,14 @@ class PitchSubject(Subject):
             pieces = []
             for start, run in zip(windows.starts, runs, strict=True):
                 rows = np.arange(start, start + windows.rows)
-                shown = predicted_channels(run)[name]
-                shown = shown if read.ndim == 1 else shown[:, 0]
-                pieces += [np.column_stack([rows / rate_Hz, values[rows], shown]), BREAK]
+                prediction = predicted_channels(run)[name]
+                prediction = prediction if read.ndim == 1 else prediction[:, 0]
+                pieces += [np.column_stack([rows / rate_Hz, values[rows], prediction]), BREAK]
             at, measured, line, other = np.concatenate(pieces).T
-            out.append(
+            overlays.append(
                 Overlay(
                     channel=name if name != "rpm" else "rpm1", unit=UNITS[name], axis="time_s",
                     at=at, measured=measured, before=line, after=other,
                 )
             )  # fmt: skip
-        return tuple(out)
+        return tuple(overlays)
