@@ -71,7 +71,7 @@ def test_friction_is_named_from_two_flight_logs(tmp_path, monkeypatch, capsys):
         "--check", "imported/check.csv", "--draws", "30", "--json", "found.json",
     ) == 0  # fmt: skip
     said = capsys.readouterr().out
-    assert "learn.csv: rows are not even in time: laid on a clock of 250 Hz" in said
+    assert "learn.csv: rows are not even in time: resampled at 250 Hz" in said
     assert "the plate is taken to be parked" in said
     found = json.loads(Path("found.json").read_text("utf-8"))
     assert found["verdict"] == "effect", found["sentence"]

@@ -1,4 +1,4 @@
-"""From a recording to a pitch log for a filter, with what was repaired and what it lacks."""
+"""Pitch log of a recording, prepared for a filter, with warnings on repairs and gaps."""
 
 from __future__ import annotations
 
@@ -27,39 +27,36 @@ from benchtool.explain.pitch.resampling import (
     resample_evenly,
 )
 from benchtool.explain.pitch.sanity_checks import (
-    refuse_inconsistent,
-    rotors_in_order,
-    standing_still,
+    check_consistency,
+    check_motion,
+    match_speeds,
 )
 from benchtool.explain.pitch.timing import align_channels
 from benchtool.explain.recording_checks import repair_readings
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch
 
-PLATE_SMOOTHING_S = 0.2
-"""Width of the median over plate readings: a plate moves slowly and its sensor is noisy, and near
-the plate a millimetre is felt."""
+PLATE_SMOOTHING_S = 0.2  # width of the median; 1 mm matters near the plate
 
+# Width of the quadratic through measured speeds that drive a plant: about a motor's lag. Wider ones
+# smooth dither, narrower ones leave reading noise in the thrust.
 SPEED_SMOOTHING_S = 0.025
-"""Width of the quadratic through readings of speed that drive a plant: about a motor's lag, within
-which speeds cannot kink. Wider ones round off dither; narrower ones leave more of the readings'
-noise in the thrust."""
 
-MAX_SAMPLE_INTERVAL_S = 0.012  # longest step of a drive that a motor follows: half a lag; assumed
-SLOWER = 0.1  # share by which pulses may come more seldom than angles; assumed
-THINNED = 0.02  # deviation of the readings per row from a whole number; assumed
-EXACT_RAD = 1e-4  # noise and quantum of an encoder that shows single pulses; assumed
-MAX_SEGMENT_S = 1.5  # a filter settles in 0.3 s and a prediction lasts 1 s; assumed
-MIN_SEGMENT_S = 4.0  # below this length a recording says next to nothing about any effect; assumed
+MAX_SAMPLE_INTERVAL_S = 0.012  # of a drive, half a motor lag; assumed
+MAX_RATE_DEFICIT = 0.1  # of pulses relative to angles; assumed
+INTEGER_TOLERANCE = 0.02  # of the number of readings per row; assumed
+EXACT_RAD = 1e-4  # noise and quantum of an encoder that resolves single pulses; assumed
+MIN_SEGMENT_S = 1.5  # a filter settles in 0.3 s and a prediction lasts 1 s; assumed
+MIN_DURATION_S = 4.0  # shorter recordings do not identify effects; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchLog:
-    """Hold a log with its remarks."""
+    """Log with its warnings."""
 
-    logged: LoggedPitch  # what is followed
-    name: str  # of the file, for people
-    remarks: tuple[str, ...]  # what was repaired, and what the log lacks
+    logged: LoggedPitch
+    name: str  # of the file, for display
+    remarks: tuple[str, ...]  # repairs and missing channels
 
 
 def pitch_log(
@@ -73,66 +70,68 @@ def pitch_log(
     """Return the log of a recording.
 
     Args:
-        name: what messages call it; of its file when left out.
-        plate_slide_s: how long its plate takes to slide in or out; None where it is unknown.
-        checked: whether units, signs and clocks are checked; False for a simulated experiment.
+        name: name in messages; default: its file.
+        plate_slide_s: duration of a plate slide in or out; None if unknown.
+        checked: False skips checks of units, signs and clocks (simulated experiments).
 
     Raises:
-        InputError: a recording without time, without pitch, or with neither pulses nor rotor
-            speeds; one that is too short.
+        InputError: time, pitch or a drive (pulses or rotor speeds) is missing, or it is too short.
     """
     name = name or recording.provenance.get("file", "the recording")
-    for needed, why in (("time_s", "when"), ("theta_rad", "how far the beam turned")):
-        if not _has(recording, needed):
+    for channel in ("time_s", "theta_rad"):
+        if not _has(recording, channel):
             raise InputError(
-                f"{name} has no {needed}, so nothing tells {why}; map a column to it in the "
-                f"model's [columns], or record with benchtool record"
+                f"{name} has no {channel}; map a column to it in the model's [columns], or record "
+                f"with benchtool record"
             )
-    known = recording.to_si("theta_rad")[np.isfinite(recording.to_si("theta_rad"))]
-    if len(known) > 1 and np.ptp(known) == 0.0:
+    angles = recording.to_si("theta_rad")[np.isfinite(recording.to_si("theta_rad"))]
+    if len(angles) > 1 and np.ptp(angles) == 0.0:
         raise InputError(
-            f"theta_rad of {name} is {known[0]:g} in every row: a dead channel, or a beam that "
-            f"is held; mend the sensor or let the beam turn, and record again"
+            f"theta_rad of {name} is {angles[0]:g} in every row: sensor failure or blocked beam; "
+            f"repair the sensor or release the beam, and record again"
         )
-    recording, mended = repair_readings(recording, rig, name)
+    recording, repairs = repair_readings(recording, rig, name)
     rows = resample_evenly(recording, name)
-    pulsed = _drive(recording, rig, "pwm{}_us")
-    measured = _drive(recording, rig, "rpm{}")
+    pulsed = _find_drive(recording, rig, "pwm{}_us")
+    measured = _find_drive(recording, rig, "rpm{}")
     check_rotor_count(recording, rig, name, lacking=not pulsed and not measured)
     if not pulsed and not measured:
         raise InputError(
-            f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "
-            f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
+            f"{name} has neither the pulses nor the speeds of all {rig.n_discs} rotors, needed to "
+            f"drive the plant; map pwm1_us... or rpm1... in the model's [columns]"
         )
     drive = pulsed or measured
-    remarks = [*mended, *rows.remarks, *_sparse(recording, drive, rig, name)]
-    rows = _followed(rows, drive, name, plate_slide_s, remarks)
+    remarks = [*repairs, *rows.remarks, *_check_drive_rate(recording, drive, rig, name)]
+    rows = _select_usable(rows, drive, name, plate_slide_s, remarks)
     recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
     n = len(recording)
-    nothing = np.full(n, np.nan)
+    blank = np.full(n, np.nan)
 
     def optional(channel: str) -> Array:
-        return recording.to_si(channel) if channel in recording else nothing
+        return recording.to_si(channel) if channel in recording else blank
 
     speeds = np.array([optional(f"rpm{rotor + 1}") for rotor in rig.first_rotors])
     if pulsed:
         pulses = np.array([recording.column(name) for name in pulsed])
         if not np.isfinite(speeds).any():
-            remarks.append("no rpm: lag, delay and sag are judged by the motion alone")
+            remarks.append("no rpm: lag, delay and sag are judged from the motion alone")
     else:
-        p = rig.propulsion
-        pulses = p.pwm_start_us + _driving_speeds(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
+        propulsion = rig.propulsion
+        pulses = (
+            propulsion.pwm_start_us
+            + _driving_speeds(speeds, mode, rate_Hz) / propulsion.speed_per_us_rad_s
+        )
         speeds = np.full_like(speeds, np.nan)
         remarks.append(
-            "no pulses: driven by the speeds that were measured, so nothing between pulse and "
-            "speed (lag, delay, battery sag) can be judged; record pwm too"
+            "no pulses: driven by measured speeds, so effects between pulse and speed (lag, delay, "
+            "battery sag) cannot be judged; record pwm too"
         )
     gyro = optional("gyro_rad_s")
     if not np.isfinite(gyro).any():
         remarks.append("no gyro: its bias and scale cannot be judged")
     plate = optional("plate_z_m")
     if not np.isfinite(plate).any():
-        remarks.append("no plate_z_m: the plate is taken to be parked")
+        remarks.append("no plate_z_m: the plate is assumed to be parked")
         plate = np.full(n, PARKED_M)
     plate = _smooth(last_known(plate), rate_Hz)
     share = optional("coverage1")
@@ -148,111 +147,113 @@ def pitch_log(
         from_speeds=not pulsed,
     )
     if checked:
-        logged, exchanged = rotors_in_order(logged, rig)
-        refuse_inconsistent(logged, rig, name)
-        logged, late = align_channels(logged, rig, name)
-        remarks += (*exchanged, *late)
-    remarks += filter(None, [standing_still(logged, rig)])
+        logged, swaps = match_speeds(logged, rig)
+        check_consistency(logged, rig, name)
+        logged, shifts = align_channels(logged, rig, name)
+        remarks += (*swaps, *shifts)
+    remarks += filter(None, [check_motion(logged, rig)])
     return PitchLog(logged=logged, name=name, remarks=tuple(remarks))
 
 
-def _drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
-    """Return the channels that drive every disc; none where one is missing."""
+def _find_drive(recording: Recording, rig: Rig, pattern: str) -> tuple[str, ...]:
+    """Return the drive channels of all discs; empty if one is missing."""
     names = tuple(pattern.format(rotor + 1) for rotor in rig.first_rotors)
     return names if all(_has(recording, name) for name in names) else ()
 
 
-def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -> list[str]:
-    """Return what to say of a drive that comes seldom.
+def _check_drive_rate(
+    recording: Recording, drive: tuple[str, ...], rig: Rig, name: str
+) -> list[str]:
+    """Return warnings on a low sampling rate of the drive.
 
     Raises:
-        InputError: too seldom to follow a plant.
+        InputError: the rate is below the minimum.
     """
-    out = []
+    warnings = []
     time_s = recording.to_si("time_s")
     for channel in drive[:1]:
         steps = np.diff(time_s[np.isfinite(recording.column(channel)) & np.isfinite(time_s)])
         step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
         if step_s > 1.05 * HELD_S:
             raise InputError(
-                f"{channel} of {name} comes {1.0 / step_s:.3g} times a second, which says too "
-                f"little of what drove the plant; record it {1.0 / HELD_S:g} times a second at "
-                f"least, 100 times to tell effects apart"
+                f"sampling rate of {channel} in {name} is {1.0 / step_s:.3g} Hz; minimum: "
+                f"{1.0 / HELD_S:g} Hz, recommended: 100 Hz; record faster"
             )
         if step_s > MAX_SAMPLE_INTERVAL_S:
-            out.append(
-                f"{channel} comes {1.0 / step_s:.3g} times a second: what changes within "
-                f"{1000.0 * step_s:.0f} ms goes unseen; record it 100 times a second"
+            warnings.append(
+                f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz: changes within "
+                f"{1000.0 * step_s:.0f} ms are not resolved; record it at 100 Hz"
             )
         sensor = rig.sensors.get("theta_rad")
         if sensor is None or not drive[0].startswith("pwm"):
             continue
-        times = step_s * sensor.rate_Hz
-        exact = hypot(sensor.noise, sensor.quantum) <= EXACT_RAD
-        thinned = times > 1.5 and abs(times - round(times)) < THINNED
-        if (exact and times > 1.0 + SLOWER) or thinned:
-            shows = "So exact an encoder shows that as a gap that no effect explains"
-            out.append(
-                f"{channel} comes {1.0 / step_s:.3g} times a second, and the beam of rig "
-                f"{rig.name} is read {sensor.rate_Hz:g} times: pulses that a faster loop gave in "
-                f"between turned the beam and are not in the recording. "
-                f"{shows if exact else 'That reads as lag'}; record outputs and attitude as fast "
-                f"as the loop runs, {sensor.rate_Hz:g} times a second here"
+        readings_per_row = step_s * sensor.rate_Hz
+        is_exact = hypot(sensor.noise, sensor.quantum) <= EXACT_RAD
+        is_decimated = (
+            readings_per_row > 1.5
+            and abs(readings_per_row - round(readings_per_row)) < INTEGER_TOLERANCE
+        )
+        if (is_exact and readings_per_row > 1.0 + MAX_RATE_DEFICIT) or is_decimated:
+            result = "a gap that no effect explains" if is_exact else "an apparent lag"
+            warnings.append(
+                f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz, and the beam of rig "
+                f"{rig.name} is read at {sensor.rate_Hz:g} Hz: pulses of a faster loop between "
+                f"rows are not recorded, which causes {result}; record outputs and attitude at "
+                f"the rate of the loop, here {sensor.rate_Hz:g} Hz"
             )
-    return out
+    return warnings
 
 
-def _followed(
+def _select_usable(
     rows: ResampledRecording,
     drive: tuple[str, ...],
     name: str,
     plate_slide_s: float | None,
     remarks: list[str],
 ) -> ResampledRecording:
-    """Return the rows along which a plant can be followed: drive and angle known.
+    """Return the rows with known drive and angle, that a filter can use.
 
     Raises:
-        InputError: too few of them, all in all or in one piece.
+        InputError: too few rows in total or in one segment.
     """
-    blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, MAX_GAP_S)
+    is_blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, MAX_GAP_S)
     for channel in drive:
-        blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
-    if blank.any():
+        is_blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
+    if is_blank.any():
         remarks.append(
-            f"{blank.sum() / rows.rate_Hz:.2f} s without an angle, or without what drives the "
-            f"plant, left out; judged in parts"
+            f"{is_blank.sum() / rows.rate_Hz:.2f} s without angle or drive dropped; judged in parts"
         )
-    sliding, times = np.zeros(len(blank), bool), 0
-    covered = _has(rows.recording, "coverage1") or not _has(rows.recording, "plate_z_m")
-    if plate_slide_s != 0.0 and not covered:  # in what rows nobody knows the coverage
+    is_sliding, n_slides = np.zeros(len(is_blank), bool), 0
+    has_coverage = _has(rows.recording, "coverage1") or not _has(rows.recording, "plate_z_m")
+    if plate_slide_s != 0.0 and not has_coverage:  # the coverage is unknown during a slide
         reach_s = TRANSIT_S if plate_slide_s is None else plate_slide_s + READ_S
         plate_m = last_known(rows.recording.to_si("plate_z_m"))
-        sliding, times = is_plate_moving(plate_m, rows.rate_Hz, reach_s)
-    if times:
+        is_sliding, n_slides = is_plate_moving(plate_m, rows.rate_Hz, reach_s)
+    if n_slides:
         remarks.append(
-            f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s left out in which the plate slides "
-            f"in or out: nothing tells how much of a disc it covers then; record coverage1, or "
-            f"say in the model's plate_slide_s that it is faster"
+            f"{(is_sliding & ~is_blank).sum() / rows.rate_Hz:.2f} s dropped in which the plate "
+            f"slides in or out with unknown coverage of the disc; record coverage1, or set "
+            f"plate_slide_s of the model if it is faster"
         )
-    rows = rows.select(~(blank | sliding))
-    early = np.zeros(len(rows.mode), bool)
+    rows = rows.select(~(is_blank | is_sliding))
+    is_early = np.zeros(len(rows.mode), bool)
     edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
-    seen = np.isfinite(rows.recording.column("theta_rad"))
+    has_angle = np.isfinite(rows.recording.column("theta_rad"))
     for first, last in pairwise(edges):
-        early[first : first + int(np.argmax(seen[first:last]))] = True
-    rows = rows.select(~early)
-    length_s = len(rows.mode) / rows.rate_Hz
-    if length_s < MIN_SEGMENT_S:
+        is_early[first : first + int(np.argmax(has_angle[first:last]))] = True
+    rows = rows.select(~is_early)
+    duration_s = len(rows.mode) / rows.rate_Hz
+    if duration_s < MIN_DURATION_S:
         raise InputError(
-            f"{name} is {length_s:.1f} s long; an explanation needs {MIN_SEGMENT_S:g} s at least, "
-            f"and 30 s with several collectives and plate distances to tell effects apart"
+            f"recording {name} is too short: {duration_s:.1f} s; minimum: {MIN_DURATION_S:g} s; "
+            f"recommended: 30 s with several collectives and plate distances"
         )
     edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
     longest_s = max(last - first for first, last in pairwise(edges)) / rows.rate_Hz
-    if longest_s < MAX_SEGMENT_S:
+    if longest_s < MIN_SEGMENT_S:
         raise InputError(
-            f"the longest piece of {name} without a gap lasts {longest_s:.2f} s, and predictions "
-            f"need {MAX_SEGMENT_S:g} s; record without gaps"
+            f"longest segment of {name} without dropouts is {longest_s:.2f} s; minimum: "
+            f"{MIN_SEGMENT_S:g} s; record without dropouts"
         )
     return rows
 
@@ -262,34 +263,34 @@ def _has(recording: Recording, name: str) -> bool:
 
 
 def _driving_speeds(speeds: Array, mode: Array, rate_Hz: float) -> Array:
-    """Return rotor speeds (n_discs, n) that can drive a plant: no gaps, less noise."""
+    """Return rotor speeds (n_discs, n), interpolated and smoothed, to drive a plant."""
     width = 2 * round(0.5 * SPEED_SMOOTHING_S * rate_Hz) + 1
     rows = np.arange(speeds.shape[1])
-    out = np.empty_like(speeds)
+    smooth = np.empty_like(speeds)
     edges = [*np.flatnonzero(mode == t.RESTART), len(rows)]
-    for disc, read in enumerate(speeds):
-        known = np.isfinite(read)
-        out[disc] = np.interp(rows, rows[known], read[known])
+    for disc, readings in enumerate(speeds):
+        is_finite = np.isfinite(readings)
+        smooth[disc] = np.interp(rows, rows[is_finite], readings[is_finite])
         for first, last in pairwise(edges):
             if last - first >= width > 3:
-                out[disc, first:last] = savgol_filter(out[disc, first:last], width, 2)
-    return np.maximum(out, 0.0)
+                smooth[disc, first:last] = savgol_filter(smooth[disc, first:last], width, 2)
+    return np.maximum(smooth, 0.0)
 
 
 def last_known(values: Array) -> Array:
-    """Return values with each gap filled by the last known one, the first by the next."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not len(known):
+    """Return values with gaps filled by the previous value, a first gap by the next one."""
+    indices = np.flatnonzero(np.isfinite(values))
+    if not len(indices):
         return values
-    last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
-    held: Array = values[known[np.maximum(last, 0)]]
-    return held
+    previous = np.searchsorted(indices, np.arange(len(values)), side="right") - 1
+    filled: Array = values[indices[np.maximum(previous, 0)]]
+    return filled
 
 
 def _smooth(plate_m: Array, rate_Hz: float) -> Array:
-    """Return plate distances with their noise taken down; parked stays parked."""
+    """Return smoothed plate distances; parked ones are `PARKED_M`."""
     width = 2 * round(0.5 * PLATE_SMOOTHING_S * rate_Hz) + 1
-    parked = plate_m >= PARKED_FROM_M
+    is_parked = plate_m >= PARKED_FROM_M
     smooth: Array = median_filter(plate_m, size=width, mode="nearest")
-    smooth = np.where((smooth >= PARKED_FROM_M) == parked, smooth, plate_m)
-    return np.where(parked, PARKED_M, smooth)
+    smooth = np.where((smooth >= PARKED_FROM_M) == is_parked, smooth, plate_m)
+    return np.where(is_parked, PARKED_M, smooth)

@@ -1,4 +1,4 @@
-"""The simulated run beside a recording: by its controller where known, else by its pulses."""
+"""Simulated run of a recording, driven by its controller if known, else by its pulses."""
 
 from __future__ import annotations
 
@@ -29,192 +29,190 @@ from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
 
+# Open-loop duration before a restart from the readings. Over a near plate a beam diverges from any
+# prediction within 1 to 2 s.
 WINDOW_S = 1.0
-"""How long the plant runs free under logged pulses before it starts anew from the readings. Over a
-near plate a beam falls away from any prediction within one to two seconds, as in an explanation."""
 
+# Width of the mean over rate readings at a restart. Gyro noise of 0.015 rad/s in a single reading
+# would cause a drift of nearly 1 deg in a window; wider means lag behind the rate.
 RATE_SMOOTHING_S = 0.05
-"""Width of the mean over readings of the rate where a window begins. A gyro's noise of 0.015 rad/s
-would turn a single reading into a drift of most of a degree within a window; wider means lag behind
-what the rate does."""
 
-LONGEST_S = 1200.0  # longer recordings are drawn without a simulated run; assumed
+MAX_DURATION_S = 1200.0  # longer recordings get no simulated run; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayInputs:
-    """Say what stands beside data."""
+    """Inputs of a simulated run for a recording."""
 
-    model: str = ""  # shipped name, model file, or a folder of fit or explain; empty for none
-    rig: str | None = None  # shipped name or file, of data that do not carry theirs
-    controller: str = ""  # built-in controller that flew; empty where nobody says
-    gains: str = ""  # its gain set; that which the recording names when empty
-    plate_z_m: float | None = None  # height over the surface where the recording does not tell it
-    motors: tuple[int, ...] = ()  # for each rotor of the rig the number that the recording calls it
+    model: str = ""  # library name, model file, or result folder; empty for none
+    rig: str | None = None  # library name or file, for data without a rig
+    controller: str = ""  # built-in controller of the flight; empty if unknown
+    gains: str = ""  # its gain set; default: from the recording
+    plate_z_m: float | None = None  # for recordings without plate distance
+    motors: tuple[int, ...] = ()  # motor number in the recording, for each rotor of the rig
     permit: CodePermit = field(default=check_code_allowed, compare=False)
 
     def refuse_controller(self, why: str) -> None:
-        """Refuse options that only a pitch recording has."""
-        for option, given in (
+        """Raise if an option is set that only pitch recordings have."""
+        for option, is_set in (
             ("--controller", self.controller),
             ("--gains", self.gains),
             ("--plate-z-m", self.plate_z_m is not None),
             ("--motors", self.motors),
         ):
-            if given:
-                raise InputError(f"{option} is for pitch recordings: {why}; leave it out")
+            if is_set:
+                raise InputError(f"{option} is for pitch recordings: {why}; remove it")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Replay:
-    """Hold a simulated run beside a recording; nan where it starts anew.
+    """Simulated run of a recording; nan at restarts.
 
     Attributes:
         time_s, theta_rad: (m,) of the true attitude.
-        pwm_us: (n_rotors, m) what the simulated controller commands; empty when it was driven by
-            logged pulses.
-        missed: that it does not follow the recording, so that its numbers are no result; empty
-            where it does.
+        pwm_us: (n_rotors, m) of the simulated controller; empty if driven by logged pulses.
+        missed: warning that the run does not follow the recording and is no result, else "".
     """
 
-    model: str  # its name; rig: that of its rig
+    model: str  # names of model and rig
     rig: str
     time_s: Array
     theta_rad: Array
     pwm_us: Array
-    disturbance_Nm: Array  # (m,) what the simulated observer sees; empty likewise
-    words: str  # what drove it, for the caption
+    disturbance_Nm: Array  # (m,) of the simulated observer; empty likewise
+    words: str  # description of the drive for the caption
     by: str  # "controller" or "pulses"
     missed: str = ""
 
 
-def controller_of_run(
-    provenance: Mapping[str, str], replay_inputs: ReplayInputs
-) -> PitchControl | None:
-    """Return the controller that flew: as given, else as the recording names it; None if unknown.
+def controller_of_run(provenance: Mapping[str, str], inputs: ReplayInputs) -> PitchControl | None:
+    """Return the controller of the run, as given or from the recording; None if unknown.
 
     Raises:
-        UnknownChoice: a controller or gain set that benchtool has not.
+        UnknownChoice: the given controller or gain set does not exist.
     """
-    name, gains = replay_inputs.controller, replay_inputs.gains
+    name, gains = inputs.controller, inputs.gains
     if not name:
         name, gains = provenance.get("controller", ""), gains or provenance.get("gains", "")
         try:
             return pitch_controller(name, gains_named(gains)) if name and gains else None
-        except InputError:  # somebody's own controller or gains: not known here
+        except InputError:  # user-defined controller or gains
             return None
     if not gains:
         gains = provenance.get("gains", "")
     if not gains:
-        raise InputError("--controller needs the gains it flew with; give --gains s3 or a file")
+        raise InputError("--controller needs its gains; give --gains s3 or a file")
     return pitch_controller(name, gains_named(gains))
 
 
 def run_replay(
-    track: PitchTrack, beside: ReplayInputs, provenance: Mapping[str, str], rig: Rig | None = None
+    track: PitchTrack, inputs: ReplayInputs, provenance: Mapping[str, str], rig: Rig | None = None
 ) -> tuple[Replay | None, list[str]]:
-    """Return the simulated run, or None with what it lacks; and what a reader must know.
+    """Return the simulated run or None, and remarks for the reader.
 
     Args:
         rig: of the recording; None for that of a user's model file.
 
     Raises:
-        InputError: a model whose rig has other rotors than the recording.
+        InputError: the rotors of the model's rig differ from those of the recording.
     """
-    model = load_model(model_file(beside.model), rig, permit=beside.permit).model
-    control = controller_of_run(provenance, beside)
+    model = load_model(model_file(inputs.model), rig, permit=inputs.permit).model
+    control = controller_of_run(provenance, inputs)
     duration_s = len(track) / track.rate_Hz
-    if duration_s > LONGEST_S:
+    if duration_s > MAX_DURATION_S:
         return None, [
-            f"The recording is {duration_s:.0f} s long, above {LONGEST_S:.0f} s; cut it for a "
-            f"simulated run beside it."
+            f"The recording is {duration_s:.0f} s long; allowed for a simulated run: "
+            f"{MAX_DURATION_S:.0f} s; shorten it."
         ]
-    plate, problem = _plate(track, beside)
+    plate, problem = _estimate_plate(track, inputs)
     if problem:
         return None, [problem]
     pulses = _rig_pulses(track, model)
     if pulses is None and control is None:
-        return None, ["Neither outputs nor speeds of all rotors stand in the recording, and no "
-                      "controller is known, so nothing drives a simulated run."]  # fmt: skip
+        return None, [
+            "A simulated run needs outputs or speeds of all rotors, or a known controller."
+        ]
     bench, remarks = _bench(track, model)
     if control is not None:
-        run = _by_controller(track, bench, control, plate, pulses)
+        run = _simulate_controller(track, bench, control, plate, pulses)
     else:
         assert pulses is not None
-        run = _by_pulses(track, bench, plate, pulses)
-    if beside.motors:
-        order = ", ".join(map(str, beside.motors))
-        remarks.append(f"Rotors are numbered in the rig's order: these are the log's {order}.")
+        run = _simulate_pulses(track, bench, plate, pulses)
+    if inputs.motors:
+        order = ", ".join(map(str, inputs.motors))
+        remarks.append(f"Rotors have the rig's order; their numbers in the log: {order}.")
     if not np.isfinite(run.theta_rad).any():
-        return None, ["No stretch of the recording is whole enough for a simulated run."]
-    missed = tracking_error(track, run.time_s, run.theta_rad, run.by)
-    return replace(run, missed=missed), [*filter(None, [missed]), *remarks]
+        return None, ["No window of the recording is complete enough for a simulated run."]
+    warning = tracking_error(track, run.time_s, run.theta_rad, run.by)
+    return replace(run, missed=warning), [*filter(None, [warning]), *remarks]
 
 
-def _plate(track: PitchTrack, beside: ReplayInputs) -> tuple[Array, str]:
-    """Return the plate distance for the simulation (n,), or why it is unknown."""
-    over = track.any_over > 0.0
-    if not over.any():
+def _estimate_plate(track: PitchTrack, inputs: ReplayInputs) -> tuple[Array, str]:
+    """Return the plate distance for the simulation (n,), and the problem if it is unknown."""
+    is_over = track.any_over > 0.0
+    if not is_over.any():
         return np.full(len(track), PARKED_M), ""
-    if beside.plate_z_m is not None:
-        if not 0.0 < beside.plate_z_m < PARKED_M:
+    if inputs.plate_z_m is not None:
+        if not 0.0 < inputs.plate_z_m < PARKED_M:
             raise InputError(
-                f"--plate-z-m is {beside.plate_z_m:g}; give a height above 0 and below "
-                f"{PARKED_M:g} m, from where on a plate counts as parked"
+                f"--plate-z-m is {inputs.plate_z_m:g} m; allowed: above 0 and below {PARKED_M:g} m "
+                f"(parked plate)"
             )
-        return np.where(over, beside.plate_z_m, PARKED_M), ""
+        return np.where(is_over, inputs.plate_z_m, PARKED_M), ""
     for heights in (track.plate_z_m, track.distance_m):
-        near = over & np.isfinite(heights) & (heights < PARKED_M)
-        if near.any():
+        has_height = is_over & np.isfinite(heights) & (heights < PARKED_M)
+        if has_height.any():
             rows = np.arange(len(track))
-            filled = np.interp(rows, rows[near], heights[near])
-            return np.where(over, filled, PARKED_M), ""
+            filled = np.interp(rows, rows[has_height], heights[has_height])
+            return np.where(is_over, filled, PARKED_M), ""
     return np.empty(0), (
-        "Nothing tells how far below the rotors the surface was, so there is no simulated run; "
-        "give --plate-z-m."
+        "The distance to the surface is unknown, so there is no simulated run; give --plate-z-m."
     )
 
 
 def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
-    """Return pulses of the rig's rotors (n_rotors, n), from speeds where there are none."""
-    rig, p = model.rig, model.rig.propulsion
-    for rows in (track.pwm_us, track.rpm):
-        if not len(rows):
+    """Return pulses of the rig's rotors (n_rotors, n), from speeds if not recorded."""
+    rig, propulsion = model.rig, model.rig.propulsion
+    for series in (track.pwm_us, track.rpm):
+        if not len(series):
             continue
-        if len(rows) != rig.n_rotors:
+        if len(series) != rig.n_rotors:
             raise InputError(
-                f"the recording has {pluralize(len(rows), 'rotor')}, but rig {rig.name!r} of model "
-                f"{model.name} has {rig.n_rotors}; name another model, or the motors with --motors"
+                f"the recording has {pluralize(len(series), 'rotor')}, but rig {rig.name!r} of "
+                f"model {model.name} has {rig.n_rotors}; use another model, or select motors with "
+                f"--motors"
             )
-        if np.isfinite(rows).any(axis=1).all():
-            pulses = rows
-            if rows is track.rpm:
-                pulses = p.pwm_start_us + rows * np.pi / 30.0 / p.speed_per_us_rad_s
-            return np.array([last_known(row) for row in pulses])
+        if np.isfinite(series).any(axis=1).all():
+            pulses = series
+            if series is track.rpm:
+                pulses = (
+                    propulsion.pwm_start_us + series * np.pi / 30.0 / propulsion.speed_per_us_rad_s
+                )
+            return np.array([last_known(values) for values in pulses])
     return None
 
 
 def _bench(track: PitchTrack, model: Model) -> tuple[PitchBench, list[str]]:
-    """Return the bench with those discs covered that were over a surface."""
+    """Return the bench with the discs covered that were over a surface."""
     rig = model.rig
     if not (track.any_over > 0.0).any() or len(track.over) != rig.n_rotors:
         return PitchBench.of(model), []
     covered = np.zeros(rig.n_discs)
-    for rotor, row in enumerate(track.over):
+    for rotor, shares in enumerate(track.over):
         disc = rig.disc_of_rotor[rotor]
-        covered[disc] = max(covered[disc], float(row.max()))
+        covered[disc] = max(covered[disc], float(shares.max()))
     patterns = {tuple(track.rotors_over(first, last)) for first, last in track.visits}
     remarks = []
     if len(patterns) > 1:
-        every = ", ".join(str(rotor) for rotor in sorted({r for p in patterns for r in p}))
+        rotors = ", ".join(str(rotor) for rotor in sorted({r for p in patterns for r in p}))
         remarks.append(
-            f"Rotors were over the surface at different times; the simulated run has rotors "
-            f"{every} over it in each green stretch."
+            f"Rotors were over the surface at different times; in the simulated run rotors "
+            f"{rotors} are over it in each green interval."
         )
     return PitchBench.of(model, covered=tuple(covered)), remarks
 
 
-def _by_controller(
+def _simulate_controller(
     track: PitchTrack,
     bench: PitchBench,
     control: PitchControl,
@@ -222,57 +220,60 @@ def _by_controller(
     pulses: Array | None,
 ) -> Replay:
     rate_Hz = control.control_rate_Hz
-    ticks = max(2, int(len(track) / track.rate_Hz * rate_Hz))
-    at = track.time_s[0] + np.arange(ticks) / rate_Hz
-    rows = np.clip(np.round((at - track.time_s[0]) * track.rate_Hz).astype(int), 0, len(track) - 1)
+    n_ticks = max(2, int(len(track) / track.rate_Hz * rate_Hz))
+    time_s = track.time_s[0] + np.arange(n_ticks) / rate_Hz
+    rows = np.clip(
+        np.round((time_s - track.time_s[0]) * track.rate_Hz).astype(int), 0, len(track) - 1
+    )
     reference = None
     if np.isfinite(track.reference_rad).any():
         reference = np.nan_to_num(last_known(track.reference_rad))
-    ones = np.ones(ticks)
-    collective = 1.0  # in thrusts of hover, as it was flown
+    enabled = np.ones(n_ticks)
+    collective = 1.0  # over hover thrust, as in the recording
     if pulses is not None:
-        p = bench.model.rig.propulsion
-        speed = p.speed_per_us_rad_s * np.maximum(pulses - p.pwm_start_us, 0.0)
+        propulsion = bench.model.rig.propulsion
+        speed = propulsion.speed_per_us_rad_s * np.maximum(pulses - propulsion.pwm_start_us, 0.0)
         thrust_N = bench.model.parameters["k"].value * speed**2
         collective = float(np.clip(np.median(thrust_N.mean(axis=0)) / bench.hover_N, 0.05, 3.0))
     schedule = SampledSchedule(
         rate_Hz=rate_Hz,
-        time_s=np.arange(ticks) / rate_Hz,
-        reference_rad=np.zeros(ticks) if reference is None else reference[rows],
-        collective=collective * ones,
-        dither_us=np.zeros(ticks),
+        time_s=np.arange(n_ticks) / rate_Hz,
+        reference_rad=np.zeros(n_ticks) if reference is None else reference[rows],
+        collective=collective * enabled,
+        dither_us=np.zeros(n_ticks),
         plate_z_m=plate_z_m[rows],
         plate_share=track.any_over[rows],
-        observer=ones,
-        feedforward=ones,
+        observer=enabled,
+        feedforward=enabled,
     )
     run = simulate_pitch(PitchJob(bench, control), schedule)
     discs = bench.model.rig.disc_of_rotor
     gains = control.gains.name if control.gains is not None else "no"
-    given = (
-        "the logged reference" if reference is not None else "a level reference (none is logged)"
-    )
+    reference_text = "logged" if reference is not None else "level (none is logged)"
+    reference_text += " reference"
     return Replay(
         model=bench.model.name,
         rig=bench.model.rig.name,
-        time_s=at,
+        time_s=time_s,
         theta_rad=run.column("true_theta_rad"),
         pwm_us=run.pwm_us[discs],
         disturbance_Nm=run.column("estimate_Nm"),
         words=(
-            f"closed loop: controller {control.name} with gains {gains}, given {given} and the "
-            f"same surface windows, with noise of its own"
+            f"closed loop: controller {control.name} with gains {gains}, {reference_text} and the "
+            f"same surface windows, independent noise"
         ),
         by="controller",
     )
 
 
-def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: Array) -> Replay:
-    """Drive the plant by logged pulses, window by window, each from the readings at its start."""
+def _simulate_pulses(
+    track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: Array
+) -> Replay:
+    """Return a run driven by logged pulses, each window from the readings at its start."""
     rig = bench.model.rig
     substeps = max(1, int(np.ceil(PLANT_HZ / track.rate_Hz)))
     bench = replace(bench, sensors={}, pwm_quantum_us=0.0, plant_rate_Hz=substeps * track.rate_Hz)
-    nothing = np.full(len(track), np.nan)
+    blank = np.full(len(track), np.nan)
     logged = LoggedPitch(
         rate_Hz=track.rate_Hz,
         pwm_us=pulses[list(rig.first_rotors)],
@@ -280,7 +281,7 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         plate_share=track.any_over,
         theta_rad=track.theta_rad,
         gyro_rad_s=track.gyro_rad_s,
-        speed_rad_s=np.tile(nothing, (rig.n_discs, 1)),
+        speed_rad_s=np.tile(blank, (rig.n_discs, 1)),
         mode=np.zeros(len(track)),
         from_speeds=not len(track.pwm_us),
     )
@@ -296,21 +297,21 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         for start in range(0, len(track) - rows + 1, rows)
         if np.isfinite(track.theta_rad[start : start + rows]).all() and np.isfinite(rates[start])
     ]
-    # The discs' speeds to begin with: as read, else settled at their pulses.
+    # Initial speeds of the discs: measured, else the steady state of their pulses.
     p, first = rig.propulsion, list(rig.first_rotors)
     speeds = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
     if len(track.rpm):
-        read = track.rpm[first] * np.pi / 30.0
-        speeds = np.where(np.isfinite(read), read, speeds)
+        measured = track.rpm[first] * np.pi / 30.0
+        speeds = np.where(np.isfinite(measured), measured, speeds)
     states = [
         np.array([[track.theta_rad[row]], [rates[row]], [0.0], [0.0], *speeds[:, row, None]])
         for row in starts
     ]
-    theta = nothing.copy()
+    theta = blank.copy()
     lead = round(LEAD_S * track.rate_Hz)
-    found = predict_windows([bench], logged, starts, rows, lead, states)
-    for start, run in zip(starts, found, strict=True):
-        # The last row of a window stays blank: lines break there.
+    runs = predict_windows([bench], logged, starts, rows, lead, states)
+    for start, run in zip(starts, runs, strict=True):
+        # The last row of a window stays blank, to break lines.
         theta[start : start + rows - 1] = run.theta_rad[:-1, 0]
     return Replay(
         model=bench.model.name,
@@ -320,15 +321,15 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         pwm_us=np.empty((0, len(track))),
         disturbance_Nm=np.empty(0),
         words=(
-            f"open loop: the plant under the logged pulses, begun anew every {WINDOW_S:g} s from "
-            f"the readings, because no controller is known"
+            f"open loop: plant driven by logged pulses, restarted from the readings every "
+            f"{WINDOW_S:g} s, because no controller is known"
         ),
         by="pulses",
     )
 
 
 def provenance_of_run(metadata: Mapping[str, object]) -> dict[str, str]:
-    """Return what a recorded run's device says of its controller, as a recording's provenance."""
+    """Return the device's facts on its controller from a run's metadata, as provenance."""
     device = metadata.get("device")
     facts = device.get("facts", {}) if isinstance(device, dict) else {}
     return {str(key): str(value) for key, value in facts.items()}

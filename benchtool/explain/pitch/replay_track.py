@@ -1,4 +1,4 @@
-"""A pitch or flight recording on one even clock: what a figure shows and a replay is driven by."""
+"""Pitch or flight recording on an even clock, for figures and replay."""
 
 from __future__ import annotations
 
@@ -15,58 +15,58 @@ from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
 
-LONGEST_GAP_S = 1.0  # longer silences of the attitude are left blank, as in import
+MAX_GAP_S = 1.0  # longer dropouts stay blank, as in import
 
-SLOWEST_HZ, FASTEST_HZ = 50.0, 500.0
-"""Least and greatest rate of the clock: slower logs are filled in between, faster ones thinned. The
-loops of pitch benches run at 250 Hz and more, and a figure shows less; choices."""
+# Range of the clock's rate: slower logs are interpolated, faster ones decimated. Loops of pitch
+# benches run at 250 Hz and more; assumed.
+MIN_RATE_HZ, MAX_RATE_HZ = 50.0, 500.0
 
 UNDER_FIRST = (
-    "The log does not tell which rotor the plate is under, nor how fast it comes: rotor 1, "
-    "at once where plate_z_m is near."
+    "The log contains neither the covered rotor nor the slide of the plate; assumed: rotor 1, "
+    "immediate coverage when plate_z_m is near."
 )
 
-CRUDE_HZ = 20.0  # outputs logged more seldom say little of a rate loop; assumed
+LOW_RATE_HZ = 20.0  # slower outputs do not resolve a rate loop; assumed
 
 _ROTOR = re.compile(r"pwm(\d+)_us|motor(\d+)_share|rpm(\d+)")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchTrack:
-    """Hold a recording on an even clock; nan where nothing was logged.
+    """Recording on an even clock; nan where nothing was logged.
 
     Attributes:
         theta_rad, gyro_rad_s, reference_rad: (n,) positive nose down.
-        torque_Nm, disturbance_Nm: (n,) what a controller requested, and its estimate.
-        plate_z_m: (n,) distance of the plate with the beam level; `PARKED_M` where it is parked.
+        torque_Nm, disturbance_Nm: (n,) torque command and disturbance estimate of a controller.
+        plate_z_m: (n,) plate distance with a level beam; `PARKED_M` if parked.
     """
 
     rate_Hz: float  # of the clock
-    time_s: Array  # (n,) in the recording's own time
+    time_s: Array  # (n,) time of the recording
     theta_rad: Array
     gyro_rad_s: Array
     reference_rad: Array
-    pwm_us: Array  # (n_rotors, n) pulses, each held until the next; empty without
-    rpm: Array  # (n_rotors, n) speeds; empty without
+    pwm_us: Array  # (n_rotors, n) pulses, held until the next; empty if none
+    rpm: Array  # (n_rotors, n) speeds; empty if none
     torque_Nm: Array
     disturbance_Nm: Array
     plate_z_m: Array
-    distance_m: Array  # (n,) what a sensor that looks down read
-    over: Array  # (n_rotors, n) how far each rotor is over a surface, 0 to 1
-    remarks: tuple[str, ...] = ()  # what a reader must know of how it was read
+    distance_m: Array  # (n,) from a downward range sensor
+    over: Array  # (n_rotors, n) coverage of each rotor by a surface, 0 to 1
+    remarks: tuple[str, ...] = ()  # for the reader, on resampling
 
     def __len__(self) -> int:
         return len(self.time_s)
 
     @property
     def any_over(self) -> Array:
-        """How far any rotor is over a surface (n,)."""
+        """Largest coverage of a rotor by a surface (n,)."""
         share: Array = self.over.max(axis=0) if len(self.over) else np.zeros(len(self))
         return share
 
     @property
     def visits(self) -> list[tuple[int, int]]:
-        """First and last row of every stretch with a rotor over a surface."""
+        """First and last row of each interval with a rotor over a surface."""
         inside = self.any_over > 0.0
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
         return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -79,222 +79,217 @@ class PitchTrack:
 
 
 def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:
-    """Return a recording on an even clock, its rotors in the order of a rig.
+    """Return a recording on an even clock, with rotors in the order of a rig.
 
     Args:
-        recording: with time_s and theta_rad; other channels as far as there are any.
-        motors: for each rotor of the rig the number that the recording calls it; as they stand
-            when empty.
+        recording: with time_s and theta_rad; other channels are optional.
+        motors: motor number in the recording for each rotor of the rig; empty for its order.
 
     Raises:
-        InputError: there is no time or attitude, or a motor number is not there.
+        InputError: time, attitude or a motor number is missing.
     """
     for name in ("time_s", "theta_rad"):
         if name not in recording or not np.isfinite(recording.to_si(name)).any():
-            raise InputError(f"the recording has no {name}, so there is no attitude to draw")
+            raise InputError(f"the recording has no {name}, needed to plot the attitude")
     time_s, theta = recording.to_si("time_s"), recording.to_si("theta_rad")
     rows = np.flatnonzero(np.isfinite(time_s) & np.isfinite(theta))
-    at = time_s[rows]
-    if len(rows) < 3 or np.ptp(at) <= 0.0:
+    times_s = time_s[rows]
+    if len(rows) < 3 or np.ptp(times_s) <= 0.0:
         raise InputError(
-            f"attitude stands in {pluralize(len(rows), 'row')} only; there is nothing to draw"
+            f"the attitude has only {pluralize(len(rows), 'row')}; minimum for a plot: 3 rows"
         )
-    steps = np.diff(np.unique(at))
-    own_Hz = 1.0 / float(np.median(steps))
-    rate_Hz = float(np.clip(own_Hz, SLOWEST_HZ, FASTEST_HZ))
-    clock = float(at.min()) + np.arange(int(np.ptp(at) * rate_Hz) + 1) / rate_Hz
+    steps = np.diff(np.unique(times_s))
+    log_rate_Hz = 1.0 / float(np.median(steps))
+    rate_Hz = float(np.clip(log_rate_Hz, MIN_RATE_HZ, MAX_RATE_HZ))
+    clock = float(times_s.min()) + np.arange(int(np.ptp(times_s) * rate_Hz) + 1) / rate_Hz
     numbers = _numbers(recording, motors)
-    read = _Reader(recording, time_s, clock)
-    plate, over, remarks = _surface(recording, read, numbers)
-    pulses, more = _pulses(recording, read, numbers)
-    if own_Hz < CRUDE_HZ:
-        remarks.append(f"Attitude was logged at {own_Hz:.3g} Hz; between, it is a straight line.")
+    resampler = _Resampler(recording, time_s, clock)
+    plate, over, remarks = _surface(recording, resampler, numbers)
+    pulses_us, pulse_remarks = _pulses(recording, resampler, numbers)
+    if log_rate_Hz < LOW_RATE_HZ:
+        remarks.append(f"Attitude was logged at {log_rate_Hz:.3g} Hz and is interpolated linearly.")
     rpm = np.empty((0, len(clock)))
     if any(f"rpm{number}" in recording for number in numbers):
-        rpm = np.array([read.line(f"rpm{number}") for number in numbers])
+        rpm = np.array([resampler.interpolate(f"rpm{number}") for number in numbers])
     return PitchTrack(
         rate_Hz=rate_Hz,
         time_s=clock,
-        theta_rad=read.line("theta_rad"),
-        gyro_rad_s=read.line("gyro_rad_s"),
-        reference_rad=read.held("theta_ref_rad"),
-        pwm_us=pulses,
+        theta_rad=resampler.interpolate("theta_rad"),
+        gyro_rad_s=resampler.interpolate("gyro_rad_s"),
+        reference_rad=resampler.hold("theta_ref_rad"),
+        pwm_us=pulses_us,
         rpm=rpm,
-        torque_Nm=read.line("torque_Nm"),
-        disturbance_Nm=read.line("disturbance_Nm"),
+        torque_Nm=resampler.interpolate("torque_Nm"),
+        disturbance_Nm=resampler.interpolate("disturbance_Nm"),
         plate_z_m=plate,
-        distance_m=read.line("distance_m"),
+        distance_m=resampler.interpolate("distance_m"),
         over=over,
-        remarks=(*remarks, *more),
+        remarks=(*remarks, *pulse_remarks),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Reader:
-    """Put channels of a recording onto a clock."""
+class _Resampler:
+    """Resampling of a recording's channels to a clock."""
 
     recording: Recording
     time_s: Array
     clock: Array
 
-    def known(self, name: str) -> tuple[Array, Array]:
-        """Return times and values of a channel where it has one, in order."""
+    def find_values(self, name: str) -> tuple[Array, Array]:
+        """Return the sorted times and values of a channel's finite rows."""
         if name not in self.recording:
             return np.empty(0), np.empty(0)
         channel = self.recording.channels[self.recording.index(name)]
-        # Speeds stay in rpm and pulses in microseconds, as they are drawn.
-        own = channel.unit in ("rpm", "pwm_us")
-        values = self.recording.column(name) if own else self.recording.to_si(name)
+        # Speeds stay in rpm and pulses in microseconds, for display.
+        is_raw = channel.unit in ("rpm", "pwm_us")
+        values = self.recording.column(name) if is_raw else self.recording.to_si(name)
         rows = np.flatnonzero(np.isfinite(values) & np.isfinite(self.time_s))
         rows = rows[np.argsort(self.time_s[rows], kind="stable")]
         return self.time_s[rows], values[rows]
 
-    def line(self, name: str) -> Array:
-        """Return a channel (n,) joined by straight lines; blank across gaps and outside."""
-        at, values = self.known(name)
-        if not at.size:
+    def interpolate(self, name: str) -> Array:
+        """Return a linearly interpolated channel (n,); blank in gaps and outside."""
+        times_s, values = self.find_values(name)
+        if not times_s.size:
             return np.full(len(self.clock), np.nan)
-        out = np.interp(self.clock, at, values, left=np.nan, right=np.nan)
-        return self._without_gaps(at, out)
+        resampled = np.interp(self.clock, times_s, values, left=np.nan, right=np.nan)
+        return self._without_gaps(times_s, resampled)
 
-    def held(self, name: str) -> Array:
-        """Return a channel (n,) whose values hold until the next; blank before the first."""
-        at, values = self.known(name)
-        if not at.size:
+    def hold(self, name: str) -> Array:
+        """Return a channel (n,) held until the next value; blank before the first."""
+        times_s, values = self.find_values(name)
+        if not times_s.size:
             return np.full(len(self.clock), np.nan)
-        last = np.searchsorted(at, self.clock + 1e-9, side="right") - 1
-        out = np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
-        return self._without_gaps(at, out)
+        previous = np.searchsorted(times_s, self.clock + 1e-9, side="right") - 1
+        resampled = np.where(previous >= 0, values[np.maximum(previous, 0)], np.nan)
+        return self._without_gaps(times_s, resampled)
 
-    def _without_gaps(self, at: Array, out: Array) -> Array:
-        for gap in np.flatnonzero(np.diff(at) > LONGEST_GAP_S):
-            out[(self.clock > at[gap]) & (self.clock < at[gap + 1])] = np.nan
-        return out
+    def _without_gaps(self, times_s: Array, resampled: Array) -> Array:
+        for gap in np.flatnonzero(np.diff(times_s) > MAX_GAP_S):
+            resampled[(self.clock > times_s[gap]) & (self.clock < times_s[gap + 1])] = np.nan
+        return resampled
 
 
 def _numbers(recording: Recording, motors: Sequence[int]) -> list[int]:
-    """Return what the recording calls the rotors, in the order of the rig."""
-    found = filter(None, map(_ROTOR.fullmatch, recording.names))
-    known = sorted({int(next(filter(None, match.groups()))) for match in found})
+    """Return the motor numbers in the recording, in the order of the rig."""
+    matches = filter(None, map(_ROTOR.fullmatch, recording.names))
+    numbers = sorted({int(next(filter(None, match.groups()))) for match in matches})
     if not motors:
-        return known
+        return numbers
     for number in motors:
-        if number not in known:
-            listed = ", ".join(map(str, known)) or "none"
-            raise InputError(f"--motors names motor {number}, but the recording has: {listed}")
+        if number not in numbers:
+            listed = ", ".join(map(str, numbers)) or "none"
+            raise InputError(f"--motors has motor {number}, but the recording has: {listed}")
     return list(motors)
 
 
-def _pulses(recording: Recording, read: _Reader, numbers: Sequence[int]) -> tuple[Array, list[str]]:
-    """Return pulses (n_rotors, n), and how they were come by."""
+def _pulses(
+    recording: Recording, resampler: _Resampler, numbers: Sequence[int]
+) -> tuple[Array, list[str]]:
+    """Return pulses (n_rotors, n) and remarks on their source."""
     remarks = []
-    rows = []
+    pulses = []
     for number in numbers:
         if f"pwm{number}_us" in recording:
-            rows.append(read.held(f"pwm{number}_us"))
+            pulses.append(resampler.hold(f"pwm{number}_us"))
         elif f"motor{number}_share" in recording:
-            rows.append(1000.0 + 1000.0 * read.held(f"motor{number}_share"))
-            remarks.append("Outputs were logged as shares: 0 to 1 is drawn as 1000 to 2000 µs.")
-    if len(rows) < len(numbers) or not np.isfinite(rows).any():
-        return np.empty((0, len(read.clock))), []
-    at, _ = read.known(f"pwm{numbers[0]}_us")
-    if len(at) > 2 and (slow := 1.0 / float(np.median(np.diff(np.unique(at))))) < CRUDE_HZ:
+            pulses.append(1000.0 + 1000.0 * resampler.hold(f"motor{number}_share"))
+            remarks.append("Outputs were logged as shares: 0 to 1 is shown as 1000 to 2000 µs.")
+    if len(pulses) < len(numbers) or not np.isfinite(pulses).any():
+        return np.empty((0, len(resampler.clock))), []
+    times_s = np.unique(resampler.find_values(f"pwm{numbers[0]}_us")[0])
+    rate_Hz = 1.0 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else np.inf
+    if rate_Hz < LOW_RATE_HZ:
         remarks.append(
-            f"Outputs were logged at {slow:.3g} Hz: each is held until the next, though the "
-            f"controller changed it between."
+            f"Outputs were logged at {rate_Hz:.3g} Hz and are held between rows; changes by the "
+            f"controller between rows are missing."
         )
-    return np.array(rows), list(dict.fromkeys(remarks))
+    return np.array(pulses), list(dict.fromkeys(remarks))
 
 
 def _surface(
-    recording: Recording, read: _Reader, numbers: Sequence[int]
+    recording: Recording, resampler: _Resampler, numbers: Sequence[int]
 ) -> tuple[Array, Array, list[str]]:
-    """Return plate distance (n,), how far each rotor is over a surface (n_rotors, n), remarks."""
-    n = len(read.clock)
-    plate = read.held("plate_z_m")
-    parked = ~(plate < PARKED_FROM_M)
-    plate = np.where(parked, PARKED_M, plate)
+    """Return plate distance (n,), coverage of each rotor (n_rotors, n), and remarks."""
+    n = len(resampler.clock)
+    plate = resampler.hold("plate_z_m")
+    is_parked = ~(plate < PARKED_FROM_M)
+    plate = np.where(is_parked, PARKED_M, plate)
     count = max(len(numbers), 1)
     over = np.zeros((count, n))
-    known = False
-    for place, number in enumerate(numbers or [1]):
+    has_coverage = False
+    for index, number in enumerate(numbers or [1]):
         if f"coverage{number}" in recording:
-            over[place] = np.nan_to_num(read.held(f"coverage{number}"))
-            known = True
-    if not known and "plate_z_m" in recording:
-        over[0] = (~parked).astype(float)
+            over[index] = np.nan_to_num(resampler.hold(f"coverage{number}"))
+            has_coverage = True
+    if not has_coverage and "plate_z_m" in recording:
+        over[0] = (~is_parked).astype(float)
         return plate, over, [UNDER_FIRST]
     return plate, over, []
 
 
+# 2 deg: limit of errors by noise and initial state; 0.2 to 0.4 deg on the virtual bench; assumed.
 LEAST_RAD = 0.035
-"""Two degrees: noise, and what a window begins with, part a right run from its log by less. A
-choice; windows of the virtual bench were seen to part by 0.2 to 0.4 degrees."""
 
-FARTHEST = {"pulses": 1.0, "controller": 2.0}
-"""How far a run may be from its log, RMS, in swings of the log about its own mean, RMS. From one
-on, a line drawn at the log's mean is nearer to the log than a plant under the log's own pulses. A
-closed loop has noise of its own: with the same swing, but always the opposite way, it is two
-away."""
+# Limit of the RMS error over the standard deviation of the log: 1 is the error of a constant; a
+# closed loop has independent noise, and 2 is the error of the opposite motion.
+MAX_RELATIVE_ERROR = {"pulses": 1.0, "controller": 2.0}
 
-MAX_TRACKING_ERROR = 5.0  # times the recorded range that a simulated run may cover; assumed
+MAX_RANGE_RATIO = 5.0  # of the simulated range to the recorded one; assumed
 
-_CHECK = (
-    "check that the model is of this vehicle and the order of its motors (--motors), and that it "
-    "was in the air"
-)
+_CHECK = "check the model, the order of motors (--motors), and that the vehicle was in the air"
 
 
 def on_log_clock(track: PitchTrack, time_s: Array, theta_rad: Array) -> Array:
-    """Return a simulated pitch (m,) at the recording's times (n,): rad, nan beyond its end."""
-    at = np.searchsorted(time_s, track.time_s)
-    theta = theta_rad[np.minimum(at, len(theta_rad) - 1)]
-    return np.where(at < len(theta_rad), theta, np.nan)
+    """Return a simulated pitch (m,) at the recording's times (n,); nan beyond its end."""
+    rows = np.searchsorted(time_s, track.time_s)
+    theta = theta_rad[np.minimum(rows, len(theta_rad) - 1)]
+    return np.where(rows < len(theta_rad), theta, np.nan)
 
 
 def tracking_error(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str:
-    """Return a sentence saying that a simulated run does not follow its log; empty where it does.
+    """Return a warning if a simulated run does not follow its log, else "".
 
-    It is held against the whole log, and against what lies over a surface.
+    Compared over the whole log, and over the rows above a surface.
 
     Args:
-        time_s: (m,) of the simulated run.
-        theta_rad: (m,) of it; nan where it starts anew.
-        by: what drove it, "pulses" or "controller".
+        time_s, theta_rad: (m,) of the simulated run; nan at restarts.
+        by: drive, "pulses" or "controller".
     """
-    apart = track.theta_rad - on_log_clock(track, time_s, theta_rad)
-    swing = track.theta_rad - np.nanmean(track.theta_rad)
+    error_rad = track.theta_rad - on_log_clock(track, time_s, theta_rad)
+    deviation_rad = track.theta_rad - np.nanmean(track.theta_rad)
     for rows, where in (
         (np.ones(len(track), bool), ""),
         (track.any_over > 0.0, " over the surface"),
     ):
-        missed_rad, swing_rad = _rms(apart[rows]), _rms(swing[rows])
-        limit_rad = max(FARTHEST[by] * swing_rad, LEAST_RAD)
-        if missed_rad > limit_rad:
-            reason = f"there the log swings by {np.degrees(swing_rad):.1f}° about its mean"
+        rms_rad, sd_rad = _rms(error_rad[rows]), _rms(deviation_rad[rows])
+        limit_rad = max(MAX_RELATIVE_ERROR[by] * sd_rad, LEAST_RAD)
+        if rms_rad > limit_rad:
+            reason = f"standard deviation of the log: {np.degrees(sd_rad):.1f}°"
             if limit_rad == LEAST_RAD:
-                reason += f", and up to {np.degrees(LEAST_RAD):.0f}° may be noise"
+                reason += f"; noise limit: {np.degrees(LEAST_RAD):.0f}°"
             elif by == "pulses":
-                reason += ", so that a line at its mean is nearer to it"
+                reason += ", the error of a constant"
             else:
-                reason += ", and the same swing the opposite way is twice that away"
+                reason += ", half the error of the opposite motion"
             return (
-                f"The simulated run does not follow the log, so it is no result: it misses it by "
-                f"{np.degrees(missed_rad):.1f}° RMS{where}, above {np.degrees(limit_rad):.1f}° "
+                f"The simulated run does not follow the log and is no result: its error is "
+                f"{np.degrees(rms_rad):.1f}° RMS{where}; allowed: {np.degrees(limit_rad):.1f}° "
                 f"({reason}); {_CHECK}."
             )
-    known = theta_rad[np.isfinite(theta_rad)]
-    seen = np.concatenate([track.theta_rad, track.reference_rad])
-    seen = seen[np.isfinite(seen)]
-    most, recorded = float(np.ptp(known)), float(np.ptp(seen))
-    if most < MAX_TRACKING_ERROR * max(recorded, LEAST_RAD):
+    finite = theta_rad[np.isfinite(theta_rad)]
+    recorded_rad = np.concatenate([track.theta_rad, track.reference_rad])
+    recorded_rad = recorded_rad[np.isfinite(recorded_rad)]
+    simulated, recorded = float(np.ptp(finite)), float(np.ptp(recorded_rad))
+    if simulated < MAX_RANGE_RATIO * max(recorded, LEAST_RAD):
         return ""
     return (
-        f"The simulated run does not follow the log, so it is no result: it goes over "
-        f"{np.degrees(most):.0f}°, the recorded one over {np.degrees(recorded):.1f}°; {_CHECK}."
+        f"The simulated run does not follow the log and is no result: its range is "
+        f"{np.degrees(simulated):.0f}°, that of the log {np.degrees(recorded):.1f}°; {_CHECK}."
     )
 
 
 def _rms(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0

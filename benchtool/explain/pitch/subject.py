@@ -210,15 +210,17 @@ class PitchSubject(Subject):
 
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each block of the check recordings, by channel."""
-        found: dict[str, list[Array]] = {}
+        errors: dict[str, list[Array]] = {}
         for log in self._validation_evidence.logs:
-            benches = [self._validation_evidence.bench(one, log.logged.rate_Hz) for one in sets]
+            benches = [
+                self._validation_evidence.bench(scaled, log.logged.rate_Hz) for scaled in sets
+            ]
             windows = Windows.of(log, self.window_s, OVERLAP)
             for name, squares in windows.errors(benches).items():
-                found.setdefault(name, []).append(squares)
+                errors.setdefault(name, []).append(squares)
         return {
             name: ChannelErrors(unit=UNITS[name], squares=np.concatenate(squares))
-            for name, squares in found.items()
+            for name, squares in errors.items()
         }
 
     def floor(
@@ -243,7 +245,7 @@ class PitchSubject(Subject):
             if spread is not None:
                 scaled = rng.multivariate_normal(at, spread, draws, method="eigh")
                 truths = [
-                    self._validation_evidence.bench(one, log.logged.rate_Hz) for one in scaled
+                    self._validation_evidence.bench(values, log.logged.rate_Hz) for values in scaled
                 ]
             for name, roots in windows.floor(bench, truths, rng).items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2

@@ -54,7 +54,7 @@ def test_messages_of_different_times_are_joined():
     held = rows.recording.column("pwm1_us")
     assert held[150] == pytest.approx(1501.0)
     assert held[100] == pytest.approx(1500.7)  # 1501 stands for 7 ms of its 10
-    assert "rows are not even in time: laid on a clock of 100 Hz" in rows.remarks
+    assert "rows are not even in time: resampled at 100 Hz" in rows.remarks
 
 
 def test_a_scattered_clock_is_straightened():

@@ -79,22 +79,22 @@ def test_what_drives_a_plant_is_not_made_up(rig):
     log = pitch_log(recording(pwm1_us=pwm), rig)
     assert len(log.logged) == 1000 - 115  # five rows are within what may be held
     assert np.flatnonzero(log.logged.mode == 2.0).tolist() == [0, 305]
-    assert any("1.15 s without an angle, or without what drives" in one for one in log.remarks)
+    assert any("1.15 s without angle or drive dropped" in one for one in log.remarks)
 
 
 def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig):
     seldom = np.full(1000, np.nan)
     seldom[::4] = 1450.0
     log = pitch_log(recording(pwm1_us=seldom), rig)
-    assert any("pwm1_us comes 25 times a second" in one for one in log.remarks)
+    assert any("sampling rate of pwm1_us is 25 Hz" in one for one in log.remarks)
     seldom[::8] = np.nan
-    with pytest.raises(InputError, match=r"comes 12\.5 times a second, which says too little"):
+    with pytest.raises(InputError, match=r"rate of pwm1_us in .* is 12\.5 Hz; minimum"):
         pitch_log(recording(pwm1_us=seldom), rig)
 
 
 def test_only_gaps_is_refused(rig):
     time_s = np.arange(1000) / 100.0 + 0.3 * (np.arange(1000) // 120)
-    with pytest.raises(InputError, match=r"longest piece of made.csv .* lasts 1\.20 s"):
+    with pytest.raises(InputError, match=r"longest segment of made.csv .* is 1\.20 s"):
         pitch_log(recording(time_s=time_s), rig)
 
 
@@ -114,11 +114,11 @@ def test_a_noisy_plate_is_smoothed_where_it_stands(rig):
     [
         ({"time_s": None}, "has no time_s"),
         ({"theta_rad": None}, "has no theta_rad"),
-        ({"theta_rad": np.zeros(1000)}, "theta_rad of made.csv is 0 in every row: a dead channel"),
-        ({"time_s": np.zeros(1000)}, "never goes forward"),
-        ({"time_s": np.arange(1000) * 10.0}, "comes 0.1 times a second .* unit of time_s"),
+        ({"theta_rad": np.zeros(1000)}, "theta_rad of made.csv is 0 in every row: sensor failure"),
+        ({"time_s": np.zeros(1000)}, "does not increase"),
+        ({"time_s": np.arange(1000) * 10.0}, "is 0.1 Hz; minimum: 20 Hz, .* unit of time_s"),
         ({"pwm1_us": None, "rpm1": None}, "neither the pulses nor the speeds of all 2 rotors"),
-        ({"time_s": np.arange(1000) / 1000.0}, r"is 1\.0 s long; an explanation needs 4 s"),
+        ({"time_s": np.arange(1000) / 1000.0}, r"is too short: 1\.0 s; minimum: 4 s"),
     ],
 )
 def test_what_cannot_be_judged_is_refused(rig, changed, words):

@@ -91,14 +91,14 @@ def good(model):
 
 
 MENDED: dict[str, tuple[Fault, str]] = {
-    "angle 12 ms late": (late("theta_rad", 3), "theta_rad comes 1[12]"),
-    "angle 40 ms late": (late("theta_rad", 10), "theta_rad comes (39|40)"),
-    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s comes 1[12]"),
-    "speeds 12 ms late": (late("rpm", 3), "rpm comes 1[123]"),
-    "pulses 12 ms late": (late("pwm", 3), "pwm_us comes 1[123]"),
+    "angle 12 ms late": (late("theta_rad", 3), "theta_rad is 1[12]"),
+    "angle 40 ms late": (late("theta_rad", 10), "theta_rad is (39|40)"),
+    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s is 1[12]"),
+    "speeds 12 ms late": (late("rpm", 3), "rpm is 1[123]"),
+    "pulses 12 ms late": (late("pwm", 3), "pwm_us is 1[123]"),
     "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "taken for rad/s"),
     "plate in mm": (scaled("plate_z_m", 1000.0), "taken for mm"),
-    "speeds exchanged": (exchanged, "columns of speed were exchanged"),
+    "speeds exchanged": (exchanged, "speed columns were swapped"),
     "spikes of the angle": (spikes("theta_rad", 0.3), "7 spikes of theta_rad"),
     "spikes of the rate": (spikes("gyro_rad_s", -2.0), "7 spikes of gyro_rad_s"),
     "spikes of a speed": (spikes("rpm1", -3000.0), "7 spikes of rpm1"),
@@ -120,13 +120,13 @@ def test_a_fault_in_a_pitch_recording_is_mended_with_a_sentence(model, good, fau
 
 def test_angle_and_rate_that_both_come_late_are_refused(model, good):
     wrong = late("gyro_rad_s", 6)(late("theta_rad", 6)(good))
-    with pytest.raises(InputError, match=r"answers 2[345].* ms after the rotors' thrust"):
+    with pytest.raises(InputError, match=r"responds 2[345].* ms after the rotors' thrust"):
         pitch_log(wrong, model.rig)
 
 
 def test_a_loop_logged_at_half_its_rate_is_said(model, good):
     (said,) = pitch_log(good.select(np.arange(0, len(good), 2)), model.rig).remarks
-    assert "pwm1_us comes 125 times a second, and the beam of rig beam is read 250" in said
+    assert "rate of pwm1_us is 125 Hz, and the beam of rig beam is read at 250" in said
 
 
 def test_a_filtered_rate_is_said_and_not_shifted(model, good):

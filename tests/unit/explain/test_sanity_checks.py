@@ -53,7 +53,7 @@ def test_a_beam_that_turns_against_its_thrust_is_refused(model, good):
         **{f"pwm{a}_us": good.column(f"pwm{b}_us") for a, b in ((1, 2), (2, 1))},
         **{f"rpm{a}": good.column(f"rpm{b}") for a, b in ((1, 2), (2, 1))},
     )
-    with pytest.raises(InputError, match="exchange the columns of the rotors"):
+    with pytest.raises(InputError, match="swap the columns of the rotors"):
         pitch_log(swapped, model.rig)
 
 
@@ -71,7 +71,7 @@ def test_rotors_in_the_order_of_outputs_are_refused(flown, order):
         for to, number in enumerate(order, 1)
         for what, unit in (("pwm", "_us"), ("rpm", ""))
     }
-    with pytest.raises(InputError, match=r"turns it by front and rear: pulses stand under other"):
+    with pytest.raises(InputError, match=r"by front and rear: pulses are in columns of other"):
         pitch_log(changed(good, **moved), model.rig)
 
 

@@ -181,7 +181,7 @@ def test_how_far_a_run_may_be_from_its_log(flown):
     assert swing > LEAST_RAD
     assert "a line at its mean is nearer" in tracking_error(track, track.time_s, away, "pulses")
     farther = mean + 1.2 * (away - mean)
-    assert "the opposite way" in tracking_error(track, track.time_s, farther, "controller")
+    assert "the opposite motion" in tracking_error(track, track.time_s, farther, "controller")
     # A log that stands still: noise alone parts a run from it.
     still = replace(track, theta_rad=np.zeros(len(track)))
     assert tracking_error(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
