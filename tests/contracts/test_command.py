@@ -44,8 +44,8 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
     "runs verify": [("nowhere", "nowhere: it is not in the runs folder")],
     "runs export": [("nowhere x.mcap", "nowhere: there is no such run")],
     "runs merge": [
-        ("nowhere --out x", "one run is named, nowhere; name two or more"),
-        ("nowhere other --out x", "nowhere: this is no run folder"),
+        ("nowhere --out x", "only one run, nowhere; give two or more"),
+        ("nowhere other --out x", "nowhere: this is not a run folder"),
     ],
     "runs close": [("nowhere", "nowhere")],
     "calibrate": [

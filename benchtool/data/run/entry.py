@@ -1,6 +1,6 @@
-"""What a list shows of each thing in a runs folder, and whether its files are as stated.
+"""Catalogue entries read from a runs folder, and verification of their hashes.
 
-What cannot be read is listed with the sentence that says why.
+Unreadable runs are listed too, with the reason.
 """
 
 from __future__ import annotations
@@ -40,75 +40,75 @@ from benchtool.data.run.runs_folder import RunsFolder
 
 FIT_FORMAT = "benchtool-fit-1"
 
-HEAD_BYTES = 65_536  # As much of a table is read for the names of its columns; a choice
+HEADER_BYTES = 65_536  # read of a CSV file for its column names; assumed
 
 
 def build_entry(folder: RunsFolder, name: str) -> Entry:
-    """Return what a list shows of one thing; a fault of its files is its `problem`, not raised.
+    """Return the entry of a run, result or file; errors in its files become its `problem`.
 
     Raises:
-        InputError: a name that leads out of the folder, or that is not there.
+        InputError: the name is outside the folder or does not exist.
     """
     path = folder.path_of(name)
-    known = kind_of(path)
-    entry = Entry(name=name, kind=known or "unknown", started=_written(path))
+    kind = kind_of(path)
+    entry = Entry(name=name, kind=kind or "unknown", started=_modification_time(path))
     try:
         labels = read_labels(path)
         entry = replace(entry, tags=labels.tags, notes=labels.notes)
-        entry = _READERS[known](entry, path) if known else replace(entry, problem=_strange(path))
+        entry = _READERS[kind](entry, path) if kind else replace(entry, problem=_unknown(path))
     except BenchtoolError as error:
         entry = replace(entry, problem=str(error))
     except KeyError as error:
-        problem = f"there is no {error} in its JSON; restore the file from a copy"
+        problem = f"key {error} is missing in its JSON; restore the file from a backup"
         entry = replace(entry, problem=problem)
     except (OSError, ValueError, TypeError) as error:
-        entry = replace(entry, problem=f"it cannot be read ({error}); restore it from a copy")
+        entry = replace(entry, problem=f"it cannot be read ({error}); restore it from a backup")
     return replace(entry, problem=entry.problem.replace(f"{folder.root}/", ""))
 
 
 def verify_run(path: Path) -> list[str]:
-    """Return what of a run or fit is not as its own files say, empty where all is.
+    """Return the differences of a run or fit from the hashes in metadata.json; empty if none.
 
-    Hashes are those of metadata.json. The Parquet of the samples alone is enough.
+    samples.csv may be missing if samples.parquet is there.
     """
     entry = build_entry(RunsFolder(path.resolve().parent), path.resolve().name)
     if entry.problem:
         return [entry.problem]
     if not is_run(path):
         return []
-    facts = read_metadata(path)
-    problems = _differing(path, facts)
-    if merged := facts.get("merged_from"):
+    metadata = read_metadata(path)
+    problems = _verify_hashes(path, metadata)
+    if sources := metadata.get("merged_from"):
         problems += [
             f"{Path(part).name}: {problem}"
-            for part, one in zip(parts_of(path), merged, strict=True)
+            for part, source in zip(parts_of(path), sources, strict=True)
             for problem in verify_run(Path(part))
-            or (["its data have changed"] if data_hash(part) != one["sha256"] else ())
+            or (["its data have changed"] if data_hash(part) != source["sha256"] else ())
         ]
     elif entry.state == "running":
-        return ["it is being measured, or its program died; then: benchtool runs close"]
+        return ["it is being measured, or its program was killed; then: benchtool runs close"]
     return problems
 
 
-def _differing(path: Path, facts: Mapping[str, Any]) -> list[str]:
-    """Return which points and samples of a run are not those of its hashes."""
-    points, samples = facts.get("points") or {}, facts.get("samples") or {}
+def _verify_hashes(path: Path, metadata: Mapping[str, Any]) -> list[str]:
+    """Return the differences of points and samples of a run from its hashes."""
+    points, samples = metadata.get("points") or {}, metadata.get("samples") or {}
     hashes = {
         "points.csv": points.get("csv_sha256"),
         "samples.csv": samples.get("csv_sha256"),
         "samples.parquet": samples.get("parquet_sha256"),
     }
-    found = []
-    for name, stated in hashes.items():
+    problems = []
+    for name, expected in hashes.items():
         file = path / name
-        if stated and not file.is_file():
-            found.append(f"{name} is missing")
-        elif stated and file_hash(file, follow=False) != stated:
-            found.append(f"{name} has changed since the run was closed")
-        elif not stated and name == "samples.csv" and has_rows(file):
-            found.append(f"metadata.json states no hash of {name}: benchtool runs close")
-    # The Parquet contains every sample, so the CSV may be left out.
-    return [] if found == ["samples.csv is missing"] and hashes["samples.parquet"] else found
+        if expected and not file.is_file():
+            problems.append(f"{name} is missing")
+        elif expected and file_hash(file, follow=False) != expected:
+            problems.append(f"{name} has changed since the run was closed")
+        elif not expected and name == "samples.csv" and has_rows(file):
+            problems.append(f"metadata.json has no hash of {name}: benchtool runs close")
+    # samples.parquet contains every sample, so samples.csv is optional.
+    return [] if problems == ["samples.csv is missing"] and hashes["samples.parquet"] else problems
 
 
 def read_result(folder: Path) -> dict[str, Any]:
@@ -117,17 +117,17 @@ def read_result(folder: Path) -> dict[str, Any]:
     tables = read_json(path)
     if tables.get("format") != FIT_FORMAT:
         raise FileFormatError(
-            str(path), f"its format is {tables.get('format')!r}, this version reads {FIT_FORMAT!r}"
+            str(path), f"format {tables.get('format')!r} is not supported; allowed: {FIT_FORMAT!r}"
         )
     return tables
 
 
-def _strange(path: Path) -> str:
-    inside = ", ".join(sorted(item.name for item in path.iterdir())[:6]) if path.is_dir() else ""
-    return f"nothing that benchtool knows is in it (it holds: {inside or 'nothing'})"
+def _unknown(path: Path) -> str:
+    contents = ", ".join(sorted(item.name for item in path.iterdir())[:6]) if path.is_dir() else ""
+    return f"it contains no run, fit or table (contents: {contents or 'none'})"
 
 
-def _written(path: Path) -> datetime | None:
+def _modification_time(path: Path) -> datetime | None:
     names = (FIT_FILE, ANSWER_FILE, *RUN_FILES)
     files = [path] if path.is_file() else [path / name for name in names]
     times = [file.stat().st_mtime for file in files if file.is_file()]
@@ -137,40 +137,40 @@ def _written(path: Path) -> datetime | None:
 def _run(entry: Entry, path: Path) -> Entry:
     if not is_run(path):
         raise FileFormatError(
-            entry.name, "there is no metadata.json in it, so nothing names its rig; restore it"
+            entry.name, "there is no metadata.json in it, which names the rig; restore that file"
         )
     facts = read_metadata(path)
     if facts.get("format") != RUN_FORMAT:
         raise FileFormatError(
             f"{entry.name}/metadata.json",
-            f"its format is {facts.get('format')!r}, this version reads {RUN_FORMAT!r}",
+            f"format {facts.get('format')!r} is not supported; allowed: {RUN_FORMAT!r}",
         )
     channels = _table(_table(facts, "device"), "channels")
-    pitch, live = "theta_rad" in channels, facts.get("experiment") == "live"
+    is_pitch, is_live = "theta_rad" in channels, facts.get("experiment") == "live"
     entry = replace(
         entry,
-        kind="pitch recording" if pitch else "live recording" if live else "sweep",
+        kind="pitch recording" if is_pitch else "live recording" if is_live else "sweep",
         rig=str(_table(facts, "rig").get("name", "")),
         propeller=str(_table(_table(facts, "rig"), "propeller").get("name", "")),
         radius_m=_table(_table(facts, "rig"), "propulsion").get("radius_m"),
         operator=str(facts.get("operator", "")),
         channels=sha256(",".join(channels).encode()).hexdigest()[:8] if channels else "",
-        started=_moment(facts.get("started")) or entry.started,
+        started=_parse_time(facts.get("started")) or entry.started,
         state=str(facts.get("state", "")),
         simulated=bool(facts["simulated"]) if "simulated" in facts else None,
     )
     reason = str(facts.get("reason") or "")
-    if pitch:
+    if is_pitch:
         if not any((path / name).is_file() for name in ("samples.csv", "samples.parquet")):
             problem = f"{entry.name}: there are no samples in it; record it again"
             return replace(entry, problem=problem)
         count = _table(facts, "link").get("samples")
-        stored = pluralize(int(count), "sample") if count is not None else ""
-        return replace(entry, summary="; ".join(filter(None, (stored, reason))))
-    table, running = path / "points.csv", entry.state == "running"
-    begun = has_rows(path / "samples.csv") or (path / "samples.parquet").is_file()
-    if not has_rows(table) and (table.is_file() or running or not begun):
-        return replace(entry, summary="no point yet" if running else "no point", is_empty=True)
+        samples = pluralize(int(count), "sample") if count is not None else ""
+        return replace(entry, summary="; ".join(filter(None, (samples, reason))))
+    table, is_running = path / "points.csv", entry.state == "running"
+    has_samples = has_rows(path / "samples.csv") or (path / "samples.parquet").is_file()
+    if not has_rows(table) and (table.is_file() or is_running or not has_samples):
+        return replace(entry, summary="no point yet" if is_running else "no point", is_empty=True)
     try:
         points = read_points(path, KINDS)
     except BenchtoolError as error:
@@ -178,29 +178,30 @@ def _run(entry: Entry, path: Path) -> Entry:
     if "kind" in points:
         points = points.select(np.isin(points.column("kind"), range(3)))
     summary = "; ".join(filter(None, (pluralize(len(points), "point"), reason)))
-    z_over_r = _distances(points, entry.radius_m or nan)
+    z_over_r = _distance_range(points, entry.radius_m or nan)
     return replace(entry, summary=summary, z_over_r=z_over_r, is_empty=not len(points))
 
 
-def _distances(points: Recording, radius_m: float) -> tuple[float, ...]:
+def _distance_range(points: Recording, radius_m: float) -> tuple[float, ...]:
+    """Return the smallest and largest z/R of measured points; () if unknown."""
     if "kind" not in points or "plate_z_m" not in points:
         return ()
-    near = points.column("kind") == word_to_code("kind", "measure")
-    ratio = points.column("plate_z_m")[near] / radius_m
-    ratio = ratio[np.isfinite(ratio)]
-    return (float(ratio.min()), float(ratio.max())) if len(ratio) else ()
+    is_measured = points.column("kind") == word_to_code("kind", "measure")
+    z_over_r = points.column("plate_z_m")[is_measured] / radius_m
+    z_over_r = z_over_r[np.isfinite(z_over_r)]
+    return (float(z_over_r.min()), float(z_over_r.max())) if len(z_over_r) else ()
 
 
 def _fit(entry: Entry, path: Path) -> Entry:
     facts = read_result(path)
     results = _table(facts, "results")
-    outcomes = [str(_table(_table(results, method), "outcome")["status"]) for method in results]
-    worst = next((status for status in outcomes if status != "converged"), "converged")
-    rejected = facts.get("answer") == "model rejected"
-    state = "model rejected" if rejected else worst.replace("_", " ")
+    statuses = [str(_table(_table(results, method), "outcome")["status"]) for method in results]
+    status = next((status for status in statuses if status != "converged"), "converged")
+    is_rejected = facts.get("answer") == "model rejected"
+    state = "model rejected" if is_rejected else status.replace("_", " ")
     recipe = _table(facts, "recipe")
-    first = _table(results, next(iter(results), ""))
-    verdict = str(_table(first, "facts").get("verdict", ""))
+    first_result = _table(results, next(iter(results), ""))
+    verdict = str(_table(first_result, "facts").get("verdict", ""))
     return replace(
         entry,
         rig=str(facts["model"]),
@@ -217,9 +218,9 @@ def _fit(entry: Entry, path: Path) -> Entry:
             )
         ),
         values=tuple(
-            (name, float(one["value"]))
+            (name, float(estimate["value"]))
             for part in ("estimates", "derived")
-            for name, one in _table(first, part).items()
+            for name, estimate in _table(first_result, part).items()
         ),
     )
 
@@ -244,10 +245,10 @@ def _recording(entry: Entry, path: Path) -> Entry:
 
 def _csv(entry: Entry, path: Path) -> Entry:
     with open_file(path) as file:
-        beginning = file.read(HEAD_BYTES)
-    if b"\n" in beginning:
-        beginning = beginning[: beginning.rindex(b"\n") + 1]
-    header = parse_csv(beginning, entry.name, whole=False).header
+        head = file.read(HEADER_BYTES)
+    if b"\n" in head:
+        head = head[: head.rindex(b"\n") + 1]
+    header = parse_csv(head, entry.name, whole=False).header
     return replace(entry, summary=", ".join(header[:8]) + (", ..." if len(header) > 8 else ""))
 
 
@@ -261,11 +262,11 @@ _READERS: dict[str, Callable[[Entry, Path], Entry]] = {
 
 
 def _table(facts: dict[str, Any], key: str) -> dict[str, Any]:
-    found = facts.get(key)
-    return found if isinstance(found, dict) else {}
+    table = facts.get(key)
+    return table if isinstance(table, dict) else {}
 
 
-def _moment(text: object) -> datetime | None:
+def _parse_time(text: object) -> datetime | None:
     try:
         return datetime.fromisoformat(str(text)).astimezone()
     except ValueError:

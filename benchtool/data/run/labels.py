@@ -1,7 +1,7 @@
-"""labels.json: the tags and notes that people give a run, a fit or an explanation.
+"""Tags and notes of a run, a fit or an explanation, in labels.json.
 
-They stand in a file of their own: the program that measures a run replaces its metadata.json from
-memory, and would take a label away that was written there meanwhile.
+They are not in metadata.json because the program that measures a run rewrites that file from
+memory and would discard them.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ LABELS_FILE = "labels.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels:
-    """Hold what people say of a run."""
+    """Tags and notes of a run."""
 
     tags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
 def read_labels(folder: Path) -> Labels:
-    """Return the labels of what is at a path; none where nobody gave any."""
+    """Return the labels of a folder; empty if it has none."""
     path = folder / LABELS_FILE
     if not os.path.lexists(path):
         return Labels()
@@ -39,7 +39,7 @@ def read_labels(folder: Path) -> Labels:
 def check_labels(
     folders: Iterable[Path], add: Iterable[str] = (), remove: Iterable[str] = ()
 ) -> None:
-    """Refuse what `label` would refuse of any of some folders, before the first is changed."""
+    """Check the arguments of `label` for several folders before the first is changed."""
     remove = tuple(remove)
     for tag in add:
         check_name("tag", tag, max_length=60)
@@ -48,41 +48,37 @@ def check_labels(
             raise FileFormatError(
                 str(folder), "there is no such folder; name runs or fits, and tags with --add"
             )
-        _left(folder, read_labels(folder), remove)
+        _remaining_tags(folder, read_labels(folder), remove)
 
 
-def _left(folder: Path, labels: Labels, remove: tuple[str, ...]) -> Iterator[str]:
-    """Return the tags that are left."""
+def _remaining_tags(folder: Path, labels: Labels, remove: tuple[str, ...]) -> Iterator[str]:
     if missing := [tag for tag in remove if tag not in labels.tags]:
-        shown = ", ".join(labels.tags) or "none"
-        raise InputError(f"{folder} has no tag {missing[0]!r} to remove (it has: {shown})")
+        tags = ", ".join(labels.tags) or "none"
+        raise InputError(f"{folder} has no tag {missing[0]!r} to remove (it has: {tags})")
     return (tag for tag in labels.tags if tag not in remove)
 
 
 def label(
     folder: Path, add: Iterable[str] = (), remove: Iterable[str] = (), note: str = ""
 ) -> Labels:
-    """Add and remove tags, add a note, and return what there is then.
+    """Add and remove tags, add a note, and return the new labels.
 
-    Two programs that label one folder at once wait for each other (not on Windows).
+    A lock serialises programs that label the same folder (not on Windows).
 
     Raises:
-        InputError: a word that is no tag, or a tag to be removed that is not there.
-        FileFormatError: there is no such folder.
+        InputError: a tag is invalid, or a tag to remove is missing.
+        FileFormatError: the folder does not exist.
         OSError: the folder cannot be written.
     """
     add, remove = tuple(add), tuple(remove)
     check_labels((folder,), add)
     with _locked(folder):
         labels = read_labels(folder)
-        left = _left(folder, labels, remove)
-        new = Labels(
-            tags=tuple(dict.fromkeys((*left, *add))),
-            notes=(*labels.notes, *([note] if note else ())),
-        )
-        if new != labels:
-            replace_json(folder / LABELS_FILE, asdict(new))
-    return new
+        tags = tuple(dict.fromkeys((*_remaining_tags(folder, labels, remove), *add)))
+        new_labels = Labels(tags=tags, notes=(*labels.notes, *([note] if note else ())))
+        if new_labels != labels:
+            replace_json(folder / LABELS_FILE, asdict(new_labels))
+    return new_labels
 
 
 @contextmanager

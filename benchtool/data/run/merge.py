@@ -1,7 +1,7 @@
-"""Merge runs of one rig into a new run folder, the runs themselves as its parts.
+"""Merging of runs of one rig into a new run folder.
 
-What belongs to each run alone (calibration, air, samples, events) stays with it in `parts`, and a
-fit takes the parts. The points of all stand in one points.csv for tables, figures and queries.
+Copies of the runs in `parts` keep their calibration, air, samples and events, and fits use them.
+A common points.csv is for tables, figures and queries.
 """
 
 from __future__ import annotations
@@ -34,131 +34,133 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
     """Write a new run folder with the points of several runs, and copies of them in `parts`.
 
     Args:
-        paths: of runs of one rig and propeller; of a merged one its parts are taken.
+        paths: runs of one rig and propeller; a merged run is replaced by its parts.
 
     Raises:
-        InputError: fewer than two, other rigs or propellers, the same data twice, or one that is
-            being measured.
-        FileFormatError: one that is no run of points.
+        InputError: fewer than two runs, several rigs or propellers, duplicate data, or a run that
+            is being measured.
+        FileFormatError: a path is not a run with points.
         WouldOverwrite: `out` exists.
     """
     check_not_existing(out)
     sources = [Path(part) for path in paths for part in parts_of(path)]
     if len(sources) < 2:
-        raise InputError(f"one run is named, {paths[0]}; name two or more to merge")
-    facts = [_facts(path) for path in sources]
-    _refuse_other_rigs(sources, facts)
-    hashes = _hashes(sources)
+        raise InputError(f"only one run, {paths[0]}; give two or more to merge")
+    metadata = [_read_metadata(path) for path in sources]
+    _check_same_rig(sources, metadata)
+    hashes = _compute_hashes(sources)
     names = [f"{number:03d}-{path.resolve().name}" for number, path in enumerate(sources, 1)]
-    origin = [
-        {"run": name, "from": str(path), "sha256": sha256, "started": str(one.get("started", ""))}
-        for name, path, sha256, one in zip(names, sources, hashes, facts, strict=True)
+    origins = [
+        {"run": name, "from": str(path), "sha256": sha256, "started": str(data.get("started", ""))}
+        for name, path, sha256, data in zip(names, sources, hashes, metadata, strict=True)
     ]
-    points = joined_points([read_points(path, VALID_KINDS) for path in sources])
-    beside = out.with_name(f".{out.name}.{os.getpid()}.merge")
+    points = concatenate_points([read_points(path, VALID_KINDS) for path in sources])
+    new_path = out.with_name(f".{out.name}.{os.getpid()}.merge")
     try:
-        run = Run.create(beside, _plan(sources), {**_common(facts), "merged_from": origin})
+        run = Run.create(new_path, _plan_text(sources), _merge_metadata(metadata, origins))
         for path, name in zip(sources, names, strict=True):
-            shutil.copytree(
-                path, beside / PARTS / name, ignore=shutil.ignore_patterns(".*", "recalibrated-*")
-            )
-        if [data_hash(beside / PARTS / name) for name in names] != hashes:
-            raise InputError("a run changed while it was copied; merge again when none is written")
+            ignore = shutil.ignore_patterns(".*", "recalibrated-*")
+            shutil.copytree(path, new_path / PARTS / name, ignore=ignore)
+        if [data_hash(new_path / PARTS / name) for name in names] != hashes:
+            raise InputError("a run changed while it was copied; repeat when no run is written")
         run.write_points(points)
         write_table(run.path / "settings.csv", load_settings(run.path))
         check_not_existing(out)
         if out.is_dir():
             shutil.rmtree(out)
-        os.rename(beside, out)
+        os.rename(new_path, out)
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(new_path, ignore_errors=True)
     sync_folder(out.parent)
     return Run(out)
 
 
-def joined_points(parts: Sequence[Recording]) -> Recording:
-    """Return the points of runs one after the other, `part` saying of which run each is, from 1.
+def concatenate_points(parts: Sequence[Recording]) -> Recording:
+    """Return the points of all runs; the column `part` is the number of the run, from 1.
 
-    Visits, settings and repeats are numbered on from part to part, and time goes on.
+    Numbers of points, settings and repeats, and time, continue from part to part.
     """
     names = [name for name in parts[0].names if all(name in part for part in parts)]
     columns = {name: [part.column(name) for part in parts] for name in names}
     for name in {"point", "setting", "repeat", "time_s"} & columns.keys():
         last = 0.0
-        for place, values in enumerate(columns[name]):
-            # A tare has neither visit nor setting: 0.
-            columns[name][place] = np.where((values > 0.0) | (name == "time_s"), values + last, 0.0)
-            last = max(last, float(np.nanmax(columns[name][place])))
-    number = np.repeat(np.arange(1.0, len(parts) + 1.0), [len(part) for part in parts])
-    pairs = [(Channel("part", "1"), number)]
+        for index, values in enumerate(columns[name]):
+            # A tare has point and setting 0.
+            columns[name][index] = np.where((values > 0.0) | (name == "time_s"), values + last, 0.0)
+            last = max(last, float(np.nanmax(columns[name][index])))
+    part_numbers = np.repeat(np.arange(1.0, len(parts) + 1.0), [len(part) for part in parts])
+    pairs = [(Channel("part", "1"), part_numbers)]
     pairs += [
         (parts[0].channels[parts[0].index(name)], np.concatenate(columns[name])) for name in names
     ]
     return Recording.from_columns(pairs, {}, any(part.simulated for part in parts))
 
 
-def _facts(path: Path) -> dict[str, Any]:
+def _read_metadata(path: Path) -> dict[str, Any]:
     if not is_run(path):
-        raise FileFormatError(str(path), "this is no run folder; name runs of benchtool sweep")
+        raise FileFormatError(str(path), "this is not a run folder; give runs of benchtool sweep")
     if is_pitch_run(path):
-        raise FileFormatError(str(path), "a pitch recording has no points to merge; leave it out")
-    facts = read_metadata(path)
-    if facts.get("state") == "running":
+        raise FileFormatError(str(path), "a pitch recording has no points to merge; remove it")
+    metadata = read_metadata(path)
+    if metadata.get("state") == "running":
         raise InputError(
-            f"{path} is being measured, or its program died; merge it when it has ended, or after "
-            f"benchtool runs close {path}"
+            f"{path} is being measured, or its program was killed; merge it when it has ended, or "
+            f"after benchtool runs close {path}"
         )
-    return facts
+    return metadata
 
 
-def _refuse_other_rigs(paths: Sequence[Path], facts: Sequence[Mapping[str, Any]]) -> None:
+def _check_same_rig(paths: Sequence[Path], metadata: Sequence[Mapping[str, Any]]) -> None:
     load_rig_for_data([str(path) for path in paths])
-    rigs = [one.get("rig") or {} for one in facts]
-    for what, named in (("rig", rigs), ("propeller", [rig.get("propeller") or {} for rig in rigs])):
-        shown = [str(one.get("name", "")) for one in named]
-        if other := next((place for place, one in enumerate(shown) if one != shown[0]), 0):
+    rigs = [data.get("rig") or {} for data in metadata]
+    propellers = [rig.get("propeller") or {} for rig in rigs]
+    for kind, tables in (("rig", rigs), ("propeller", propellers)):
+        names = [str(table.get("name", "")) for table in tables]
+        if other := next((index for index, name in enumerate(names) if name != names[0]), 0):
             raise InputError(
-                f"{paths[0]} is of {what} {shown[0] or 'not stated'!r} and {paths[other]} of "
-                f"{shown[other] or 'not stated'!r}; merge runs of one {what}, or compare them with "
-                f"benchtool runs compare"
+                f"{paths[0]} is of {kind} {names[0] or 'unnamed'!r} and {paths[other]} of "
+                f"{names[other] or 'unnamed'!r}; merge runs of one {kind}, or use benchtool runs "
+                f"compare"
             )
 
 
-def _hashes(paths: Sequence[Path]) -> list[str]:
+def _compute_hashes(paths: Sequence[Path]) -> list[str]:
     hashes = [data_hash(path) for path in paths]
-    for place, one in enumerate(hashes):
-        if (first := hashes.index(one)) < place:
+    for index, sha256 in enumerate(hashes):
+        if (first := hashes.index(sha256)) < index:
             raise InputError(
-                f"{paths[place]} holds the same data as {paths[first]}; points count once, so name "
-                f"it once"
+                f"duplicate data: {paths[index]} and {paths[first]} are identical; remove one"
             )
     return hashes
 
 
-def _plan(paths: Sequence[Path]) -> str:
+def _plan_text(paths: Sequence[Path]) -> str:
     head = f"# The plan of the first of {len(paths)} merged runs; each has its own in {PARTS}/.\n"
     return head + Run.open(paths[0]).plan_text
 
 
-def _common(facts: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return what metadata of several runs say in common, and the mean of their air."""
-    first = facts[0]
-    shared = {key: first[key] for key in first if all(one.get(key) == first[key] for one in facts)}
+def _merge_metadata(
+    metadata: Sequence[dict[str, Any]], origins: Sequence[Mapping[str, str]]
+) -> dict[str, Any]:
+    """Return the metadata that all runs share, with the mean of their air and their origins."""
+    first = metadata[0]
+    shared = {key: first[key] for key in first if all(m.get(key) == first[key] for m in metadata)}
     for key in ("format", "samples", "points", "reason", "link"):
         shared.pop(key, None)
-    airs = [one.get("air") or {} for one in facts]
+    airs = [data.get("air") or {} for data in metadata]
     if all(airs):
         mean = [float(np.mean([air[name] for air in airs])) for name in _AIR]
         density = air_density_kg_m3(*mean)
         measured = all(air.get("measured") for air in airs)
         shared["air"] = {**airs[0], **dict(zip(_AIR, mean, strict=True)),
                          "density_kg_m3": density, "measured": measured}  # fmt: skip
-    began = [str(one["started"]) for one in facts if one.get("started")]
+    start_times = [str(data["started"]) for data in metadata if data.get("started")]
     return {
         **shared,
         "rig": first["rig"],
-        "simulated": any(one.get("simulated") for one in facts),
+        "simulated": any(data.get("simulated") for data in metadata),
         "state": "ended",
-        "visits": sum(int(one.get("visits") or 0) for one in facts),
-        **({"started": min(began)} if began else {}),
+        "visits": sum(int(data.get("visits") or 0) for data in metadata),
+        **({"started": min(start_times)} if start_times else {}),
+        "merged_from": origins,
     }

@@ -98,7 +98,7 @@ def test_a_merged_run_holds_its_runs_and_all_their_points(two, tmp_path):
         ({"rig": {"propeller": {"name": "other"}}}, "one is of propeller .* and .*two of 'other'"),
         ({"rig": {"name": "other"}}, "is of rig .*; merge runs of one rig"),
         ({"rig": {"propulsion": {"radius_m": 0.3}}}, "of two vehicles .rotor radius"),
-        ({"state": "running"}, "two is being measured, or its program died"),
+        ({"state": "running"}, "two is being measured, or its program was killed"),
     ],
 )
 def test_other_runs_are_refused(two, tmp_path, facts, said):
@@ -120,9 +120,9 @@ def test_other_runs_are_refused(two, tmp_path, facts, said):
 
 
 def test_the_same_data_and_a_single_run_are_refused(two, tmp_path):
-    with pytest.raises(InputError, match="one run is named"):
+    with pytest.raises(InputError, match="only one run"):
         merge_runs(two[:1], tmp_path / "merged")
-    with pytest.raises(InputError, match="holds the same data as"):
+    with pytest.raises(InputError, match="duplicate data"):
         merge_runs([two[0], two[0]], tmp_path / "merged")
 
 

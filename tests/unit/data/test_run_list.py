@@ -68,12 +68,12 @@ def test_what_is_broken_is_listed_with_its_reason(folder):
     found = named(folder)
     said = {
         "json": "json/metadata.json: this is not valid JSON",
-        "format": "its format is 'benchtool-run-9', this version reads 'benchtool-run-1'",
+        "format": "format 'benchtool-run-9' is not supported; allowed: 'benchtool-run-1'",
         "points": "line 2: column 'kind' contains 'bogus'",
         "none": "there is no metadata.json in it",
         "rig": "rig is 3: input should be a table",
-        "empty": "it holds: nothing",
-        "fits/quad": "there is no 'model' in its JSON",
+        "empty": "contents: none",
+        "fits/quad": "key 'model' is missing in its JSON",
         "answer": "a JSON object is needed",
         "away": "leads out of the runs folder",
     }

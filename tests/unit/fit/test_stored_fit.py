@@ -30,7 +30,7 @@ def test_a_number_that_does_not_exist_is_none(tmp_path):
         ({"results": {}}, "no method has a result"),
         ({"results": {"least_squares": {}}}, "there is no 'order'"),
         ({"points": 3}, "no result of a fit"),
-        ({"format": "x"}, "its format is 'x'"),
+        ({"format": "x"}, "format 'x' is not supported"),
     ],
 )
 def test_a_broken_result_is_told_in_one_sentence(tmp_path, change, said):
