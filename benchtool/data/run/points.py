@@ -1,4 +1,4 @@
-"""points.csv: one row for every visit of a setting, and settings.csv made from it."""
+"""Points of a run and writing of points.csv, one row per measurement of a setting."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from benchtool.data.run.append import AppendTable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """Hold one visit of a setting: robust means over its samples.
+    """One measurement of a setting: robust means over its samples.
 
     Attributes:
-        point: number of the visit, from 1; 0 for a tare.
-        setting: number of the setting that was visited, from 1; 0 for a tare.
-        repeat: how often this setting had been visited, from 1.
-        time_s: middle of the samples, since the run began.
+        point: number of the point, from 1; 0 for a tare.
+        setting: number of the setting, from 1; 0 for a tare.
+        repeat: number of the measurement of this setting, from 1.
+        time_s: middle of the samples, since the start of the run.
         elapsed_s: the same since the last tare.
-        pwm_us, rpm: (n_rotors,) mean command and mean speed; nan where unknown.
+        pwm_us, rpm: (n_rotors,) mean command and mean speed; nan if unknown.
         rpm_se: (n_rotors,) standard error of the mean speed, as that of thrust.
         thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
-            standard error of the mean with autocorrelation accounted for.
+            standard error of the mean, corrected for autocorrelation.
         n_samples: thrust samples in the mean.
-        plate_z_m: distance of the plate: what the bench read, else what the stage reports.
-        plate_stage_z_m, plate_read_z_m: both of them, nan where one is missing.
+        plate_z_m: plate distance read by a sensor; falls back to that of the stage.
+        plate_stage_z_m, plate_read_z_m: both distances, nan if missing.
         voltage_se_V, current_se_A, torque_se_Nm: standard errors of those means, as that of thrust.
-        rejected: outliers left out of the mean, by channel; 0 where none is named.
-        settled: whether the settling test passed before its time-out.
-        suspect: so many samples of a channel lie apart that none was left out.
+        rejected: number of outliers excluded from the mean, by channel; default 0.
+        settled: whether the settling criterion was met before its timeout.
+        suspect: a channel has too many outliers, so none was excluded.
     """
 
     point: int
@@ -68,12 +68,12 @@ class Point:
 
     @property
     def sum_rpm2(self) -> float:
-        """Sum of the squared speeds of the rotors that turn; nan when speed is not measured."""
+        """Sum of the squared rotor speeds; nan if a speed is not measured."""
         return sum(speed**2 for speed in self.rpm)
 
 
 def averaged_channels(n_rotors: int) -> tuple[str, ...]:
-    """Return the channels of which a point holds a mean."""
+    """Return the channels whose means a point contains."""
     return (
         *(f"rpm{i + 1}" for i in range(n_rotors)),
         *("thrust_N", "plate_z_m", "plate_x_m", "plate_tilt_deg"),
@@ -98,7 +98,7 @@ def point_columns(n_rotors: int) -> tuple[str, ...]:
 
 def point_cells(point: Point) -> list[str]:
     """Return the cells of one row of points.csv."""
-    numbers = (
+    values = (
         *point.pwm_us,
         *point.rpm,
         *point.rpm_se,
@@ -110,45 +110,45 @@ def point_cells(point: Point) -> list[str]:
     return [
         *(str(point.point), point.kind, str(point.setting), str(point.repeat)),
         *(f"{point.time_s:.6f}", f"{point.elapsed_s:.6f}"),
-        *(number_cell(number) for number in numbers),
+        *map(format_cell, values),
         "1" if point.settled else "0",
         *(str(point.rejected.get(name, 0)) for name in averaged_channels(len(point.rpm))),
         "1" if point.suspect else "0",
-        *map(number_cell, (point.voltage_se_V, point.current_se_A, point.torque_se_Nm)),
+        *map(format_cell, (point.voltage_se_V, point.current_se_A, point.torque_se_Nm)),
     ]
 
 
-def number_cell(number: float) -> str:
-    """Return a number as text that reads back to the same number; nan is an empty cell."""
-    return "" if isnan(number) else repr(number)
+def format_cell(value: float) -> str:
+    """Return a number as text without loss of precision; nan is an empty cell."""
+    return "" if isnan(value) else repr(value)
 
 
 class PointWriter(AppendTable):
-    """Append points; a point is on the disk when `append` returns."""
+    """Writer of points.csv; a point is on the disk when `append` returns."""
 
     def __init__(self, path: Path, n_rotors: int) -> None:
-        advice = (
-            f"its columns are not those of a run with {pluralize(n_rotors, 'rotor')} of this "
-            f"version of benchtool; go on with the rig and the version that began the run"
+        mismatch = (
+            f"its columns differ from those of a run with {pluralize(n_rotors, 'rotor')} in this "
+            f"version; resume with the rig and the version of benchtool that started the run"
         )
-        super().__init__(path, point_columns(n_rotors), advice)
+        super().__init__(path, point_columns(n_rotors), mismatch)
 
     def append(self, point: Point) -> None:
-        """Append one point and force it to the disk."""
+        """Append one point and flush it to the disk."""
         self.write(",".join(point_cells(point)).encode("ascii") + b"\n")
         self.sync()
 
 
 def write_table(path: Path, recording: Recording) -> None:
-    """Write rows with words for their codes, whole numbers whole, and nan as an empty cell."""
-    columns = [_cells(name, recording.column(name).tolist()) for name in recording.names]
+    """Write a CSV table: codes as words, integers without decimals, nan as an empty cell."""
+    columns = [_format_column(name, recording.column(name).tolist()) for name in recording.names]
     lines = [",".join(recording.names), *(",".join(row) for row in zip(*columns, strict=True))]
     replace_text(path, "\n".join(lines) + "\n")
 
 
-def _cells(name: str, numbers: list[float]) -> list[str]:
+def _format_column(name: str, values: list[float]) -> list[str]:
     if name in WORDS:
-        return [WORDS[name][int(number)] for number in numbers]
+        return [WORDS[name][int(value)] for value in values]
     if is_whole(name):
-        return [f"{number:.0f}" for number in numbers]
-    return [number_cell(number) for number in numbers]
+        return [f"{value:.0f}" for value in values]
+    return [format_cell(value) for value in values]

@@ -1,4 +1,4 @@
-"""T_IGE/T_OGE of every visit of a run: thrust over that of its out-of-ground-effect references."""
+"""Thrust ratios T_IGE/T_OGE of the points of a run over their reference points."""
 
 from __future__ import annotations
 
@@ -16,88 +16,87 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import speed_columns, word_to_code
 
-RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")  # held equal
+RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")  # quantity kept equal
 MOMENTUM_POWER = 2.0 / 3.0  # T^(3/2) ~ P in hover; used where references have one power
-EXPONENT_SD = 0.05  # stands show 0.6 to 0.75 for electrical power; assumed
+EXPONENT_SD = 0.05  # 0.6 to 0.75 in test data for electrical power; assumed
 VOLTAGE_POWER, VOLTAGE_POWER_SD = 2.0, 0.25  # 1.5 to 2, less with windings; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ratios(UncertainValues):
-    """Hold T_IGE/T_OGE of every visit; nan where a visit has no reference."""
+    """Thrust ratio T_IGE/T_OGE of each point; nan if a point has no reference."""
 
-    share: Array  # (n, n) by how much each other visit makes a visit's T_OGE: 1 over their number
-    by_thrust: Array  # (n, n) change of each ratio by that of each thrust, to first order: 1/N
+    share: Array  # (n, n) weight of each point (column) in the T_OGE of each point (row)
+    by_thrust: Array  # (n, n) derivative of each ratio (row) by each thrust (column): 1/N
 
 
 def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
-    """Return T_IGE/T_OGE of every visit, with what its errors share.
+    """Return T_IGE/T_OGE of each point, with independent and shared errors.
 
-    A visit is compared with the references of the same pulses and the same repeat, or with the
-    mean of those of the same pulses where its repeat has none. At equal pulse width thrusts are
-    divided, at equal squared speed thrusts over the summed squared speeds, and at equal
-    electrical power thrust over the references' thrust at that power, a power law between them.
+    The references of a point are those of the same pulse widths and the same repeat, or all of the
+    same pulse widths if its repeat has none. At equal pulse width, the ratio is that of thrusts; at
+    equal squared speed, that of thrusts over the sum of squared speeds; at equal electrical power,
+    thrust over the references' thrust at that power, by a power law between them.
 
-    With a rig whose controllers do not hold the speed, thrusts at equal pulse width are brought to
-    the voltage of their references where voltage is measured: a pack that empties from visit to
-    visit is no ground effect.
+    If the rig's controllers do not govern the speed and voltage is measured, thrusts at equal pulse
+    width are corrected to the voltage of their references, which removes voltage sag.
 
-    Errors are relative and small, so that products are taken to first order (a mean of references
-    known to 1 % is inverted 0.01 % too large). Every reference is one column of the source
-    "reference": ratios over the same reference err together, and so do those at one power law that
-    was fitted to all of them.
+    Errors are relative and small, so products are of first order (the inverse of a mean of
+    references known to 1 % is 0.01 % too large). Each reference is one column of the source
+    "reference", so the errors of ratios over the same reference are correlated, as are those at a
+    power law fitted to all references.
 
     Args:
-        points: visits with `kind`, `repeat`, pulses, speeds, thrust; voltage and current for power.
+        points: with `kind`, `repeat`, pulse widths, speeds, thrust; voltage and current for power.
         basis: one of `RATIO_BASES`.
-        rig: of the points; its sensors say how far voltage and current are off where points do not.
+        rig: of the points; its sensors are the fallback for errors of voltage and current.
     """
     if basis not in RATIO_BASES:
         raise UnknownChoice("basis", basis, RATIO_BASES)
     if "kind" not in points:
         raise InputError(
             "thrust ratios need points of kind 'reference' (plate parked, out of ground effect); "
-            "fit with --basis joint, or sweep with references"
+            "use --basis joint or a sweep with references"
         )
     thrust = points.column("thrust_N")
-    parked = points.column("kind") == word_to_code("kind", "reference")
-    if not parked.any():
+    is_reference = points.column("kind") == word_to_code("kind", "reference")
+    if not is_reference.any():
         raise InputError(
-            "the run holds no reference points out of ground effect, so there is no T_OGE to "
-            "divide by; fit with --basis joint, or sweep with references"
+            "no reference points out of ground effect, needed for T_IGE/T_OGE; use --basis joint "
+            "or a sweep with references"
         )
-    relative, level = _relative_error(points, thrust), thrust
+    relative_se, level = _relative_thrust_error(points, thrust), thrust
     law: _PowerLaw | None = None
     sensors = {} if rig is None else rig.sensors
     if basis == "equal_rpm2":
-        relative = np.hypot(relative, relative_speed_error(points))
+        relative_se = np.hypot(relative_se, relative_speed_error(points))
         level = thrust / _squared_speed(points)
     elif basis == "equal_power":
-        law = _power_law(points, thrust, parked)
-        electrical = _relative_error_of(points, ("voltage_V", "current_A"), sensors)
+        law = _fit_power_law(points, thrust, is_reference)
+        electrical_se = _relative_product_error(points, ("voltage_V", "current_A"), sensors)
     elif rig is not None and not (rig.motor and rig.motor.governed) and _has(points, "voltage_V"):
         voltage = points.column("voltage_V")
         log_voltage = np.log(np.where(voltage > 0.0, voltage, np.nan))
         law = _PowerLaw(
             "voltage", log_voltage, VOLTAGE_POWER, np.zeros(len(points)), VOLTAGE_POWER_SD
         )
-        electrical = _relative_error_of(points, ("voltage_V",), sensors)
+        electrical_se = _relative_product_error(points, ("voltage_V",), sensors)
     if law is not None:
-        relative = np.hypot(relative, law.exponent * electrical)
+        relative_se = np.hypot(relative_se, law.exponent * electrical_se)
         level = thrust / np.exp(law.exponent * law.log_x)
-    share = _shares(points, parked, level)
-    mean = np.where(share.any(axis=1), share @ np.nan_to_num(level), np.nan)
+    weights = _reference_weights(points, is_reference, level)
+    mean = np.where(weights.any(axis=1), weights @ np.nan_to_num(level), np.nan)
     ratio = level / mean
-    # The part of each reference in the logarithm of the ratio, to first order.
-    part = np.nan_to_num(share * level / mean[:, None])
-    stated = bool(np.isfinite(relative).any())
-    scatter = np.nan_to_num(relative) if stated else np.ones(len(ratio))
+    # Negative derivative of each log ratio by the log of each reference, to first order.
+    log_slopes = np.nan_to_num(weights * level / mean[:, None])
+    has_errors = bool(np.isfinite(relative_se).any())
+    scatter = np.nan_to_num(relative_se) if has_errors else np.ones(len(ratio))
     sources = []
     if law is not None:
-        lever = np.nan_to_num(law.log_x - part @ np.nan_to_num(law.log_x))
-        part += np.outer(lever, law.gain)
+        log_distance = np.nan_to_num(law.log_x - log_slopes @ np.nan_to_num(law.log_x))
+        log_slopes += np.outer(log_distance, law.gain)
         if law.exponent_sd > 0.0:
-            columns = -np.nan_to_num(ratio * lever)[:, None] * law.exponent_sd
+            columns = -np.nan_to_num(ratio * log_distance)[:, None] * law.exponent_sd
             sources.append(
                 ErrorSource(
                     name=f"exponent of {law.name}",
@@ -107,33 +106,33 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
                     columns=columns,
                 )
             )
-    shown = np.flatnonzero(parked)
+    references = np.flatnonzero(is_reference)
     reference = ErrorSource(
         name="reference",
         kind="A",
         unit="1",
-        sd=float(np.sqrt(np.mean(scatter[shown] ** 2))),
-        columns=-np.nan_to_num(ratio)[:, None] * part[:, shown] * scatter[shown],
+        sd=float(np.sqrt(np.mean(scatter[references] ** 2))),
+        columns=-np.nan_to_num(ratio)[:, None] * log_slopes[:, references] * scatter[references],
         scaled=True,
     )
-    own = np.abs(ratio) * relative if stated else np.full(len(ratio), np.nan)
-    by_log = np.nan_to_num(ratio)[:, None] * (np.eye(len(ratio)) - part)
-    by_thrust = by_log / np.where(thrust > 0.0, thrust, np.inf)
-    return Ratios(ratio, own, (reference, *sources), share, by_thrust)
+    ratio_se = np.abs(ratio) * relative_se if has_errors else np.full(len(ratio), np.nan)
+    log_jacobian = np.nan_to_num(ratio)[:, None] * (np.eye(len(ratio)) - log_slopes)
+    jacobian = log_jacobian / np.where(thrust > 0.0, thrust, np.inf)
+    return Ratios(ratio, ratio_se, (reference, *sources), weights, jacobian)
 
 
-def _shares(points: Recording, parked: NDArray[np.bool_], level: Array) -> Array:
-    """Return `Ratios.share`: of references of the same pulses (nan from a device without echo)."""
-    names, alone = speed_columns(points.names, "pwm"), np.zeros((len(points), 1))
-    pulses = _stack(points, names).round(3) if names else alone
-    part = points.column("part") if "part" in points else alone[:, 0]  # of a merged run
-    repeat = points.column("repeat") if "repeat" in points else alone[:, 0]
-    alike = ((pulses[:, None] == pulses) | np.isnan(pulses)).all(axis=2) & parked
-    alike &= part[:, None] == part
-    paired = alike & (repeat[:, None] == repeat)
-    chosen = np.where(paired.any(axis=1)[:, None], paired, alike) & np.isfinite(level)
-    out: Array = chosen / np.maximum(chosen.sum(axis=1), 1)[:, None]
-    return out
+def _reference_weights(points: Recording, is_reference: NDArray[np.bool_], level: Array) -> Array:
+    """Return the weight (n, n) of each reference in each T_OGE; nan pulse widths match all."""
+    names, zeros = speed_columns(points.names, "pwm"), np.zeros((len(points), 1))
+    pwm_us = _stack(points, names).round(3) if names else zeros
+    part = points.column("part") if "part" in points else zeros[:, 0]  # of a merged run
+    repeat = points.column("repeat") if "repeat" in points else zeros[:, 0]
+    same_pwm = ((pwm_us[:, None] == pwm_us) | np.isnan(pwm_us)).all(axis=2) & is_reference
+    same_pwm &= part[:, None] == part
+    same_repeat = same_pwm & (repeat[:, None] == repeat)
+    used = np.where(same_repeat.any(axis=1)[:, None], same_repeat, same_pwm) & np.isfinite(level)
+    weights: Array = used / np.maximum(used.sum(axis=1), 1)[:, None]
+    return weights
 
 
 def _squared_speed(points: Recording) -> Array:
@@ -144,38 +143,39 @@ def _squared_speed(points: Recording) -> Array:
 
 
 def thrust_error(points: Recording) -> tuple[Array, bool] | None:
-    """Return the standard error of every thrust (n,) in N, None where none is stated.
+    """Return the standard error of each thrust (n,) in N, None if the table has none.
 
-    `thrust_se_N` is one. `thrust_sd_N` beside `n_samples` is the scatter of samples, and that of
-    their mean is sd sqrt(g/n): g, what the samples' autocorrelation costs, is that of the rows that
-    state both, else 1. `thrust_sd_N` alone counts as the standard error. The speeds' errors are
-    taken in (`relative_speed_error`).
+    `thrust_se_N` is used as it is. Without it, `thrust_sd_N` and `n_samples` give sd sqrt(g/n), g
+    being the statistical inefficiency (autocorrelation), from the rows with both errors, else 1.
+    `thrust_sd_N` alone is used as the standard error. Errors of speeds are added
+    (`relative_speed_error`).
 
     Returns:
-        The errors, and whether they are of samples within a visit and so say nothing of what
-        differs between visits.
+        The errors, and whether some derive from samples within a point, which do not include the
+        variation between points.
     """
-    nothing = np.full(len(points), np.nan)
-    error, sd, n = (
-        points.to_si(name) if name in points else nothing
+    missing = np.full(len(points), np.nan)
+    thrust_se, sd, n = (
+        points.to_si(name) if name in points else missing
         for name in ("thrust_se_N", "thrust_sd_N", "n_samples")
     )
-    of_samples = np.isnan(error) & np.isfinite(sd) & (n >= 1.0)
-    if of_samples.any():
-        known = (error / sd) ** 2 * n
-        known = known[np.isfinite(known)]
-        inefficiency = max(float(np.median(known)), 1.0) if known.size else 1.0
-        error = np.where(of_samples, sd * np.sqrt(inefficiency / n), error)
-    elif not np.isfinite(error).any():
-        error = sd
-    if not np.isfinite(error).any():
+    is_from_samples = np.isnan(thrust_se) & np.isfinite(sd) & (n >= 1.0)
+    if is_from_samples.any():
+        inefficiencies = (thrust_se / sd) ** 2 * n
+        inefficiencies = inefficiencies[np.isfinite(inefficiencies)]
+        inefficiency = max(float(np.median(inefficiencies)), 1.0) if inefficiencies.size else 1.0
+        thrust_se = np.where(is_from_samples, sd * np.sqrt(inefficiency / n), thrust_se)
+    elif not np.isfinite(thrust_se).any():
+        thrust_se = sd
+    if not np.isfinite(thrust_se).any():
         return None
     thrust = points.to_si("thrust_N")
-    return np.hypot(error, thrust * relative_speed_error(points)), bool(of_samples.any())
+    total_se = np.hypot(thrust_se, thrust * relative_speed_error(points))
+    return total_se, bool(is_from_samples.any())
 
 
 def ratio_error(points: Recording) -> Array | None:
-    """Return the standard error of every ratio that a table gives (n,), None where none is."""
+    """Return the standard error of each ratio in a table (n,), None if it has none."""
     for name in ("thrust_ratio_se", "thrust_ratio_sd"):
         if _has(points, name):
             return points.column(name)
@@ -183,10 +183,9 @@ def ratio_error(points: Recording) -> Array | None:
 
 
 def relative_speed_error(points: Recording) -> Array:
-    """Return the relative error (n,) that the speeds' errors make in k times the sum of w^2.
+    """Return the relative standard error (n,) of the sum of squared speeds w.
 
-    Thrust is compared at measured speeds, and those have errors too: 2 sqrt(sum (w se)^2) over
-    sum w^2; 0 where no errors of speed are given.
+    2 sqrt(sum (w se)^2) over sum w^2; 0 if the points have no errors of speeds.
     """
     names = speed_columns(points.names, "rpm")
     if not names or any(f"{name}_se" not in points for name in names):
@@ -194,16 +193,16 @@ def relative_speed_error(points: Recording) -> Array:
     errors = np.nan_to_num(_stack(points, [f"{name}_se" for name in names]))
     speeds = np.nan_to_num(_stack(points, names))
     squared = np.sum(speeds**2, axis=1)
-    spread = 2.0 * np.sqrt(np.sum((speeds * errors) ** 2, axis=1))
-    out: Array = np.divide(spread, squared, out=np.zeros(len(points)), where=squared > 0.0)
-    return out
+    squared_se = 2.0 * np.sqrt(np.sum((speeds * errors) ** 2, axis=1))
+    relative: Array = np.divide(squared_se, squared, out=np.zeros(len(points)), where=squared > 0.0)
+    return relative
 
 
 def _stack(points: Recording, names: list[str]) -> Array:
     return np.column_stack([points.column(name) for name in names])
 
 
-def _relative_error(points: Recording, thrust: Array) -> Array:
+def _relative_thrust_error(points: Recording, thrust: Array) -> Array:
     if "thrust_se_N" not in points:
         return np.full(len(thrust), np.nan)
     return points.column("thrust_se_N") / np.abs(thrust)
@@ -213,14 +212,10 @@ def _has(points: Recording, name: str) -> bool:
     return name in points and bool(np.isfinite(points.column(name)).any())
 
 
-def _relative_error_of(
+def _relative_product_error(
     points: Recording, names: Sequence[str], sensors: Mapping[str, Sensor]
 ) -> Array:
-    """Return the relative standard error of the product of each visit's channels (n,).
-
-    From the channels' standard errors, else from what the rig says of their sensors; 0 where
-    neither is known.
-    """
+    """Return the relative standard error (n,) of the product of channels; unknown errors are 0."""
     total = np.zeros(len(points))
     for name in names:
         error = standard_error(points, name, sensors)
@@ -229,10 +224,10 @@ def _relative_error_of(
 
 
 def standard_error(points: Recording, name: str, sensors: Mapping[str, Sensor]) -> Array:
-    """Return the standard error of each row of a channel (n,); nan where nothing states one.
+    """Return the standard error (n,) of a channel; nan if unknown.
 
-    The channel's own, else what noise and step of the rig's sensor make of a mean over a visit's
-    samples.
+    Falls back from the channel's error column to the error of a mean over the samples of a point,
+    from noise and resolution of the rig's sensor.
     """
     error = np.full(len(points), np.nan)
     if error_channel_name(name) in points:
@@ -245,30 +240,30 @@ def standard_error(points: Recording, name: str, sensors: Mapping[str, Sensor]) 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PowerLaw:
-    """Hold the references' power law, thrust ~ x^exponent."""
+    """Power law of the references, thrust ~ x^exponent."""
 
     name: str  # of x
-    log_x: Array  # (n,) of every visit
+    log_x: Array  # (n,)
     exponent: float
-    gain: Array  # (n,) change of the exponent by a visit's error in the logarithm of thrust
-    exponent_sd: float  # where it was not fitted; 0 where it was
+    gain: Array  # (n,) derivative of the exponent by the log thrust of each point
+    exponent_sd: float  # of an assumed exponent; 0 if fitted
 
 
-def _power_law(points: Recording, thrust: Array, parked: NDArray[np.bool_]) -> _PowerLaw:
+def _fit_power_law(points: Recording, thrust: Array, is_reference: NDArray[np.bool_]) -> _PowerLaw:
     for name in ("voltage_V", "current_A"):
         if not _has(points, name):
             raise InputError(
-                f"equal electrical power needs voltage_V and current_A, but {name} is not there; "
-                f"choose --basis equal_pwm or equal_rpm2"
+                f"channel {name} is missing, needed for equal electrical power; "
+                f"use --basis equal_pwm or equal_rpm2"
             )
     power = points.column("voltage_V") * points.column("current_A")
-    good = parked & (power > 0.0) & (thrust > 0.0)
-    if not good.any():
-        raise InputError("no reference point drew any power; check the current sensor")
+    is_valid = is_reference & (power > 0.0) & (thrust > 0.0)
+    if not is_valid.any():
+        raise InputError("no reference point has positive power; check the current sensor")
     log_power = np.log(np.where(power > 0.0, power, np.nan))
-    from_mean = np.where(good, log_power - log_power[good].mean(), 0.0)
-    if np.ptp(log_power[good]) <= 0.2:
+    centred = np.where(is_valid, log_power - log_power[is_valid].mean(), 0.0)
+    if np.ptp(log_power[is_valid]) <= 0.2:
         return _PowerLaw("power", log_power, MOMENTUM_POWER, np.zeros(len(power)), EXPONENT_SD)
-    gain = from_mean / float(from_mean @ from_mean)
-    exponent = float(gain[good] @ np.log(thrust[good]))
+    gain = centred / float(centred @ centred)
+    exponent = float(gain[is_valid] @ np.log(thrust[is_valid]))
     return _PowerLaw("power", log_power, exponent, gain, 0.0)
