@@ -1,4 +1,4 @@
-"""Read runs back: points, settings and samples as recordings that say where they come from."""
+"""Readers of run folders: points, settings and samples as recordings with provenance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from benchtool.data.columns import check_numbers, find_channel, word_to_code
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.parquet import parquet_names, read_parquet
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.sample_stream import header_of, read_stream
+from benchtool.data.run.sample_stream import read_header, read_stream
 from benchtool.data.table import table_columns
 
 
@@ -29,88 +29,87 @@ def is_run(path: str | Path) -> bool:
     return os.path.lexists(Path(path) / "metadata.json")
 
 
-PARTS = "parts"  # Folder of a merged run with the runs that it was made of
+PARTS = "parts"  # folder of a merged run with copies of the original runs
 
 
 def parts_of(path: str | Path) -> tuple[str, ...]:
-    """Return the runs that a merged run holds, in their order; the path itself for all others.
+    """Return the parts of a merged run in their order; the path itself of any other run.
 
     Raises:
-        FileFormatError: one of them is missing.
+        FileFormatError: a part is missing or not in the metadata.
     """
-    stated = read_metadata(Path(path)).get("merged_from") if is_run(path) else None
-    if not stated:
+    sources = read_metadata(Path(path)).get("merged_from") if is_run(path) else None
+    if not sources:
         return (str(path),)
     folder = Path(path) / PARTS
-    found = folder.iterdir() if folder.is_dir() and not folder.is_symlink() else ()
-    there = sorted(item.name for item in found if is_run(item) and not item.is_symlink())
-    if there != (wanted := [str(one["run"]) for one in stated]):
-        missing = sorted({*wanted} ^ {*there})
+    items = folder.iterdir() if folder.is_dir() and not folder.is_symlink() else ()
+    names = sorted(item.name for item in items if is_run(item) and not item.is_symlink())
+    if names != (expected := [str(source["run"]) for source in sources]):
+        different = sorted({*expected} ^ {*names})
         raise FileFormatError(
             f"{path}/{PARTS}",
-            f"it holds {len(there)} of the {len(wanted)} runs that metadata.json names "
-            f"({missing[0]} differs); restore it from a copy, or merge again",
+            f"it contains {len(names)} of the {len(expected)} runs in metadata.json "
+            f"({different[0]} differs); restore it from a backup, or merge again",
         )
-    return tuple(str(folder / name) for name in there)
+    return tuple(str(folder / name) for name in names)
 
 
 def read_points(
     path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
 ) -> Recording:
-    """Return the points of a run folder, or of any points.csv, without the tares.
+    """Return the points of a run folder, or of any points.csv.
 
     Args:
-        kinds: which kinds of points to keep, of `columns.KINDS`.
+        kinds: selected kinds of points, of `columns.KINDS`.
     """
-    recording = _read(_file(path, "points.csv"), Path(path))
-    for changed in changed_points(path):
-        warnings.warn(changed, DataWarning, stacklevel=1)  # shown once for all callers
+    recording = _read(_find_file(path, "points.csv"), Path(path))
+    for warning in changed_points(path):
+        warnings.warn(warning, DataWarning, stacklevel=1)  # shown once for all callers
     if "kind" not in recording:
         return recording
-    wanted = [word_to_code("kind", kind) for kind in kinds]
-    chosen = recording.select(np.isin(recording.column("kind"), wanted))
-    if not len(chosen):
+    codes = [word_to_code("kind", kind) for kind in kinds]
+    selected = recording.select(np.isin(recording.column("kind"), codes))
+    if not len(selected):
         raise FileFormatError(
-            str(path), f"no point of kind {', '.join(kinds)} stands in it; let the sweep measure"
+            str(path), f"no point of kind {', '.join(kinds)} in it; wait for the sweep or resume it"
         )
-    return chosen
+    return selected
 
 
 def changed_points(path: str | Path) -> tuple[str, ...]:
-    """Return a sentence if points.csv (or that of a run) has not the hash that its run states."""
+    """Return a warning if points.csv (or that of a run) differs from its hash in the metadata."""
     file = Path(path) / "points.csv" if os.path.isdir(path) else Path(path)
     if file.name != "points.csv" or not file.is_file() or not is_run(file.parent):
         return ()
-    stated = (read_metadata(file.parent).get("points") or {}).get("csv_sha256")
-    if not stated or stated == file_hash(file, follow=file == Path(path)):
+    expected = (read_metadata(file.parent).get("points") or {}).get("csv_sha256")
+    if not expected or expected == file_hash(file, follow=file == Path(path)):
         return ()
     return (
-        f"{file} has changed since the run was closed; restore it from a copy; if the edit was on "
-        f"purpose, say so with benchtool runs note, or edit a table made with benchtool runs "
+        f"{file} has changed since the run was closed; restore it from a backup; document an "
+        f"intended edit with benchtool runs note, or edit a table made with benchtool runs "
         f"export --table points",
     )
 
 
 def read_settings(path: str | Path) -> Recording:
     """Return the settings of a closed run folder, or of any settings.csv."""
-    return _read(_file(path, "settings.csv"), Path(path))
+    return _read(_find_file(path, "settings.csv"), Path(path))
 
 
 def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Recording:
-    """Return every sample of a run folder, or of any samples.csv.
+    """Return the samples of a run folder, or of any samples.csv.
 
-    The hashed Parquet of a closed run is preferred; where it does not match what the metadata
-    say, the CSV is read in its place and a warning says so. Of an hour at 1 kHz each column takes
-    29 MB.
+    samples.parquet is preferred if its hash matches the metadata; otherwise samples.csv is read,
+    with a warning. One hour at 1 kHz takes 29 MB per column.
 
     Args:
-        names: of the columns to read, those that are not in the file left out; all when left out.
+        names: columns to read, missing ones are ignored; default: all.
     """
     path = Path(path)
     parquet = path / "samples.parquet"
     if is_run(path) and parquet.is_file():
-        stated = read_metadata(path).get("samples") or {}
-        problem = _mismatch(parquet, path / "samples.csv", stated)
+        hashes = read_metadata(path).get("samples") or {}
+        problem = _hash_problem(parquet, path / "samples.csv", hashes)
         if not problem:
             recording = read_parquet(parquet, names)
             check_numbers(recording, str(parquet))
@@ -120,27 +119,28 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
         recording = _read_samples(path / "samples.csv", path, names)
         repairs = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
         return replace(recording, provenance={**recording.provenance, "repairs": repairs})
-    return _read_samples(_file(path, "samples.csv"), path, names)
+    return _read_samples(_find_file(path, "samples.csv"), path, names)
 
 
 def sample_names(path: str | Path) -> tuple[str, ...]:
-    """Return the columns of the samples of a run folder, or of any samples.csv."""
+    """Return the column names of the samples of a run folder, or of any samples.csv."""
     parquet = Path(path) / "samples.parquet"
     if parquet.is_file() and not os.path.lexists(Path(path) / "samples.csv"):
         return parquet_names(parquet)
-    return header_of(_file(path, "samples.csv"), follow=not Path(path).is_dir())
+    return read_header(_find_file(path, "samples.csv"), follow=not Path(path).is_dir())
 
 
-def _file(path: str | Path, name: str) -> Path:
+def _find_file(path: str | Path, name: str) -> Path:
+    """Return the file itself, or that of a run folder."""
     path = Path(path)
     if not os.path.lexists(path):
         raise FileFormatError(str(path), "there is no such run or file; check the path")
     if not os.path.isdir(path):
         return path
     if not os.path.lexists(path / name):
-        inside = ", ".join(sorted(item.name for item in path.iterdir())[:8]) or "nothing"
-        advice = "close it with benchtool runs close" if is_run(path) else "name a run"
-        raise FileFormatError(str(path), f"there is no {name} in it (it holds: {inside}); {advice}")
+        contents = ", ".join(sorted(item.name for item in path.iterdir())[:8]) or "none"
+        remedy = "use benchtool runs close" if is_run(path) else "give a run folder"
+        raise FileFormatError(str(path), f"{name} is missing (contents: {contents}); {remedy}")
     return path / name
 
 
@@ -153,14 +153,14 @@ def _read(file: Path, path: Path) -> Recording:
 
 def _read_samples(file: Path, path: Path, names: Sequence[str] | None) -> Recording:
     try:
-        present, values, cut = read_stream(file, names)
-        recording = Recording(tuple(find_channel(name) for name in present), values)
+        present_names, values, is_incomplete = read_stream(file, names)
+        recording = Recording(tuple(map(find_channel, present_names)), values)
     except BenchtoolError:
-        # Not as we write it: read like anybody's table, or refused with the line that is wrong.
+        # Fallback for tables that benchtool has not written; errors name the line.
         recording = _read(file, path)
         return recording if names is None else recording.drop({*recording.names} - {*names})
     check_numbers(recording, str(file))
-    repairs = ("the last line was cut short and left out",) if cut else ()
+    repairs = ("the last line was cut short and left out",) if is_incomplete else ()
     return _with_provenance(recording, file, path, repairs)
 
 
@@ -188,55 +188,54 @@ def _with_provenance(
 
 
 def _approach(facts: Mapping[str, Any]) -> str:
-    """Return "one side" for a run whose stage came to every place from one side, else nothing.
+    """Return "one side" if the stage approached all positions from one side, else "".
 
-    A sweep moves every stage but a person so.
+    A sweep does so with every stage except a manual one.
     """
     moved_by = ((facts.get("rig") or {}).get("plate") or {}).get("moved_by", "hand")
     stage = (facts.get("plate") or {}).get("stage") or moved_by
     return "" if stage == "hand" else "one side"
 
 
-def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:
-    if stated.get("parquet_sha256") != file_hash(parquet, follow=False):
-        return "its hash is not the one in metadata.json"
-    if csv.is_file() and stated.get("csv_sha256") != file_hash(csv, follow=False):
+def _hash_problem(parquet: Path, csv: Path, hashes: dict[str, Any]) -> str:
+    if hashes.get("parquet_sha256") != file_hash(parquet, follow=False):
+        return "its hash differs from metadata.json"
+    if csv.is_file() and hashes.get("csv_sha256") != file_hash(csv, follow=False):
         return "samples.csv has changed since it was written"
     return ""
 
 
 NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")  # of a pitch experiment
 
-_OTHERS = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
+_OPTIONAL = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
 
 
 def read_pitch(path: str | Path) -> Recording:
-    """Return the experiment of a run that `benchtool record` made, as pitch recordings are.
+    """Return the pitch recording of a run of `benchtool record`.
 
-    Only what was recorded at full collective, not the ramps. time_s is the device's own time since
-    then, evenly spaced; a channel without a new value is nan.
+    It has only samples at full collective, not the ramps. time_s is device time from its start; a
+    channel without a new value is nan.
     """
-    present = sample_names(path)
+    present_names = sample_names(path)
     for name in NEEDED:
-        if name not in present:
+        if name not in present_names:
             raise FileFormatError(
-                str(path), f"there is no {name} in it; name a run of benchtool record"
+                str(path), f"channel {name} is missing; give a run of benchtool record"
             )
-    wanted = [name for name in present if _OTHERS.fullmatch(name)]
-    samples = read_samples(path, ["device_time_us", "phase", *NEEDED, *wanted])
-    chosen = samples.select(samples.column("phase") == word_to_code("phase", "sample"))
-    if not len(chosen):
+    names = [*NEEDED, *filter(_OPTIONAL.fullmatch, present_names)]
+    samples = read_samples(path, ["device_time_us", "phase", *names])
+    samples = samples.select(samples.column("phase") == word_to_code("phase", "sample"))
+    if not len(samples):
         raise FileFormatError(
             str(path), "it ended before the collective was reached; record it again"
         )
-    device_us = chosen.column("device_time_us")
-    names = [*NEEDED, *wanted]
+    device_us = samples.column("device_time_us")
     pairs = [(Channel("time_s", "s"), 1e-6 * (device_us - device_us[0]))]
-    pairs += [(chosen.channels[chosen.index(name)], chosen.column(name)) for name in names]
-    return Recording.from_columns(pairs, chosen.provenance, chosen.simulated)
+    pairs += [(samples.channels[samples.index(name)], samples.column(name)) for name in names]
+    return Recording.from_columns(pairs, samples.provenance, samples.simulated)
 
 
 def is_pitch_run(path: str | Path) -> bool:
-    """Return whether a run folder holds a pitch experiment, by the channels of its samples."""
+    """Return whether a run folder is a pitch experiment, by the channels of its samples."""
     file = Path(path) / "samples.csv"
-    return os.path.lexists(file) and "theta_rad" in header_of(file)
+    return os.path.lexists(file) and "theta_rad" in read_header(file)

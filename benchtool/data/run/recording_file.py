@@ -1,4 +1,4 @@
-"""A recording as one file, CSV or Parquet, with a JSON beside it that says where it comes from."""
+"""Recording files, CSV or Parquet, each with a JSON file of its provenance."""
 
 from __future__ import annotations
 
@@ -25,22 +25,24 @@ FORMAT = "benchtool-recording-1"
 
 
 def metadata_path(path: Path) -> Path:
-    """Return where the JSON of a recording file stands."""
+    """Return the path of the JSON file of a recording."""
     return path.with_name(f"{path.name}.json")
 
 
 def write_recording(
     path: Path, recording: Recording, facts: Mapping[str, Any], *, overwrite: bool = False
 ) -> None:
-    """Write a recording and its facts, each in one step; the JSON last, with the table's hash.
+    """Write a recording, then its JSON file with the table's hash, each atomically.
 
     Args:
         path: ends in .csv or .parquet.
-        facts: for the JSON, beside what is written there for every recording.
+        facts: extra keys of the JSON file.
     """
     suffix = path.suffix.lower()
     if suffix not in (".csv", ".parquet"):
-        raise FileFormatError(str(path), "a recording is written as .csv or .parquet; end it so")
+        raise FileFormatError(
+            str(path), f"suffix {suffix!r} is not supported; allowed: .csv, .parquet"
+        )
     if not overwrite:
         for target in (path, metadata_path(path)):
             if target.exists():
@@ -66,7 +68,7 @@ def write_recording(
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Return a recording that `write_recording` wrote, with its provenance, or an MCAP file."""
+    """Return a recording of `write_recording` with its provenance, or that of an MCAP file."""
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(str(path), "there is no such recording; check the path")
@@ -75,7 +77,7 @@ def read_recording(path: str | Path) -> Recording:
     facts = read_recording_facts(metadata_path(path), FORMAT)
     if facts.get("sha256") != file_hash(path):
         raise FileFormatError(
-            str(path), "it has changed since it was written; import it again, or restore it"
+            str(path), "it has changed since it was written; import it again or restore a backup"
         )
     if path.suffix.lower() == ".csv":
         recording = _read_csv(path)
@@ -94,19 +96,19 @@ def _read_csv(path: Path) -> Recording:
     try:
         names, values, _ = read_stream(path, None)
         return Recording(tuple(map(find_channel, names)), values)
-    except BenchtoolError:  # words, or not as it was written: refused with the line
+    except BenchtoolError:  # fallback for text or another format; errors name the line
         return Recording.from_columns(table_columns(read_csv_text(path, own=True)))
 
 
 def _write_csv(path: Path, recording: Recording) -> None:
-    """Write with pyarrow: numbers read back to the same numbers, nan is an empty cell."""
+    """Write with pyarrow without loss of precision; nan is an empty cell."""
     import pyarrow as pa
     from pyarrow import csv
 
-    blank = np.isnan(recording.values)
-    masks = [blank[:, index].copy() for index in range(len(recording.channels))]
-    # A line of nothing but empty cells would be taken for no row: its first cell says nan.
-    masks[0] &= ~blank.all(axis=1)
+    is_nan = np.isnan(recording.values)
+    masks = [is_nan[:, index].copy() for index in range(len(recording.channels))]
+    # Readers skip a line of empty cells only, so its first cell is the text nan.
+    masks[0] &= ~is_nan.all(axis=1)
     columns = [
         pa.array(np.ascontiguousarray(recording.values[:, index]), mask=mask)
         for index, mask in enumerate(masks)

@@ -1,7 +1,7 @@
-"""What metadata.json of a run and the JSON beside a recording must hold, checked when read.
+"""Schemas of a run's metadata.json and of a recording's JSON file, checked on reading.
 
-Keys may be left out, and others than these may stand beside them; a value of another type or out
-of its range is refused with its key, so that no reader of the facts meets one.
+Keys are optional and unknown keys are allowed. Values of a wrong type or out of range raise an
+error with their key.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ Row = Annotated[tuple[float, float], Len(2)]
 Texts = Mapping[str, str]
 
 
-def _table(called: str, /, **keys: Any) -> Any:
-    """Return a dataclass with those keys and types; one whose name ends in _ must be there."""
+def _table(title: str, /, **keys: Any) -> Any:
+    """Return a dataclass with these keys and types; a key that ends in _ is required."""
     config: dict[str, Any] = {"allow_inf_nan": False}
     fields: list[Any] = [
         (key[:-1], kind) if key.endswith("_") else (key, kind, field(default=None))
         for key, kind in keys.items()
     ]
-    return make_dataclass(called, fields, kw_only=True, namespace={"__pydantic_config__": config})
+    return make_dataclass(title, fields, kw_only=True, namespace={"__pydantic_config__": config})
 
 
-def _list(called: str, /, **keys: Any) -> Any:
-    """Return the type of a list of such tables."""
-    return GenericAlias(tuple, (_table(called, **keys), ...))
+def _list(title: str, /, **keys: Any) -> Any:
+    """Return the type of a list of tables."""
+    return GenericAlias(tuple, (_table(title, **keys), ...))
 
 
 _DEVICE = _table(
@@ -79,10 +79,10 @@ _RECORDING = _table(
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Return the facts of a run folder's metadata.json; a link in its place is not followed.
+    """Return the contents of a run folder's metadata.json; symbolic links are not followed.
 
     Raises:
-        FileFormatError: it cannot be read, or holds a value that no run states.
+        FileFormatError: it cannot be read, or a value is invalid.
     """
     path = folder / "metadata.json"
     facts = read_json(path, follow=False)
@@ -91,13 +91,15 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def read_recording_facts(path: Path, format_: str) -> dict[str, Any]:
-    """Return the facts of the JSON beside a recording.
+    """Return the contents of a recording's JSON file.
 
     Raises:
-        FileFormatError: it cannot be read, or holds a value that no recording states.
+        FileFormatError: it cannot be read, or a value is invalid.
     """
     facts = read_json(path)
     if facts.get("format") != format_:
-        raise FileFormatError(str(path), f"this is not the JSON of a {format_}")
+        raise FileFormatError(
+            str(path), f"format {facts.get('format')!r} is not supported; allowed: {format_!r}"
+        )
     build_dataclass(_RECORDING, facts, str(path))
     return facts

@@ -1,4 +1,4 @@
-"""The rig that data were recorded on: a run folder carries the whole of it."""
+"""Rig of recorded data; the metadata of a run contain all of its fields."""
 
 from __future__ import annotations
 
@@ -20,88 +20,85 @@ def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Ri
     """Return the rig of a run folder.
 
     Args:
-        metadata: what its metadata.json holds; read when left out.
+        metadata: of the run; default: read from the folder.
 
     Raises:
-        FileFormatError: metadata without a rig, or with one that lacks something.
+        FileFormatError: the rig is missing or incomplete.
     """
-    where = str(Path(folder) / "metadata.json")
+    source = str(Path(folder) / "metadata.json")
     facts = read_metadata(Path(folder)) if metadata is None else metadata
     if not facts.get("rig"):
-        raise FileFormatError(where, "it names no rig; restore it from a copy")
-    return build_dataclass(Rig, facts["rig"], f"{where}: rig")
+        raise FileFormatError(source, "the table rig is missing; restore the file from a backup")
+    return build_dataclass(Rig, facts["rig"], f"{source}: rig")
 
 
 def load_rig_for_data(paths: Sequence[str]) -> Rig | None:
-    """Return the rig that data were recorded on, None where nothing says it.
+    """Return the common rig of data files, None if no file has one.
 
-    Run folders carry it, a points.csv inside one has that run's, and the JSON beside a simulated
-    recording holds it; other files have none.
+    A run folder, a points.csv in one, and a simulated recording (in its JSON file) have a rig.
 
     Raises:
-        InputError: runs of two vehicles, which one model cannot be held against.
+        InputError: the rigs differ, so the data cannot share one model.
     """
-    found: dict[str, Rig] = {}
+    rigs: dict[str, Rig] = {}
     for path in paths:
         folder = path if Path(path).is_dir() else str(Path(path).parent)
         if is_run(folder):
-            found[path] = run_rig(folder)
-        elif (side := metadata_path(Path(path))).is_file() and (rig := read_json(side).get("rig")):
-            found[path] = build_dataclass(Rig, rig, f"{side}: rig")
-    first = next(iter(found), None)
+            rigs[path] = run_rig(folder)
+        elif (json := metadata_path(Path(path))).is_file() and (rig := read_json(json).get("rig")):
+            rigs[path] = build_dataclass(Rig, rig, f"{json}: rig")
+    first = next(iter(rigs), None)
     if first is None:
         return None
-    for path, rig in found.items():
-        if different := differences(found[first], rig):
+    for path, rig in rigs.items():
+        if different := differences(rigs[first], rig):
             raise InputError(
-                f"{first} and {path} are of two vehicles ({different[0]}); give one model the runs "
-                f"of one vehicle, and the others a command of their own"
+                f"{first} and {path} have different rigs ({different[0]}); use a separate command "
+                f"for each rig"
             )
-    rig = found[first]
-    for other in found.values():
+    rig = rigs[first]
+    for other in rigs.values():
         rig = with_blades_of(rig, other)
     return rig
 
 
 def with_blades_of(rig: Rig, other: Rig) -> Rig:
-    """Return a rig with what it does not say of blades and motors as another one says it.
+    """Return a rig with missing data of blades and motors taken from another rig.
 
-    Runs may be older than what is known of their propellers.
+    The metadata of old runs may lack data of their propellers.
     """
     return replace(rig, blade=rig.blade or other.blade, motor=rig.motor or other.motor)
 
 
-def differences(one: Rig, other: Rig) -> tuple[str, ...]:
-    """Return in which numbers that a model takes from a rig two rigs differ, in words."""
-    found = []
-    if one.n_rotors != other.n_rotors:
-        found.append(f"{one.n_rotors} rotors against {other.n_rotors}")
+def differences(rig: Rig, other: Rig) -> tuple[str, ...]:
+    """Return the differences of two rigs in values that models use, as phrases."""
+    texts = []
+    if rig.n_rotors != other.n_rotors:
+        texts.append(f"number of rotors {rig.n_rotors} and {other.n_rotors}")
     elif any(
-        (a.x_m, a.y_m) != (b.x_m, b.y_m) for a, b in zip(one.rotors, other.rotors, strict=True)
+        (a.x_m, a.y_m) != (b.x_m, b.y_m) for a, b in zip(rig.rotors, other.rotors, strict=True)
     ):
-        found.append(f"rotors elsewhere on {one.name!r} and {other.name!r}")
+        texts.append(f"different rotor positions of {rig.name!r} and {other.name!r}")
+    p, q = rig.propulsion, other.propulsion
+    unit = "N/(rad/s)2"
     pairs = {
-        "rotor radius": (one.propulsion.radius_m, other.propulsion.radius_m, "m"),
-        "thrust coefficient": (
-            one.propulsion.thrust_coefficient_N_s2,
-            other.propulsion.thrust_coefficient_N_s2,
-            "N/(rad/s)2",
-        ),
-        "half diagonal": (one.body.half_diagonal_m, other.body.half_diagonal_m, "m"),
+        "rotor radius": (p.radius_m, q.radius_m, "m"),
+        "thrust coefficient": (p.thrust_coefficient_N_s2, q.thrust_coefficient_N_s2, unit),
+        "half diagonal": (rig.body.half_diagonal_m, other.body.half_diagonal_m, "m"),
     }
-    found += [
-        f"{what} {_shown(a, unit)} against {_shown(b, unit)}"
-        for what, (a, b, unit) in pairs.items()
+    texts += [
+        f"{quantity} {_format(a, unit)} and {_format(b, unit)}"
+        for quantity, (a, b, unit) in pairs.items()
         if a != b
     ]
-    for what, one_has, other_has in (
-        ("blades", one.blade, other.blade),
-        ("motors", one.motor, other.motor),
+    for name, ours, others in (
+        ("blades", rig.blade, other.blade),
+        ("motors", rig.motor, other.motor),
     ):
-        if one_has and other_has and one_has != other_has:
-            found.append(f"other {what} on {one.name!r} than on {other.name!r}")
-    return tuple(found)
+        if ours and others and ours != others:
+            texts.append(f"different {name} of {rig.name!r} and {other.name!r}")
+    return tuple(texts)
 
 
-def _shown(value: float | None, unit: str) -> str:
-    return "not stated" if value is None else f"{value:g} {unit}"
+def _format(value: float | None, unit: str) -> str:
+    return "unknown" if value is None else f"{value:g} {unit}"

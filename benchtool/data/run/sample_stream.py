@@ -41,7 +41,7 @@ class WholeLines(io.RawIOBase):
         self.cut = end < size
         self._left = end
         self._file.seek(0)
-        self.names = header_of(path)
+        self.names = read_header(path)
 
     def readable(self) -> bool:
         return True
@@ -57,7 +57,7 @@ class WholeLines(io.RawIOBase):
         super().close()
 
 
-def header_of(path: Path, *, follow: bool = False) -> tuple[str, ...]:
+def read_header(path: Path, *, follow: bool = False) -> tuple[str, ...]:
     """Return the names in the first line of a table."""
     with open_file(path, follow=follow) as file:
         line = file.readline(MAX_HEADER_BYTES).decode("utf-8", "replace")

@@ -97,7 +97,7 @@ def test_a_merged_run_holds_its_runs_and_all_their_points(two, tmp_path):
     [
         ({"rig": {"propeller": {"name": "other"}}}, "one is of propeller .* and .*two of 'other'"),
         ({"rig": {"name": "other"}}, "is of rig .*; merge runs of one rig"),
-        ({"rig": {"propulsion": {"radius_m": 0.3}}}, "of two vehicles .rotor radius"),
+        ({"rig": {"propulsion": {"radius_m": 0.3}}}, "have different rigs .rotor radius"),
         ({"state": "running"}, "two is being measured, or its program was killed"),
     ],
 )
@@ -137,7 +137,7 @@ def test_a_part_that_is_missing_or_changed_is_said(tmp_path):
     Run.open(part).update_metadata(points={})
     assert verify_run(merged) == ["002-two: its data have changed"]
     shutil.rmtree(part)
-    with pytest.raises(BenchtoolError, match="holds 1 of the 2 runs that"):
+    with pytest.raises(BenchtoolError, match="contains 1 of the 2 runs in"):
         parts_of(merged)
 
 

@@ -91,7 +91,7 @@ def test_parquet_is_preferred_and_checked(tmp_path):
     np.testing.assert_array_equal(from_parquet.values, from_csv.values)
     with open(run.path / "samples.parquet", "ab") as file:
         file.write(b"x")
-    with pytest.warns(UserWarning, match=r"its hash is not the one in metadata\.json"):
+    with pytest.warns(UserWarning, match=r"its hash differs from metadata\.json"):
         again = read_samples(run.path)
     assert again.provenance["file"].endswith("samples.csv")
     assert "hash" in again.provenance["repairs"]

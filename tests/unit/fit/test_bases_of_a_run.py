@@ -65,10 +65,10 @@ def test_a_rig_that_is_named_adds_blades_to_an_older_run(tmp_path):
     assert rig_for_data([older], "single") == replace(found, blade=None, motor=None)
     assert with_blades_of(RIG, bare()) == RIG
     other = replace(RIG, blade=replace(BLADE, solidity=0.2), motor=Motor(governed=True))
-    assert [words.split(" on ")[0] for words in differences(RIG, other)] == [
-        "other blades", "other motors",
+    assert [text.split(" of ")[0] for text in differences(RIG, other)] == [
+        "different blades", "different motors",
     ]  # fmt: skip
     now.write_text(rig_to_toml(other))
     newer = swept(tmp_path / "newer", RIG, 1, load_model("single", RIG).model, QUIET)
-    with pytest.raises(InputError, match="other blades"):
+    with pytest.raises(InputError, match="different blades"):
         rig_for_data([newer], "single", str(now))

@@ -128,7 +128,7 @@ def test_runs_of_two_vehicles_are_no_data_of_one_model(runs, tmp_path):
         lambda: run_recipe(recipe(runs[0], str(other))),
         lambda: read_request([runs[0]], [str(other)], "quad_bench"),
     ):
-        with pytest.raises(InputError, match=r"are of two vehicles \(rotors elsewhere"):
+        with pytest.raises(InputError, match=r"have different rigs \(different rotor positions"):
             read()
 
 
