@@ -1,4 +1,4 @@
-"""What a list shows of each thing in a runs folder."""
+"""Catalogue entries: metadata of a run, result or file for lists and filters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal, get_args
 
-EntryKind = Literal[  # a recording is one file with its JSON beside it, a table any CSV
+EntryKind = Literal[  # a recording is a file with a JSON file, a table any other CSV file
     "sweep",
     "live recording",
     "pitch recording",
@@ -18,7 +18,7 @@ EntryKind = Literal[  # a recording is one file with its JSON beside it, a table
     "unknown",
 ]
 
-SWEEPS = ("sweep", "live recording")  # runs with points: by a plan, or of motors turned by hand
+SWEEPS = ("sweep", "live recording")  # runs with points: by a plan, or of manual operation
 
 ENTRY_KINDS: tuple[str, ...] = get_args(EntryKind)
 
@@ -30,23 +30,22 @@ RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """Hold what a list shows of one thing in the runs folder.
+    """Catalogue entry of a run, result or file.
 
     Attributes:
-        name: by which `RunsFolder.path_of` finds it.
-        rig: name of the rig, or for a fit and an explanation of the model.
-        propeller: its name where the rig states it.
-        z_over_r: least and largest distance of the plate at which it was measured, in rotor radii;
-            empty where that is not known.
-        radius_m: of the rotors; None where the rig does not state it.
+        name: relative path, for `RunsFolder.path_of`.
+        rig: name of the rig; of a fit or an explanation, name of the model.
+        propeller: name of the propeller, "" if unknown.
+        z_over_r: smallest and largest measured plate distance in rotor radii; empty if unknown.
+        radius_m: rotor radius; None if unknown.
         tags, notes: of `labels`.
-        channels: short hash of the names of a run's channels; runs of one have samples of one form.
-        values: each parameter of a fit with its value, by its first method.
-        started: when the run began, or when a result was written; None where it is not known.
+        channels: short hash of a run's channel names; equal hashes mean equal sample columns.
+        values: parameters of a fit with their values, by its first method.
+        started: start of a run, or modification time of a result; None if unknown.
         state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
-        simulated: whether no physical bench made the data; None where it is not known.
-        summary: a few words on what is in it.
-        problem: one sentence on why it cannot be read; empty where it can.
+        simulated: whether the data are simulated; None if unknown.
+        summary: short description of the contents.
+        problem: reason why it cannot be read; else "".
         is_empty: whether it is a run without a measured point.
     """
 
@@ -70,26 +69,26 @@ class Entry:
 
     @property
     def date(self) -> str:
-        """Day and time for people, empty where it is not known."""
+        """Local date and time as text, "" if unknown."""
         return f"{self.started:%Y-%m-%d %H:%M}" if self.started else ""
 
     @property
     def can_fit(self) -> bool:
-        """Whether `benchtool fit` takes it."""
+        """Whether it is valid input of `benchtool fit`."""
         return not (self.problem or self.is_empty) and self.kind in (*SWEEPS, "table")
 
-    def matches(self, words: str) -> bool:
-        """Return whether each of some words stands anywhere in the entry, in any case."""
-        shown = (self.name, self.kind, self.rig, self.date, self.state, self.summary, self.problem)
-        own = (self.propeller, self.operator, *self.tags, *self.notes)
-        text = " ".join((*shown, *own, "simulated" if self.simulated else "")).lower()
-        return all(word in text for word in words.lower().split())
+    def matches(self, search: str) -> bool:
+        """Return whether the entry contains every search word, ignoring case."""
+        texts = (self.name, self.kind, self.rig, self.date, self.state, self.summary, self.problem)
+        extra = (self.propeller, self.operator, *self.tags, *self.notes)
+        text = " ".join((*texts, *extra, "simulated" if self.simulated else "")).lower()
+        return all(word in text for word in search.lower().split())
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of what is at a path by the names of its files, empty for none.
+    """Return the kind of a file or folder by its file names, "" if unknown.
 
-    A run without its metadata counts as a sweep.
+    A run without metadata is a sweep.
     """
     if path.is_file():
         if (

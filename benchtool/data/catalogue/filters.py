@@ -1,4 +1,4 @@
-"""Choose runs by rig, propeller, date, operator, distance, tag, how they ended, and words."""
+"""Catalogue filters: rig, propeller, date, operator, distance, tag, state and search words."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from benchtool.data.catalogue.entry import Entry, EntryKind
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceInputs(Inputs):
-    """What chooses entries of a catalogue; nothing given chooses all."""
+    """Filter of catalogue entries; the default selects all."""
 
     folder: Annotated[tuple[Path, ...], Input("Folder of runs; repeatable.")] = (Path("runs"),)
     words: Annotated[str, Input("Words in name, rig, date, tags, notes.", group="Filter")] = ""
@@ -44,12 +44,12 @@ class ChoiceInputs(Inputs):
 
 
 def filter_entries(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, ...]:
-    """Return the entries that match everything that is given, in their order."""
+    """Return the entries that match all conditions, in their order."""
     since, until = _day(by.since, "since"), _day(by.until, "until")
     low, high = by.z_over_r or (0.0, inf)
     if low > high:
-        raise InputError(f"z-over-r is {low:g} to {high:g}; give the smaller one first")
-    fitted = [_limits(text) for text in by.fitted]
+        raise InputError(f"z-over-r is {low:g} to {high:g}; give the smaller limit first")
+    conditions = [_parse_condition(text) for text in by.fitted]
     exact = {
         name: value.lower()
         for name in ("kind", "rig", "propeller", "operator", "state")
@@ -66,55 +66,55 @@ def filter_entries(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, .
             or (entry.z_over_r and entry.z_over_r[0] <= high and entry.z_over_r[1] >= low)
         )
         and set(by.tag) <= set(entry.tags)
-        and all(_lies(entry, *one) for one in fitted)
+        and all(_has_value(entry, *condition) for condition in conditions)
         and (not by.words or entry.matches(by.words))
     )
 
 
 def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path, Entry]]:
-    """Return the chosen entries of all folders, each with its path.
+    """Return the selected entries of all folders, each with its path.
 
     Raises:
-        InputError: a folder that is not there, or values that choose nothing by themselves.
+        InputError: a folder does not exist, or a filter value is invalid.
     """
     from benchtool.data.catalogue.index import catalogued
 
-    found = []
+    selected = []
     for root in by.folder:
         if not root.is_dir():
-            raise InputError(f"there is no folder {root}; name a folder of runs")
+            raise InputError(f"there is no folder {root}; give a folder of runs")
         entries = filter_entries(catalogued(root, rebuild=rebuild), by)
-        found += [(root / entry.name, entry) for entry in entries]
-    return found
+        selected += [(root / entry.name, entry) for entry in entries]
+    return selected
 
 
-def _limits(text: str) -> tuple[str, float, float]:
-    """Return name and limits of a fitted parameter, typed as NAME or NAME=LOW..HIGH."""
-    name, given, limits = text.partition("=")
-    low, _, high = limits.partition("..")
+def _parse_condition(text: str) -> tuple[str, float, float]:
+    """Return name and limits of a fitted parameter, from NAME or NAME=LOW..HIGH."""
+    name, has_limits, limits = text.partition("=")
+    low_text, _, high_text = limits.partition("..")
     try:
-        found = (float(low), float(high)) if given else (-inf, inf)
+        low, high = (float(low_text), float(high_text)) if has_limits else (-inf, inf)
     except ValueError:
-        found = (1.0, 0.0)
-    if not name or not found[0] <= found[1]:
+        low, high = 1.0, 0.0
+    if not name or not low <= high:
         raise InputError(
-            f"fitted is {text!r}; give a parameter, or one with two limits, the smaller first: "
+            f"fitted is {text!r}; give a parameter, optionally with limits, the smaller first: "
             f"body_lift.K_b=1.8..2.1"
         )
-    return name, *found
+    return name, low, high
 
 
-def _lies(entry: Entry, name: str, low: float, high: float) -> bool:
+def _has_value(entry: Entry, name: str, low: float, high: float) -> bool:
     return any(
-        (known == name or known.endswith(f".{name}")) and low <= value <= high
-        for known, value in entry.values
+        (parameter == name or parameter.endswith(f".{name}")) and low <= value <= high
+        for parameter, value in entry.values
     )
 
 
-def _day(text: str, called: str) -> str:
+def _day(text: str, option: str) -> str:
     if not text:
         return ""
     try:
         return f"{datetime.strptime(text, '%Y-%m-%d').date()}"  # noqa: DTZ007
     except ValueError:
-        raise InputError(f"{called} is {text!r}; give a day, as 2026-03-31") from None
+        raise InputError(f"{option} is {text!r}; give a date like 2026-03-31") from None

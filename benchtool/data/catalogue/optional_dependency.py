@@ -1,4 +1,4 @@
-"""Import a package that only an extra installs, or say in one sentence what to install."""
+"""Import of packages from optional extras, with an error that names the extra to install."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ def load_extra(module: str, extra: str, what: str) -> Any:
     """Return a module of a package that `benchtool[EXTRA]` installs.
 
     Args:
-        what: needs it, in words that begin a sentence.
+        what: the feature that needs it, as the subject of the error message.
 
     Raises:
-        InputError: it is not installed.
+        InputError: the package is not installed.
     """
     try:
         return import_module(module)

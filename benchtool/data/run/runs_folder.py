@@ -1,7 +1,7 @@
-"""The folder of runs, and the one way from a name that somebody typed to a path in it.
+"""Runs folder, and safe resolution of user-supplied names to paths in it.
 
-A name never leads out of the folder: not by "..", not by an absolute path, not by a link on the way
-or inside what is named. What is named is checked whole before anything of it is opened.
+A name with "..", an absolute path, or a symbolic link out of the folder, on the path or below it,
+is rejected before a file is opened.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite, c
 if TYPE_CHECKING:
     from benchtool.data.csv_text import CsvTable
 
-MAX_DEPTH = 6  # Folders below a name that are looked through; a run has two. A choice
-MAX_NAME_LENGTH = 200  # Characters in one part of a name; file systems take 255 bytes
+MAX_DEPTH = 6  # levels of folders checked below a name; a run has two; assumed
+MAX_NAME_LENGTH = 200  # characters in one part of a name; file systems allow 255 bytes
 
 
 @dataclass(frozen=True, slots=True)
 class RunsFolder:
-    """Lead from names to paths in one folder, and nowhere else.
+    """Folder of runs that resolves names to paths inside it.
 
     Attributes:
-        root: the folder; it need not exist yet.
+        root: the folder; it may not exist yet.
     """
 
     root: Path
 
     def path_of(self, name: str) -> Path:
-        """Return the path of something that is there, its links checked.
+        """Return the path of an existing run or file, with its links checked.
 
         Args:
-            name: relative, parts separated by "/", as `name_of` gives it.
+            name: relative, parts separated by "/", as from `name_of`.
 
         Raises:
-            InputError: a name that leads, or holds a link that leads, outside the folder.
-            FileFormatError: nothing of that name is there.
+            InputError: the path, or a link below it, is outside the folder.
+            FileFormatError: the path does not exist.
         """
         path = self.inside(name)
         if not path.exists():
@@ -50,18 +50,18 @@ class RunsFolder:
         return path
 
     def file_of(self, name: str) -> Path:
-        """Return the path of a file that is there, checked as `path_of` does."""
+        """Return the path of an existing file; checks as in `path_of`."""
         path = self.path_of(name)
         if not path.is_file():
-            raise FileFormatError(name, "it is no file; name one")
+            raise FileFormatError(name, "it is not a file; choose a file")
         return path
 
     def new_path(self, name: str) -> Path:
-        """Return where something new of that name may be written; nothing is written yet.
+        """Return the path of a new run, without creating it.
 
         Raises:
-            InputError: a name that no folder should have.
-            WouldOverwrite: something of that name is there.
+            InputError: the name is not allowed.
+            WouldOverwrite: the path exists.
         """
         check_name("run", name, ascii_only=True)
         path = self.inside(name)
@@ -70,19 +70,19 @@ class RunsFolder:
         return path
 
     def free_path(self, date: str, name: str) -> Path:
-        """Return DATE-NAME, with -2, -3 and so on behind it while that is taken."""
+        """Return DATE-NAME, with suffix -2, -3, ... if that path exists."""
         from benchtool.data.run.run import free_run_path
 
         return self.new_path(free_run_path(self.root, date, name).name)
 
     def name_of(self, path: Path) -> str:
-        """Return the name by which `path_of` finds a path."""
+        """Return the name of a path in this folder."""
         return path.relative_to(self.root).as_posix()
 
     def inside(self, name: str) -> Path:
-        """Return root/name, or refuse a name that leads elsewhere, whether it exists or not."""
+        """Return root/name, existing or not; raise if it is outside the folder."""
         parts = name.split("/")
-        strange = (
+        is_invalid = (
             "\0" in name
             or "\\" in name
             or PurePosixPath(name).is_absolute()
@@ -90,78 +90,76 @@ class RunsFolder:
             or any(not part or part.startswith(".") for part in parts)
             or max(map(len, parts)) > MAX_NAME_LENGTH
         )
-        path = self.root.joinpath(*parts) if not strange else self.root
-        if strange or not _is_below(path, self.root):
+        path = self.root.joinpath(*parts) if not is_invalid else self.root
+        if is_invalid or not _is_below(path, self.root):
             raise InputError(
-                f"{name[:80]!r} leads out of the runs folder, and only what is in it can be read "
-                f"or written here; choose a name that is listed"
+                f"{name[:80]!r} is outside the runs folder and cannot be read or written; choose "
+                f"a listed name"
             )
         return path
 
     def _check_links(self, path: Path, name: str) -> None:
-        for item in _everything(path, MAX_DEPTH):
+        for item in _walk(path, MAX_DEPTH):
             if item.is_symlink() and not _is_below(item, self.root):
                 raise InputError(
-                    f"{name}: {item.name} is a link that leads out of the runs folder, so nothing "
-                    f"of it is read; put the file itself there"
+                    f"{name}: {item.name} is a link to a path outside the runs folder, which is "
+                    f"not followed; replace the link with the file"
                 )
             try:
                 mode = item.stat().st_mode
             except FileNotFoundError:
-                continue  # a run that is being written replaces files
+                continue  # replaced by the program that measures the run
             if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
                 raise InputError(
-                    f"{name}: {item.name} is neither a file nor a folder; take it out of there"
+                    f"{name}: {item.name} is neither a file nor a folder; remove it from there"
                 )
 
 
 def _is_below(path: Path, root: Path) -> bool:
-    """Return whether a path, every link followed, lies below a folder."""
+    """Return whether a path is below a folder after links are resolved."""
     try:
-        real, top = path.resolve(), root.resolve()
-    except (OSError, RuntimeError):  # a ring of links
+        resolved, resolved_root = path.resolve(), root.resolve()
+    except (OSError, RuntimeError):  # cyclic links
         return False
-    return real != top and real.is_relative_to(top)
+    return resolved != resolved_root and resolved.is_relative_to(resolved_root)
 
 
-def _everything(path: Path, depth: int) -> Iterator[Path]:
-    """Yield a path and all below it; links are named and not followed."""
+def _walk(path: Path, depth: int) -> Iterator[Path]:
+    """Yield a path and all paths below it; links are yielded but not followed."""
     yield path
     if depth and path.is_dir():
         for item in sorted(path.iterdir()):
             if item.is_symlink():
                 yield item
             else:
-                yield from _everything(item, depth - 1)
+                yield from _walk(item, depth - 1)
 
 
-MAX_UPLOAD_BYTES = (
-    20_000_000  # A table of points is a few kilobytes; this is room for a log. A choice
-)
+MAX_UPLOAD_BYTES = 20_000_000  # a table of points has a few kilobytes, a log more; assumed
 
 MAX_COLUMNS = 500
 
 
-def checked_table(data: bytes, name: str) -> CsvTable:
-    """Return the cells of a table that was handed over.
+def parse_upload(data: bytes, name: str) -> CsvTable:
+    """Return the cells of an uploaded table.
 
     Raises:
-        FileFormatError: too large, no CSV, no row, or more columns than anybody would map.
+        FileFormatError: too large, not a CSV file, without rows, or more than MAX_COLUMNS columns.
     """
     from benchtool.data.csv_text import empty_table_error, parse_csv
 
     if len(data) > MAX_UPLOAD_BYTES:
         raise FileFormatError(
             name,
-            f"it has {len(data) / 1e6:.1f} MB, and at most {MAX_UPLOAD_BYTES / 1e6:.0f} MB are "
-            f"taken; cut it, or put it into the runs folder yourself",
+            f"it has {len(data) / 1e6:.1f} MB; allowed: {MAX_UPLOAD_BYTES / 1e6:.0f} MB; shorten "
+            f"it, or copy it to the runs folder",
         )
     table = parse_csv(data, name)
     if len(table.header) > MAX_COLUMNS:
         raise FileFormatError(
             name,
-            f"its header names {len(table.header)} columns, and at most {MAX_COLUMNS} are taken; "
-            f"keep those of a fit",
+            f"it has {len(table.header)} columns; allowed: {MAX_COLUMNS}; keep only the columns "
+            f"needed for a fit",
         )
     if not table.rows:
         raise empty_table_error(name, table.header)
@@ -169,17 +167,18 @@ def checked_table(data: bytes, name: str) -> CsvTable:
 
 
 def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
-    """Write a checked table into a folder of its own in the runs folder and return its path.
+    """Check an uploaded table, write it to a new folder of the runs folder and return its path.
 
     Args:
-        name: of the file as it was handed over; only letters, digits and a few signs stay.
+        name: of the uploaded file; other characters than ASCII letters, digits, _ and - are
+            replaced.
 
     Raises:
-        FileFormatError: see `checked_table`; nothing was written.
+        FileFormatError: see `parse_upload`; nothing was written.
     """
     from benchtool.data.atomic import sync_folder
 
-    checked_table(data, shown_name(name))
+    parse_upload(data, shown_name(name))
     path = new_table(folder, name, date)
     path.write_bytes(data)
     sync_folder(path.parent)
@@ -187,18 +186,18 @@ def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
 
 
 def shown_name(name: str) -> str:
-    """Return what messages call a file that was handed over: its name without folders."""
+    """Return the name of an uploaded file for messages, without folders."""
     return re.split(r"[/\\]", name)[-1][:80] or "the file"
 
 
 def new_table(folder: RunsFolder, name: str, date: str) -> Path:
-    """Make a folder DATE-NAME, and return where the table of a file handed over goes in it."""
+    """Create a folder DATE-NAME and return the path in it for the table of an uploaded file."""
     stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(shown_name(name)).stem).strip("-_")[:60] or "table"
-    place = folder.free_path(date, stem)
-    place.mkdir(parents=True)
-    return place / f"{stem}.csv"
+    new_folder = folder.free_path(date, stem)
+    new_folder.mkdir(parents=True)
+    return new_folder / f"{stem}.csv"
 
 
 def columns_file(table: Path) -> Path:
-    """Return where the mapping file of a table stands, which says which column is which."""
+    """Return the path of a table's column map."""
     return table.with_name(f"{table.stem}.columns.toml")

@@ -1,4 +1,4 @@
-"""samples.csv in batches: memory for some ten thousand rows, however long the run was."""
+"""Batched reader of samples.csv; memory for about 10,000 rows, independent of the run's length."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.data.columns import WORDS
 
-BLOCK_BYTES = 1 << 20  # Read and parsed at once: some 6,000 rows of 20 columns; a choice
+BLOCK_BYTES = 1 << 20  # block size of the parser, about 6,000 rows of 20 columns; assumed
 
 MAX_HEADER_BYTES = 1 << 16
 
 
 class WholeLines(io.RawIOBase):
-    """Read a file up to its last line end; what a kill left behind it is no row.
+    """File reader that ends at the last line end, before an incomplete line of a killed process.
 
     Attributes:
-        lines: how many there are below the header.
-        cut: whether something stands behind the last line end.
+        lines: number of lines below the header.
+        is_incomplete: whether there are bytes after the last line end.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,8 +38,8 @@ class WholeLines(io.RawIOBase):
             if (last := block.rfind(b"\n")) >= 0:
                 end = size + last + 1
             size += len(block)
-        self.cut = end < size
-        self._left = end
+        self.is_incomplete = end < size
+        self._remaining = end
         self._file.seek(0)
         self.names = read_header(path)
 
@@ -47,9 +47,9 @@ class WholeLines(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        view = memoryview(buffer)[: self._left]
+        view = memoryview(buffer)[: self._remaining]
         count = self._file.readinto(view) or 0
-        self._left -= count
+        self._remaining -= count
         return count
 
     def close(self) -> None:
@@ -58,44 +58,44 @@ class WholeLines(io.RawIOBase):
 
 
 def read_header(path: Path, *, follow: bool = False) -> tuple[str, ...]:
-    """Return the names in the first line of a table."""
+    """Return the column names of a table."""
     with open_file(path, follow=follow) as file:
         line = file.readline(MAX_HEADER_BYTES).decode("utf-8", "replace")
     return tuple(line.strip("\r\n").split(","))
 
 
 def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Iterator[Any]:
-    """Yield record batches of some columns; words are text, a blank number is null.
+    """Yield record batches of columns; words are text, an empty number is null.
 
-    No thread is started: Arrow's own reader of CSV waits forever for one that the system refuses.
+    No thread is started: Arrow's CSV reader hangs if the system refuses one.
 
     Args:
-        names: of the columns, all of them in the file.
+        names: of columns in the file.
 
     Raises:
-        FileFormatError: a row or cell that cannot be read.
+        FileFormatError: a row or cell is invalid.
     """
     import pyarrow as pa
 
     lines.readline(MAX_HEADER_BYTES)
-    n_columns, incomplete, first = len(lines.names), b"", 2
+    n_columns, incomplete, first_line = len(lines.names), b"", 2
     while block := lines.read(BLOCK_BYTES):
         *rows, incomplete = (incomplete + block).replace(b"\r\n", b"\n").split(b"\n")
-        for number, row in enumerate(rows, first):
+        for line, row in enumerate(rows, first_line):
             if row and row.count(b",") != n_columns - 1:
-                problem = f"line {number} has {pluralize(row.count(b',') + 1, 'cell')}"
+                problem = f"line {line} has {pluralize(row.count(b',') + 1, 'cell')}"
                 raise FileFormatError(
-                    str(path), f"{problem}, its header {n_columns}; mend that line"
+                    str(path), f"{problem}, its header {n_columns}; correct that line"
                 )
-        first += len(rows)
+        first_line += len(rows)
         if len(incomplete) > BLOCK_BYTES:
-            problem = f"line {first} is longer than {BLOCK_BYTES:,} bytes; mend that line"
+            problem = f"line {first_line} is too long; allowed: {BLOCK_BYTES:,} bytes; correct it"
             raise FileFormatError(str(path), problem)
         raw = np.frombuffer(b"".join(row + b"," for row in rows if row), np.uint8)
         ends = np.flatnonzero(raw == ord(","))
-        bounds = pa.py_buffer(np.append(0, ends - np.arange(len(ends))).astype(np.int32))
+        offsets = pa.py_buffer(np.append(0, ends - np.arange(len(ends))).astype(np.int32))
         text = pa.py_buffer(raw[raw != ord(",")])
-        cells = pa.Array.from_buffers(pa.string(), len(ends), [None, bounds, text])
+        cells = pa.Array.from_buffers(pa.string(), len(ends), [None, offsets, text])
         columns = [
             _parse_cells(name, cells.take(pa.array(np.arange(index, len(ends), n_columns))), path)
             for name, index in ((name, lines.names.index(name)) for name in names)
@@ -104,7 +104,7 @@ def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Itera
 
 
 def _parse_cells(name: str, cells: Any, path: Path) -> Any:
-    """Return a column's text as numbers; words stay text."""
+    """Return a column of text as numbers; columns of words stay text."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -113,77 +113,77 @@ def _parse_cells(name: str, cells: Any, path: Path) -> Any:
         if name in WORDS:
             return cells
         cells = pc.ascii_trim_whitespace(cells)
-        blank = pc.is_in(cells, pa.array(["", "nan"]))
-        return pc.if_else(blank, None, cells).cast(pa.float64())
+        is_empty = pc.is_in(cells, pa.array(["", "nan"]))
+        return pc.if_else(is_empty, None, cells).cast(pa.float64())
     except pa.ArrowException as error:
-        problem = f"column {name!r}: {' '.join(str(error).split())[:200]}; mend that line"
+        problem = f"column {name!r}: {' '.join(str(error).split())[:200]}; correct that line"
         raise FileFormatError(str(path), problem) from error
 
 
 def codes_of(name: str, words: Any, path: Path) -> NDArray[np.int32]:
-    """Return the positions (n,) of words in their list.
+    """Return the codes (n,) of words, which are their positions in `WORDS`.
 
     Raises:
-        FileFormatError: a word that is not in the list, or a blank.
+        FileFormatError: a word is unknown or a cell is empty.
     """
     import pyarrow as pa
 
     encoded = words.cast(pa.string()).dictionary_encode()
-    own = {word: position for position, word in enumerate(WORDS[name])}
-    codes = [own.get(word, -1) for word in encoded.dictionary.to_pylist()]
-    # A blank has no index, and stands for the last entry.
-    found: NDArray[np.int32] = np.array([*codes, -1], np.int32)[
+    code_by_word = {word: code for code, word in enumerate(WORDS[name])}
+    codes = [code_by_word.get(word, -1) for word in encoded.dictionary.to_pylist()]
+    # An empty cell has the index -1, that of the last element.
+    result: NDArray[np.int32] = np.array([*codes, -1], np.int32)[
         plain_values(encoded.indices, np.int32, -1)
     ]
-    if (found < 0).any():
-        strange = str(words[int(np.argmax(found < 0))].as_py())
+    if (result < 0).any():
+        word = str(words[int(np.argmax(result < 0))].as_py())
         raise FileFormatError(
-            str(path), f"column {name!r} holds {strange[:40]!r}, which is none of {WORDS[name]}"
+            str(path), f"column {name!r} contains {word[:40]!r}; allowed: {WORDS[name]}"
         )
-    return found
+    return result
 
 
-def plain_values(cells: Any, kind: type[Any], blank: Any) -> NDArray[Any]:
-    """Return a column's cells (n,), blanks replaced; Arrow's own `to_numpy` imports pandas."""
-    valid, values = cells.buffers()
-    own = slice(cells.offset, cells.offset + len(cells))
-    out = np.frombuffer(values, kind)[own]
+def plain_values(cells: Any, dtype: type[Any], null_value: Any) -> NDArray[Any]:
+    """Return a column's cells (n,), nulls replaced; Arrow's `to_numpy` would import pandas."""
+    valid, buffer = cells.buffers()
+    rows = slice(cells.offset, cells.offset + len(cells))
+    values = np.frombuffer(buffer, dtype)[rows]
     if not cells.null_count:
-        return out
-    return np.where(
-        np.unpackbits(np.frombuffer(valid, np.uint8), bitorder="little")[own], out, blank
-    )
+        return values
+    is_valid = np.unpackbits(np.frombuffer(valid, np.uint8), bitorder="little")[rows]
+    return np.where(is_valid, values, null_value)
 
 
-def numbers_of(batches: Iterable[Any], names: Sequence[str], rows: int, path: Path) -> Array:
-    """Return the columns of record batches (n, c), at most `rows`; words become their positions."""
+def numbers_of(batches: Iterable[Any], names: Sequence[str], max_rows: int, path: Path) -> Array:
+    """Return the columns of record batches as numbers (n, c), words as codes."""
     import pyarrow as pa
 
-    values = np.empty((rows, len(names)))
-    at = 0
+    values = np.empty((max_rows, len(names)))
+    start = 0
     for batch in batches:
-        end = at + batch.num_rows
+        end = start + batch.num_rows
         for column, name in enumerate(names):
             cells = batch.column(column)
-            values[at:end, column] = (
+            values[start:end, column] = (
                 codes_of(name, cells, path)
                 if name in WORDS
                 else plain_values(cells.cast(pa.float64()), np.float64, np.nan)
             )
-        at = end
-    return values[:at]
+        start = end
+    return values[:start]
 
 
 def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...], Array, bool]:
-    """Return names and numbers (n, c) of some columns, and whether the last line was cut.
+    """Return names and values (n, c) of columns, and whether the last line is incomplete.
 
     Args:
-        names: of the columns, those that are not in the file left out; all when left out.
+        names: of columns, missing ones are ignored; default: all.
     """
     with WholeLines(path) as lines:
-        present = tuple(name for name in lines.names if names is None or name in names)
-        rows = max(lines.lines, 0)
+        present_names = tuple(name for name in lines.names if names is None or name in names)
+        n_rows = max(lines.lines, 0)
         check_columns(len(lines.names), str(path))
-        check_decoded(rows, len(present), str(path))
-        values = numbers_of(sample_batches(lines, path, present), present, rows, path)
-        return present, values, lines.cut
+        check_decoded(n_rows, len(present_names), str(path))
+        batches = sample_batches(lines, path, present_names)
+        values = numbers_of(batches, present_names, n_rows, path)
+        return present_names, values, lines.is_incomplete

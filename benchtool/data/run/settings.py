@@ -1,4 +1,4 @@
-"""settings.csv: means and standard deviations over repeats, T_IGE/T_OGE against references."""
+"""Settings of a run (settings.csv): means over repeats and thrust ratios; export of tables."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ _MEANS: tuple[str, ...] = (
     "torque_Nm",
 )
 
-SETTING_KINDS = ("measure", "reference")  # Kinds of points that make settings
+SETTING_KINDS = ("measure", "reference")  # kinds of points averaged to settings
 
 
 def aggregate(points: Recording) -> Recording:
-    """Return one row for every setting that was measured or served as a reference.
+    """Return one row for each setting that was measured or is a reference.
 
     Means are over repeats, `*_sd*` are standard deviations over repeats (nan for a single one),
-    `thrust_se_N` is the standard error of the mean over repeats, or of the one visit. The ratio
-    T_IGE/T_OGE is that of `ratios`, visit by visit: `ratio_equal_pwm` at equal pulse width,
+    `thrust_se_N` is the standard error of the mean over repeats, or of a single point. Ratios
+    T_IGE/T_OGE are means of those of points (`ratios`): `ratio_equal_pwm` at equal pulse width,
     `ratio_equal_rpm2` at equal squared speed.
     """
     kinds = points.column("kind")
@@ -65,20 +65,20 @@ def aggregate(points: Recording) -> Recording:
     settings = measured.column("setting")
     rows = []
     for setting in np.unique(settings):
-        here = np.flatnonzero(settings == setting)
-        part = measured.select(here)
-        thrust = part.column("thrust_N")
-        # A reference over itself is 1 by definition and does not scatter.
-        near = part.column("kind")[0] == word_to_code("kind", "measure")
+        index = np.flatnonzero(settings == setting)
+        repeats = measured.select(index)
+        thrust = repeats.column("thrust_N")
+        # The ratio of a reference is 1 by definition, without a standard deviation.
+        is_measured = repeats.column("kind")[0] == word_to_code("kind", "measure")
         sd = _sd(thrust)
-        se = sd / np.sqrt(len(here)) if len(here) > 1 else float(part.column("thrust_se_N")[0])
+        se = sd / np.sqrt(len(index)) if len(index) > 1 else float(repeats.column("thrust_se_N")[0])
         rows.append(
             [
-                *(setting, part.column("kind")[0], float(len(here))),
-                *(_mean(part.column(name)) for name in names),
+                *(setting, repeats.column("kind")[0], float(len(index))),
+                *(_mean(repeats.column(name)) for name in names),
                 *(_mean(thrust), sd, se),
-                *(_mean(by_pwm[here]), _sd(by_pwm[here]) if near else nan),
-                *(_mean(by_rpm2[here]), _sd(by_rpm2[here]) if near else nan),
+                *(_mean(by_pwm[index]), _sd(by_pwm[index]) if is_measured else nan),
+                *(_mean(by_rpm2[index]), _sd(by_rpm2[index]) if is_measured else nan),
             ]
         )
     values = np.array(rows, float).reshape(len(rows), len(header))
@@ -87,27 +87,26 @@ def aggregate(points: Recording) -> Recording:
 
 
 def load_settings(folder: Path, points: Recording | None = None) -> Recording:
-    """Return the settings of a run with every quantity that it allows, and their errors.
+    """Return the settings of a run with all derived quantities and their errors.
 
     Args:
-        points: of the run; read when left out.
+        points: of the run; default: read from the folder.
     """
     points = read_points(folder) if points is None else points
     return with_quantities(aggregate(points), settings_quantities(folder, points))
 
 
 def settings_quantities(folder: Path, points: Recording) -> tuple[QuantityValues, ...]:
-    """Return the quantities of each setting of a run: means over its visits (s,)."""
+    """Return the quantities of each setting of a run: means over its points (s,)."""
     kinds = points.column("kind")
     measured = points.select(np.isin(kinds, [word_to_code("kind", name) for name in SETTING_KINDS]))
     settings = measured.column("setting")
-    return tuple(
-        one.averaged(settings) for one in derive_quantities(measured, run_circumstances(folder))
-    )
+    quantities = derive_quantities(measured, run_circumstances(folder))
+    return tuple(quantity.averaged(settings) for quantity in quantities)
 
 
 def _ratios(points: Recording, basis: str) -> Array:
-    """Return T_IGE/T_OGE of every visit (n,); nan throughout a run without references."""
+    """Return T_IGE/T_OGE of each point (n,); all nan for a run without references."""
     try:
         return ratios(points, basis).value
     except InputError:
@@ -115,32 +114,32 @@ def _ratios(points: Recording, basis: str) -> Array:
 
 
 def _mean(values: Array) -> float:
-    present = values[~np.isnan(values)]
-    return float(present.mean()) if len(present) else float("nan")
+    valid = values[~np.isnan(values)]
+    return float(valid.mean()) if len(valid) else float("nan")
 
 
 def _sd(values: Array) -> float:
-    present = values[~np.isnan(values)]
-    return float(present.std(ddof=1)) if len(present) > 1 else float("nan")
+    valid = values[~np.isnan(values)]
+    return float(valid.std(ddof=1)) if len(valid) > 1 else float("nan")
 
 
 def ratios_by_distance(runs: Sequence[Path]) -> list[tuple[float, list[float | None]]]:
-    """Return each z/R at which a run was measured, to 0.001, with each run's mean T_IGE/T_OGE.
+    """Return each measured z/R, rounded to 0.001, with the mean T_IGE/T_OGE of each run.
 
-    At equal squared speed, the mean over pulses; None where a run has none there.
+    Ratios are at equal squared speed, means over pulse widths; None if a run has none.
     """
-    found: dict[float, list[float | None]] = {}
+    rows: dict[float, list[float | None]] = {}
     for index, path in enumerate(runs):
         if not (path / "points.csv").is_file():
             continue
         table = load_settings(path)
-        near = table.column("kind") == word_to_code("kind", "measure")
-        z = np.round(table.column("plate_z_m") / run_rig(path).propulsion.radius_m, 3)
-        for one in np.unique(z[near & np.isfinite(z)]):
-            row = found.setdefault(float(one), [None] * len(runs))
-            mean = _mean(table.column("ratio_equal_rpm2")[near & (z == one)])
+        is_measured = table.column("kind") == word_to_code("kind", "measure")
+        z_over_R = np.round(table.column("plate_z_m") / run_rig(path).propulsion.radius_m, 3)
+        for distance in np.unique(z_over_R[is_measured & np.isfinite(z_over_R)]):
+            row = rows.setdefault(float(distance), [None] * len(runs))
+            mean = _mean(table.column("ratio_equal_rpm2")[is_measured & (z_over_R == distance)])
             row[index] = mean if np.isfinite(mean) else None
-    return sorted(found.items())
+    return sorted(rows.items())
 
 
 Table = Literal["points", "settings", "samples"]
@@ -149,10 +148,10 @@ SUFFIXES = (".csv", ".parquet", ".mcap")
 
 
 def export_table(run: Path, table: str, suffix: str) -> bytes:
-    """Return one table of a run as the bytes of a CSV, Parquet or MCAP file.
+    """Return a table of a run as the bytes of a CSV, Parquet or MCAP file.
 
-    Points and settings have every quantity that the bench allows; points.csv itself, which a run
-    appends to, has only what was measured.
+    Points and settings contain all derived quantities; points.csv of the run has only measured
+    values.
     """
     if table not in TABLES:
         raise UnknownChoice("table of a run", table, TABLES)
@@ -163,15 +162,15 @@ def export_table(run: Path, table: str, suffix: str) -> bytes:
         return read_file(file, follow=False)
     recording = _recording(run, table)
     with TemporaryDirectory() as folder:
-        made = Path(folder) / file.name
+        path = Path(folder) / file.name
         if suffix == ".mcap":
             facts = read_metadata(run)
             started = datetime.fromisoformat(facts.get("started") or "1970-01-01T00:00:00+00:00")
             start_ns = round(started.timestamp() * 1e6) * 1000
-            write_mcap(made, recording, start_ns=start_ns, calibration=facts.get("calibration"))
+            write_mcap(path, recording, start_ns=start_ns, calibration=facts.get("calibration"))
         else:
-            (write_table if suffix == ".csv" else write_parquet)(made, recording)
-        return made.read_bytes()
+            (write_table if suffix == ".csv" else write_parquet)(path, recording)
+        return path.read_bytes()
 
 
 def _recording(run: Path, table: str) -> Recording:
@@ -181,5 +180,5 @@ def _recording(run: Path, table: str) -> Recording:
     if table == "settings":
         return load_settings(run)
     if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES[:2]):
-        raise FileFormatError(run.name, "there are no samples in it, only points made of them")
+        raise FileFormatError(run.name, "the run has points but no samples; export another table")
     return read_samples(run)

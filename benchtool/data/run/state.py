@@ -1,4 +1,4 @@
-"""What benchtool remembers between commands on one machine: checked benches, calibrations."""
+"""Persistent state of one machine: checked benches and calibrations."""
 
 from __future__ import annotations
 
@@ -13,41 +13,38 @@ from benchtool.data.atomic import make_folder, read_json, replace_json
 
 
 def state_folder() -> Path:
-    """Return the folder for lasting state of this user.
-
-    BENCHTOOL_STATE where it is set; else what the system names (`core.user_file.user_folder`).
-    """
-    if chosen := os.environ.get("BENCHTOOL_STATE"):
-        return Path(chosen)
+    """Return this user's state folder: BENCHTOOL_STATE, else that of `user_folder`."""
+    if path := os.environ.get("BENCHTOOL_STATE"):
+        return Path(path)
     return user_folder("XDG_STATE_HOME", ".local/state")
 
 
 def state_file(kind: str, device_id: str) -> Path:
-    """Return the file that remembers one kind of thing about one device."""
-    safe = re.sub(r"[^A-Za-z0-9._-]", "_", device_id) or "unnamed"
-    return state_folder() / kind / f"{safe}.json"
+    """Return the path of a state file: one per kind and device."""
+    safe_name = re.sub(r"[^A-Za-z0-9._-]", "_", device_id) or "unnamed"
+    return state_folder() / kind / f"{safe_name}.json"
 
 
 def store_state(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
-    """Keep facts about a device, in place of older ones."""
+    """Write the state of a device, replacing the previous one."""
     path = state_file(kind, device_id)
     try:
         make_folder(path.parent)
         replace_json(path, facts)
     except OSError as error:
         raise InputError(
-            f"{path} cannot be written ({error.strerror}); name another state folder in the "
-            f"environment variable BENCHTOOL_STATE"
+            f"{path} cannot be written ({error.strerror}); set the environment variable "
+            f"BENCHTOOL_STATE to another folder"
         ) from error
     return path
 
 
 def recall_state(kind: str) -> dict[str, str]:
-    """Return the files of one kind of thing and their devices, by their names."""
+    """Return the state files of one kind with their devices, sorted by name."""
     return {str(path): path.stem for path in sorted((state_folder() / kind).glob("*.json"))}
 
 
 def recall_latest(kind: str, device_id: str) -> dict[str, Any] | None:
-    """Return what is remembered about a device, None when nothing is."""
+    """Return the state of a device, None if there is none."""
     path = state_file(kind, device_id)
     return read_json(path) if path.is_file() else None

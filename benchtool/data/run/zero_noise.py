@@ -1,4 +1,4 @@
-"""How a load cell's zero wanders: 1/f noise and a random walk, as a rig states it."""
+"""Zero drift of a load cell: 1/f noise and a random walk."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))  # 1/f noise, f
 
 @dataclass(frozen=True, slots=True)
 class ZeroNoise:
-    """State how the zero of a load cell wanders.
+    """Parameters of the zero drift of a load cell.
 
     Attributes:
         walk: standard deviation of its random walk after one second: N/sqrt(s).
         flicker: standard deviation of its 1/f noise over one decade of frequency: N.
-        dof: degrees of freedom behind the walk; infinite where it is stated.
+        dof: degrees of freedom of the estimated walk; infinite if it is from the rig.
     """
 
     walk: float = 0.0
@@ -32,15 +32,15 @@ def zero_covariance(since_s: Array, noise: ZeroNoise) -> Array:
     """Return the covariance (m, m) of the zero at times (m,) since it was last known: N2.
 
     A random walk has w^2 min(t, t'). 1/f noise is a sum of Ornstein-Uhlenbeck processes of equal
-    variance, their time constants a decade apart (Kasdin, Proc. IEEE 83, 1995), less its value
+    variance, their time constants a decade apart (Kasdin, Proc. IEEE 83, 1995), minus its value
     when the zero was known.
     """
     t = np.concatenate([[0.0], since_s])
-    apart = np.abs(t[:, None] - t)
-    own = np.sum([np.exp(-apart / tau) for tau in DECADES_S], axis=0) * noise.flicker**2
-    flicker = own[1:, 1:] - own[1:, :1] - own[:1, 1:] + own[0, 0]
-    out: Array = noise.walk**2 * np.minimum(since_s[:, None], since_s) + flicker
-    return out
+    lag_s = np.abs(t[:, None] - t)
+    process = np.sum([np.exp(-lag_s / tau) for tau in DECADES_S], axis=0) * noise.flicker**2
+    flicker = process[1:, 1:] - process[1:, :1] - process[:1, 1:] + process[0, 0]
+    covariance: Array = noise.walk**2 * np.minimum(since_s[:, None], since_s) + flicker
+    return covariance
 
 
 def zero_variance(since_s: Array, noise: ZeroNoise) -> Array:
@@ -51,9 +51,9 @@ def zero_variance(since_s: Array, noise: ZeroNoise) -> Array:
 
 
 def zero_noise(points: Recording, rig: Rig) -> ZeroNoise:
-    """Return the noise of a run's zero: as its samples show it (`add_zero_drift`), else stated."""
-    cell = rig.sensors.get("thrust_N", Sensor())
+    """Return the zero drift of a run; its walk is from `add_zero_drift`, else from the rig."""
+    load_cell = rig.sensors.get("thrust_N", Sensor())
     walk, dof = (points.provenance.get(name, "") for name in ("zero_walk", "zero_walk_dof"))
     if not walk:
-        return ZeroNoise(cell.walk, cell.flicker)
-    return ZeroNoise(float(walk), cell.flicker, float(dof))
+        return ZeroNoise(load_cell.walk, load_cell.flicker)
+    return ZeroNoise(float(walk), load_cell.flicker, float(dof))

@@ -75,7 +75,7 @@ def test_what_is_broken_is_listed_with_its_reason(folder):
         "empty": "contents: none",
         "fits/quad": "key 'model' is missing in its JSON",
         "answer": "a JSON object is needed",
-        "away": "leads out of the runs folder",
+        "away": "is outside the runs folder",
     }
     for name, words in said.items():
         assert words in found[name].problem, name

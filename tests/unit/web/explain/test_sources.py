@@ -73,10 +73,10 @@ def test_a_recording_proposes_the_model_of_its_bench(sources, recording, model):
     ["../secret.csv", "/etc/passwd", f"{EXAMPLE_PREFIX}../pyproject.toml", "a\\b", ".hidden"],
 )
 def test_a_choice_that_leads_elsewhere_is_refused(sources, choice):
-    with pytest.raises(InputError, match="leads out of"):
-        sources.find_path(choice)
-    with pytest.raises(InputError, match="leads out of"):
-        sources.find_model(choice)
+    with pytest.raises(InputError, match="is outside the runs folder"):
+        sources.path_of(choice)
+    with pytest.raises(InputError, match="is outside the runs folder"):
+        sources.model_of(choice)
 
 
 def test_the_command_names_everything(sources):

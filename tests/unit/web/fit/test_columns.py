@@ -35,7 +35,7 @@ def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
         store_columns(table.parent, "lab.csv", wrong)
     with pytest.raises(MissingColumn, match=r"names 'x', which .*lab\.csv lacks"):
         store_columns(table.parent, "lab.csv", {"thrust_N": ColumnSource(column="x")})
-    with pytest.raises(InputError, match="leads out of the runs folder"):
+    with pytest.raises(InputError, match="is outside the runs folder"):
         store_columns(table.parent, "../lab.csv", wrong)
     assert not columns_file(table).exists()
 
