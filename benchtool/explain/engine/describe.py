@@ -22,24 +22,19 @@ from benchtool.explain.engine.verdict import (
 )
 from benchtool.physics.effects.effect import Effect, Subsystem
 
-SIGMA_95 = 1.959964  # half of a 95 % interval in standard deviations
-NO_BETTER = 0.7  # a number whose error is this part of its prior's, or more, is what the prior says
-AT_BOUND = 0.01  # tolerances between a number and its bound below which it is at it
-CLOCK_FACTOR = 1.1  # density of residuals by the clock over any other regime; assumed
+SIGMA_95 = 1.959964  # half width of a 95 % interval, in standard deviations
+MAX_SD_RATIO = 0.7  # posterior over prior sd; a parameter above it is not determined; assumed
+AT_BOUND = 0.01  # in tolerances; largest distance of a parameter at its bound
+CLOCK_FACTOR = 1.1  # by which a regime of time must be denser than any other; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Disagreement:
-    """Residuals by regime, for the figure.
-
-    Attributes:
-        by_regime: root mean square of the whitened residuals by regime in words; 1 is noise.
-        after: the same with the named effects.
-    """
+    """Residuals by regime, for the figure."""
 
     stage: Subsystem
-    by_regime: Mapping[str, float]
-    after: Mapping[str, float]
+    by_regime: Mapping[str, float]  # root mean square of the whitened residuals; 1 is noise
+    after: Mapping[str, float]  # the same with the named effects
 
 
 def effect_size(subject: Subject, name: str) -> Effect:
@@ -50,20 +45,19 @@ def effect_size(subject: Subject, name: str) -> Effect:
 def found_parameters(
     subject: Subject, hypotheses: Hypotheses, fit: Hypothesis, name: str
 ) -> tuple[FoundParameter, ...]:
-    """Return an effect's numbers under a hypothesis that opens it.
+    """Return an effect's parameters under a hypothesis.
 
-    Errors are what the data leave open with everything else free within its tolerance, the shape
-    of the effect's law among it, and the law's scale as a share of the effect. A number at its
-    bound, or known no better than its prior, is not determined: its interval is physics' range.
+    Standard deviations include the uncertainty of all other parameters within tolerance, of the
+    law's shape, and of the law's scale. A parameter at its bound, or with about the sd of its
+    prior, is not determined; its interval is the physical range.
     """
-    spread = np.sqrt(np.diag(hypotheses.spread(fit)))
+    posterior_sd = np.sqrt(np.diag(hypotheses.spread(fit)))
     law = subject.evidence.model.discrepancy.law
     effect = effect_size(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}
-    out = []
-    for parameter, scaled, sd in zip(
-        hypotheses.evidence.parameters, fit.values, spread, strict=True
-    ):
+    parameters = hypotheses.evidence.parameters
+    estimates = []
+    for parameter, scaled, sd in zip(parameters, fit.values, posterior_sd, strict=True):
         if parameter.effect != name:
             continue
         value = parameter.value(float(scaled))
@@ -75,11 +69,11 @@ def found_parameters(
         margin = AT_BOUND * parameter.scale
         inside = parameter.lower + margin < value < parameter.upper - margin
         within = low > parameter.lower or high < parameter.upper
-        determined = inside and within and float(sd) < NO_BETTER * PRIOR_WIDTH_FACTOR
+        determined = inside and within and float(sd) < MAX_SD_RATIO * PRIOR_WIDTH_FACTOR
         if not determined and np.isfinite(parameter.upper - parameter.lower):
             low, high = parameter.lower, parameter.upper
             std = (high - low) / sqrt(12.0)
-        out.append(
+        estimates.append(
             FoundParameter(
                 name=key,
                 unit=parameter.unit,
@@ -92,7 +86,7 @@ def found_parameters(
                 determined=determined,
             )
         )
-    return tuple(out)
+    return tuple(estimates)
 
 
 def fitted_nearest(
@@ -103,11 +97,7 @@ def fitted_nearest(
     fit: Hypothesis,
     after: Mapping[str, float],
 ) -> NearestEffect:
-    """Return the nearest effect with the numbers of a hypothesis that opens it, and what it leaves.
-
-    Args:
-        after: by channel, the error on the check recordings under the hypothesis.
-    """
+    """Return the nearest effect with its parameters and validation errors by channel (`after`)."""
     effect = effect_size(subject, nearest.name)
     named = NamedEffect(
         name=effect.name, title=effect.title, phrase=effect.phrase, stage=effect.subsystem,
@@ -123,21 +113,21 @@ def fitted_nearest(
 def where_shown(
     groups: RowGroups, before: Array, after: Array, stage: Subsystem | None
 ) -> EvidenceLocation | None:
-    """Return where residuals stand out before the fix.
+    """Return stage and regime of the largest residuals.
 
-    The regime is where they are densest; one of the clock only where no other is nearly as dense.
+    The regime has the densest gain; a regime of time only if it is clearly denser than others.
 
     Args:
         before: (n_rows,) residuals within tolerance.
-        after: (n_rows,) with what was named, or of the nearest.
-        stage: of what was named; found from the rows when None.
+        after: (n_rows,) residuals with the named or the nearest effect.
+        stage: of the named effect; None: from the rows.
     """
     location: Subsystem = stage if stage is not None else largest_disagreement(groups, before)
     rows = groups.stages.get(location)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
     gained = np.where(rows, before**2 - after**2, 0.0)
-    if gained.sum() <= 0.0:  # nothing was gained: look at what stands out of the noise
+    if gained.sum() <= 0.0:  # no gain: use the excess over the noise
         gained = np.where(rows, before**2 - 1.0, 0.0)
     total = gained.sum()
     best, max_density = "everywhere", 1.5
@@ -158,29 +148,22 @@ def where_shown(
 
 
 def largest_disagreement(groups: RowGroups, residuals: Array) -> Subsystem:
-    """Return the stage whose rows stand out most."""
-    sizes: dict[Subsystem, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
-    return max(sizes, key=lambda name: sizes[name])
+    """Return the stage with the largest root mean square of residuals."""
+    return max(groups.stages, key=lambda stage: _rms(residuals[groups.stages[stage]]))
 
 
 def disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:
     """Return residuals by stage and regime, before and after (n_rows,) each."""
-    out = []
+    result = []
     for stage, rows in groups.stages.items():
         if not rows.any():
             continue
-        masks: Mapping[str, NDArray[np.bool_]] = {
-            "everywhere": np.ones(len(rows), bool),
-            **groups.regimes,
-        }
-        out.append(
-            Disagreement(
-                stage=stage,
-                by_regime={name: _rms(before[mask & rows]) for name, mask in masks.items()},
-                after={name: _rms(after[mask & rows]) for name, mask in masks.items()},
-            )
-        )
-    return tuple(out)
+        masks: dict[str, NDArray[np.bool_]] = {"everywhere": np.ones(len(rows), bool)}
+        masks |= groups.regimes
+        by_regime = {name: _rms(before[mask & rows]) for name, mask in masks.items()}
+        after_by_regime = {name: _rms(after[mask & rows]) for name, mask in masks.items()}
+        result.append(Disagreement(stage=stage, by_regime=by_regime, after=after_by_regime))
+    return tuple(result)
 
 
 def _rms(rows: Array) -> float:

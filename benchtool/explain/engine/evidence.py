@@ -20,17 +20,14 @@ from benchtool.physics.model import Model
 if TYPE_CHECKING:
     from benchtool.explain.engine.judgement import CandidateEffect
 
-LATE, EARLY = "late in the run", "early in the run"  # regimes of the clock say less of a cause
+LATE, EARLY = "late in the run", "early in the run"  # regimes of time: weak hints to a cause
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RowGroups:
-    """Label the rows of evidence.
+    """Masks (n_rows,) of the rows of each stage and of each regime.
 
-    Attributes:
-        stages: stage whose disagreement shows in a group of rows, with the mask (n_rows,). A stage
-            may be missing: what it does wrong shows in another's rows.
-        regimes: parts of the recordings in words, with masks (n_rows,); they may overlap.
+    Errors of a stage without rows appear in those of another stage. Regimes may overlap.
     """
 
     stages: Mapping[Subsystem, NDArray[np.bool_]]
@@ -43,54 +40,47 @@ class RowGroups:
         speed_masks: Sequence[NDArray[np.bool_]],
         regimes: Sequence[Mapping[str, NDArray[np.bool_]]],
     ) -> RowGroups:
-        """Return labels of rows that come in parts.
+        """Concatenate the masks (n,) of all recordings.
 
         Args:
-            other: stage of the rows that are not of rotor speed.
-            of_speed: masks (n,), one for each part.
-            regimes: masks (n,) by name for each part; a part has none of a regime that it lacks.
+            other: stage of rows that are not rotor speeds.
+            regimes: masks by name for each recording; absent if it has no rows of a regime.
         """
         is_speed = np.concatenate(speed_masks)
-        names = dict.fromkeys(name for part in regimes for name in part)
-        return cls(
-            stages={"pwm_to_rpm": is_speed, other: ~is_speed}
-            if is_speed.any()
-            else {other: ~is_speed},
-            regimes={
-                name: np.concatenate(
-                    [
-                        part.get(name, np.zeros(len(rows), bool))
-                        for part, rows in zip(regimes, speed_masks, strict=True)
-                    ]
-                )
-                for name in names
-            },
-        )
+        stages: dict[Subsystem, NDArray[np.bool_]] = {other: ~is_speed}
+        if is_speed.any():
+            stages = {"pwm_to_rpm": is_speed, **stages}
+        masks = dict[str, NDArray[np.bool_]]()
+        for name in dict.fromkeys(name for part in regimes for name in part):
+            pairs = zip(regimes, speed_masks, strict=True)
+            parts = [part.get(name, np.zeros(len(rows), bool)) for part, rows in pairs]
+            masks[name] = np.concatenate(parts)
+        return cls(stages=stages, regimes=masks)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Discrepancy:
-    """Describe one way in which data may depart from every law in the model, smoothly.
+    """Smooth deviation of the data from every law in the model.
 
-    It enters residuals linearly with a Gaussian prior (Kennedy and O'Hagan, J. R. Stat. Soc. B 63,
+    Linear in the residuals with a Gaussian prior (Kennedy and O'Hagan, J. R. Stat. Soc. B 63,
     2001): a low-rank addition to their covariance. Within its tolerance it is part of every
-    hypothesis, as effects within theirs are; beyond, it competes with them as what has no name.
+    hypothesis, like effects within theirs; beyond, it competes with them as an unnamed effect.
     """
 
     name: str
-    stage: Subsystem  # link of the chain that departs
-    phrase: str  # what it means where it is beyond its tolerance, within a sentence
+    stage: Subsystem
+    phrase: str  # its meaning beyond tolerance, within a sentence
     columns: Array  # (n_rows, r) change of the whitened residuals by each of r independent draws
-    shares: Array  # (n_rows, r) the same of the readings, as parts of them
-    readings: Array | None = None  # (n_rows, r) the same of the readings; None where it is unknown
-    always: bool = True  # whether it is there within its tolerance, else only beyond
+    shares: Array  # (n_rows, r) the same, as a share of readings
+    readings: Array | None = None  # (n_rows, r) the same, in readings; None if unknown
+    always: bool = True  # present within its tolerance; False: only beyond
 
 
 class Evidence(Protocol):
     """Fit of model parameters to data."""
 
-    model: Model  # with every candidate in it, neutral unless the user's model says otherwise
-    parameters: tuple[ScaledParameter, ...]  # what can be moved, in a fixed order
+    model: Model  # with every candidate, neutral unless set in the user's model
+    parameters: tuple[ScaledParameter, ...]  # adjustable ones, in a fixed order
 
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
@@ -101,11 +91,11 @@ class Evidence(Protocol):
         ...
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        """Return the ways in which the data may depart from the model's laws."""
+        """Return the possible deviations of the data from the model's laws."""
         ...
 
     def varied(self, changes: Array) -> Array:
-        """Return smooth variations (n_rows, r) of what an effect changes in residuals (n_rows,)."""
+        """Return smooth variations (n_rows, r) of an effect's changes of residuals (n_rows,)."""
         ...
 
 
@@ -113,21 +103,21 @@ class Evidence(Protocol):
 class ChannelErrors:
     """Prediction errors of one channel."""
 
-    unit: str  # of their roots
-    squares: Array  # (n_blocks, n_sets) mean squared error of each block of the check recordings
+    unit: str  # of the root mean square
+    squares: Array  # (n_blocks, n_sets) mean squared errors, by block of validation recordings
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Overlay:
     """Measurement and predictions of one channel on a validation recording."""
 
-    channel: str  # its name
+    channel: str
     unit: str  # of the values
-    axis: str  # what `at` counts ("time_s", "z_over_R")
-    at: Array  # (n,) places on that axis; nan between windows, so that lines break there
+    axis: str  # quantity of `at` ("time_s", "z_over_R")
+    at: Array  # (n,) values of that axis; nan between windows, to break lines
     measured: Array  # (n,)
-    before: Array  # (n,) the model as calibrated within tolerance
-    after: Array  # (n,) with the named effects; equal to `before` where nothing is named
+    before: Array  # (n,) by the model adjusted within tolerance
+    after: Array  # (n,) with the named effects; equal to `before` without any
 
 
 class Log(Protocol):
@@ -142,7 +132,7 @@ class Log(Protocol):
 class Subject(ABC):
     """Recordings of one kind of bench with a model."""
 
-    kind: BenchKind  # which bench it is
+    kind: BenchKind
     training: Sequence[Log]
     validation: Sequence[Log]
     evidence: Evidence  # training recordings
@@ -152,7 +142,7 @@ class Subject(ABC):
 
     @property
     def window_s(self) -> float:
-        """Length of a prediction; 0 where predictions are settled."""
+        """Length of a prediction; 0 for steady-state predictions."""
         return 0.0
 
     @property
@@ -166,35 +156,33 @@ class Subject(ABC):
         """Data needed to separate a law of distance from an effect; "" if available."""
         return ""
 
-    def missing_channels(self, at: Array, opened: Sequence[str]) -> Sequence[ResidualSummary]:
-        """Return what readings miss about parameters (n_parameters,), over all it may depend on.
+    def summarize_residuals(self, at: Array, active: Sequence[str]) -> Sequence[ResidualSummary]:
+        """Return residuals at parameters (n_parameters,), over all variables of a possible law.
 
-        With `opened` effects as large as they like.
+        Active effects may exceed their tolerances.
         """
-        return self.missed_by(self.all_evidence, at, opened)
+        return self.missed_by(self.all_evidence, at, active)
 
     @abstractmethod
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
-        """Return errors on the check recordings by channel, for sets (n_sets, n_parameters).
+        """Return errors on the validation recordings by channel, for sets (n_sets, n_parameters).
 
-        Readings are expected to be changed by (n_check_rows, n_sets), where that is known.
+        `changes` (n_validation, n_sets) are expected changes of readings, where known.
         """
 
     @abstractmethod
     def floor(
         self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        """Return errors (draws,) of a true model `at` (n_parameters,), by channel, rms.
+        """Return rms errors (draws,) of a true model at parameters (n_parameters,), by channel.
 
-        Readings of each draw are changed by (n_check_rows, draws), where that is known.
-
-        With `spread` (n_parameters, n_parameters) the truth of each draw lies as far from the model
-        that predicts as its parameters are uncertain.
+        `changes` (n_validation, draws) are changes of readings, where known. With a covariance
+        `spread` (n_parameters, n_parameters) each draw also has its own true parameters.
         """
 
     @abstractmethod
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
-        """Return the first check recording with predictions, parameters (n_parameters,) each."""
+        """Return the first validation recording with predictions of two parameter sets."""
 
     def next_experiment(
         self,
@@ -203,11 +191,11 @@ class Subject(ABC):
         refused: Subsystem | None = None,
         minutes: float | None = None,
     ) -> NextExperiment | None:
-        """Return the experiment that is expected to separate rivals; None of fewer than two.
+        """Return the experiment that is expected to separate rivals; None for fewer than two.
 
         Args:
-            refused: the stage in which nothing in the library explains what is there.
-            minutes: that it may take; a usual time when None.
+            refused: stage of an unnamed effect, or None.
+            minutes: longest duration; None for the default.
         """
         if len({rival.name for rival in rivals}) < 2:
             return None

@@ -125,7 +125,7 @@ def explain(
     if kind == "unknown" and {effect.stage for effect in judgement.unnamed} != {"pwm_to_rpm"}:
         progress("searching for a law", 0.92)
         others = [name for name, _ in judgement.other_effects]
-        summaries = subject.missing_channels(null.values, others)
+        summaries = subject.summarize_residuals(null.values, others)
         depends = dependence(summaries, evidence.model.rig.propulsion.radius_m)
     best = judgement.best
     if not effects:
@@ -157,7 +157,7 @@ def explain(
             for effect in never_tried(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
-        beside={effect_size(subject, name).phrase: p for name, p in judgement.other_effects},
+        other_effects={effect_size(subject, name).phrase: p for name, p in judgement.other_effects},
         depends=depends,
         remarks=remarks,
         next=None,
@@ -180,7 +180,7 @@ def explain(
 
 
 def _probabilities(judgement: Judgement) -> dict[str, float]:
-    """Return the probability of every candidate: the largest of all trials."""
+    """Return the probability of every candidate, largest of all trials; of "none" the smallest."""
     weights = judgement.weights
     effects = dict.fromkeys(
         name for by_name in weights for name in by_name if name not in NO_EFFECT

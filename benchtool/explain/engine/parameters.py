@@ -1,4 +1,4 @@
-"""The numbers that an explanation may move, each with what does not matter on the bench."""
+"""Adjustable parameters of an explanation, with their tolerances."""
 
 from __future__ import annotations
 
@@ -19,45 +19,37 @@ from benchtool.physics.tolerances import tolerances
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledParameter:
-    """Describe one number that an explanation may move.
-
-    Inside, it is counted in units of its `scale`, from its `start`: 0 is the model as given and 1
-    is one tolerance away.
-
-    Attributes:
-        effect: the effect that it belongs to; "" for a number that the bench's owner knows only
-            to within a standard error (inertia, the map from pulse to speed).
-    """
+    """Adjustable parameter; a scaled value of 0 is the model as given, 1 is one `scale` above."""
 
     name: str  # full name of the model's parameter ("hinge_spring.stiffness_Nm_per_rad")
-    unit: str  # of its value
-    effect: str
+    unit: str
+    effect: str  # "" for roughly known parameters (inertia, map from pulse width to speed)
     start: float  # value in the model as given
     scale: float  # tolerance of an effect's parameter; standard error of any other
     lower: float = -inf
     upper: float = inf
-    held: bool = False  # whether only its prior holds it, not its tolerance
-    first: float = 0.0  # where a search begins, in scales
+    held: bool = False  # roughly known: limited by its prior, without a tolerance
+    first: float = 0.0  # initial value of a search, in scales
 
     @property
     def least(self) -> float:
-        """The lower bound in units of the scale."""
+        """Lower bound, in scales."""
         return (self.lower - self.start) / self.scale
 
     @property
     def most(self) -> float:
-        """The upper bound in units of the scale."""
+        """Upper bound, in scales."""
         return (self.upper - self.start) / self.scale
 
     def value(self, scaled: float) -> float:
-        """Return the value so many scales from the start."""
+        """Return the value of a scaled value."""
         return self.start + self.scale * scaled
 
 
 def owner_parameter(
     name: str, item: Parameter, sd: float, lower: float, first: float = 0.0
 ) -> ScaledParameter:
-    """Return the parameter of a number that only its prior holds, known to a standard error."""
+    """Return a roughly known parameter with a standard error."""
     return ScaledParameter(
         name=name, unit=item.unit, effect="", start=item.value, scale=sd, lower=lower,
         upper=item.upper, held=True, first=first,
@@ -67,9 +59,9 @@ def owner_parameter(
 def parameters_at(
     parameters: Parameters, moved: Sequence[ScaledParameter], scaled: Array
 ) -> Parameters:
-    """Return parameters with some moved to scaled values (n_parameters,), each within its bounds.
+    """Return parameters with some set to scaled values (n_parameters,), clipped to their bounds.
 
-    What is moved and no parameter of the model belongs to the bench.
+    Adjusted parameters that are not in the model belong to the bench and are ignored.
     """
     values = {
         item.name: float(np.clip(item.value(z), item.lower, item.upper))
@@ -87,10 +79,9 @@ def effect_parameters(
     bench: BenchKind,
     min_values: Mapping[str, float] = MappingProxyType({}),
 ) -> list[ScaledParameter]:
-    """Return a parameter for each parameter of the named effects that has a tolerance on a bench.
+    """Return the parameters of effects that have a tolerance on a bench.
 
-    Args:
-        least: lower bounds by full name of a parameter, where they are above its own.
+    `min_values` are lower bounds by full name that are above the parameters' own.
     """
     limits = tolerances(model, bench)
     return [
@@ -108,13 +99,12 @@ def effect_parameters(
     ]
 
 
+# Relative standard error of a fixed R_m without prior; two of them are 5 % of (R/4z)^2
 RADIUS_KNOWN = 0.0125
-"""Standard error of R_m over its value where a model fixes it and states no prior: the increment
-(R/4z)^2 known to 5 %, taken for two standard errors."""
 
 
 def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> Model:
-    """Return the model with every effect that an explanation moves on a bench, at its neutral."""
+    """Return the model with every adjustable effect of a bench, new ones at their neutral value."""
     present = {effect.name for effect in model.effects}
     for effect in moved_effects(bench, extra):
         if effect.name not in present:
@@ -131,15 +121,15 @@ def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = 
 
 
 def moved_effects(bench: BenchKind, extra: Sequence[Effect] = ()) -> tuple[Effect, ...]:
-    """Return the effects that an explanation may name, then those that it only adjusts."""
+    """Return the candidate effects, then those that are only adjusted."""
     adjusted = [effect for effect in EFFECTS.values() if bench in effect.adjusted_on]
     return (*candidates(bench), *sorted(adjusted, key=lambda effect: effect.name), *extra)
 
 
 def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
-    """Return full names of an effect's numbers that nobody knows exactly, held by its priors.
+    """Return full names of an effect's roughly known parameters, limited by their priors.
 
-    They shape the law of a candidate, or are all there is of what an explanation only adjusts.
+    Shape parameters of a candidate's law, or all parameters of an effect that is only adjusted.
     """
     limits = {} if bench in effect.adjusted_on else tolerances(model, bench)
     full = [f"{effect.name}.{p.name}" for p in effect.parameters if p.prior.kind == "normal"]
@@ -147,24 +137,20 @@ def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
 
 
 def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> list[str]:
-    """Return those of every effect on a bench: first of what is only adjusted, then by name."""
-    effects = sorted(
-        moved_effects(bench, extra), key=lambda effect: (effect.candidate, effect.name)
-    )
+    """Return those of every effect on a bench: first of the adjusted ones, then by name."""
+    effects = moved_effects(bench, extra)
+    effects = tuple(sorted(effects, key=lambda effect: (effect.candidate, effect.name)))
     return [name for effect in effects for name in shape_names(model, effect, bench)]
 
 
-RADIUS_FITTED = 0.05  # sd of R_m over its value where it is fitted; assumed
-K_KNOWN, K_FITTED = 0.01, 0.1  # of k: a load cell's scale is known to 1 %, a rotor's k is not
+RADIUS_FITTED = 0.05  # relative sd of R_m if fitted; assumed
+K_KNOWN, K_FITTED = 0.01, 0.1  # relative sd of k: scale of the load cell, or fitted
 
 _SHARES = {"k": (K_KNOWN, K_FITTED), "R_m": (RADIUS_KNOWN, RADIUS_FITTED)}
 
 
 def known_prior(name: str, item: Parameter) -> Prior | None:
-    """Return the normal prior under which a sweep's explanation adjusts a number.
-
-    The stated one, else a share of the value for k and R_m; None for any other without one.
-    """
+    """Return a parameter's normal prior in a sweep: stated, else assumed for k and R_m, or None."""
     if item.prior.kind == "normal":
         return item.prior
     if name not in _SHARES:

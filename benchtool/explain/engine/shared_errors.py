@@ -1,8 +1,8 @@
-"""Residuals whose errors are shared: noise of each row, and discrepancies as low-rank additions.
+"""Covariance of residuals: independent noise plus discrepancies as low-rank additions.
 
-With V = 1 + C C^T over the noise every quantity of a search follows from products of
-residuals, their slopes and the columns C (Woodbury's identity), so another hypothesis about
-discrepancies costs matrices of a hundred rows, not a model evaluation.
+With V = 1 + C C^T over the noise, a search needs only products of residuals, their slopes and the
+columns C (Woodbury's identity). Another set of discrepancies costs matrices of a hundred rows, not
+a model evaluation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from benchtool.fit.bounded_least_squares import BoundedSearch, Linearisation, sl
 
 PRIOR_WIDTH_FACTOR = 5.0  # prior sd of an effect beyond tolerance, in tolerances; assumed
 AMPLITUDES = (3.0, 10.0, 30.0)  # sizes of a discrepancy beyond tolerance, in its sd; assumed
-STATED = 20.0  # prior weight of the stated noise, in rows (known to about 1/6); assumed
+STATED_NOISE_ROWS = 20.0  # prior weight of the stated noise (known to about 1/6); assumed
 BATCH_ROWS = 1_000_000  # values in a block of rows
 
 
@@ -28,24 +28,24 @@ BATCH_ROWS = 1_000_000  # values in a block of rows
 class _Products:
     """Products of residuals, their slopes and discrepancy columns at a point."""
 
-    residual: Array  # (1 + n_parameters, same) of residuals and slopes with each other
-    shared: Array  # (n_columns, 1 + n_parameters) of columns with them
+    residual: Array  # (1 + n_parameters, same) of residuals and slopes
+    shared: Array  # (n_columns, 1 + n_parameters) of columns with residuals and slopes
 
 
 _Kernel = tuple[NDArray[np.intp], Array, float]
 
 
 class SharedErrors:
-    """Evidence with the errors that its rows share."""
+    """Evidence with the covariance of its rows."""
 
     def __init__(self, evidence: Evidence) -> None:
         self._evidence = evidence
         self._upper = np.array([parameter.most for parameter in evidence.parameters])
         self.discrepancies = {part.name: part for part in evidence.discrepancies()}
         self._products: dict[bytes, _Products] = {}
-        # Divided by the noise, by discrepancy or law; single precision, as they need most memory.
+        # Over the noise, by discrepancy or law; single precision to save memory.
         self._columns: dict[str, NDArray[np.float32]] = {}
-        self._inner = np.empty((0, 0))  # products of the columns with each other
+        self._inner = np.empty((0, 0))  # products of all columns
         self._kernels: dict[tuple[tuple[str, float], ...], _Kernel] = {}
 
     @property
@@ -60,7 +60,7 @@ class SharedErrors:
 
     @cached_property
     def _noise(self) -> tuple[Array, Array]:
-        """Noise and variance by stage, from residuals that no large discrepancy explains."""
+        """Noise and variance by stage, from residuals not explained by large discrepancies."""
         rows, jacobian = slopes(self._evidence.residuals, self.null_start, self._upper)
         sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
@@ -73,7 +73,8 @@ class SharedErrors:
         del wide
         for mask in self._evidence.groups().stages.values():
             degrees = float(np.sum(remaining[mask]))
-            variance = (STATED + float(np.sum(solved[mask] * rows[mask]))) / (STATED + degrees)
+            variance = STATED_NOISE_ROWS + float(np.sum(solved[mask] * rows[mask]))
+            variance /= STATED_NOISE_ROWS + degrees
             sigma[mask] = np.sqrt(max(1.0, variance))
             share[mask] = min(1.0, variance)
         for name, part in self.discrepancies.items():
@@ -134,11 +135,8 @@ class SharedErrors:
             kernel = np.eye(len(size)) + size[:, None] * inner * size
             root = np.linalg.cholesky(kernel)
             half = np.linalg.solve(root, np.diag(size))
-            self._kernels[key] = (
-                np.array(indices, np.intp),
-                half,
-                float(np.log(np.diag(root)).sum()),
-            )
+            log_root = float(np.log(np.diag(root)).sum())
+            self._kernels[key] = (np.array(indices, np.intp), half, log_root)
         return self._kernels[key]
 
     def near(self, at: Array, amplitudes: Mapping[str, float]) -> Linearisation:
@@ -149,19 +147,14 @@ class SharedErrors:
             rows, jacobian = slopes(self._evidence.residuals, at, self._upper)
             both = np.column_stack([rows, jacobian]) / noise[:, None]
             shared = [columns.T @ both for columns in self._columns.values()]
-            self._products[key] = _Products(
-                both.T @ both, np.vstack(shared) if shared else np.empty((0, both.shape[1]))
-            )
+            stacked = np.vstack(shared) if shared else np.empty((0, both.shape[1]))
+            self._products[key] = _Products(both.T @ both, stacked)
         products = self._products[key]
         indices, half, _ = self._shared(amplitudes)
         explained = half @ products.shared[indices]
         reduced = products.residual - explained.T @ explained
-        return Linearisation(
-            at=np.array(at),
-            cost=float(reduced[0, 0]),
-            gradient=reduced[1:, 0],
-            curvature=reduced[1:, 1:],
-        )
+        cost, gradient, curvature = float(reduced[0, 0]), reduced[1:, 0], reduced[1:, 1:]
+        return Linearisation(np.array(at), cost, gradient, curvature)
 
     def search(self, amplitudes: Mapping[str, float]) -> BoundedSearch:
         def costs(sets: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchtool.core.array_type import Array
 
-SHOWN = 1e-4  # of the largest eigenvalue; smaller eigenvalues are dropped
+MIN_EIGENVALUE = 1e-4  # of the largest eigenvalue; smaller eigenvalues are dropped
 STEP = 0.01  # rounding of points, in correlation lengths
 
 
@@ -26,6 +26,6 @@ def _root(points: bytes, width: int) -> Array:
     unique = np.frombuffer(points).reshape(-1, width)
     squares = np.sum((unique[:, None] - unique[None]) ** 2, axis=2)
     size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
-    is_kept = size > SHOWN * size[-1]
+    is_kept = size > MIN_EIGENVALUE * size[-1]
     root: Array = axes[:, is_kept] * np.sqrt(size[is_kept])
     return root

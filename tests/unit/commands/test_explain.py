@@ -124,7 +124,7 @@ def test_a_recording_of_another_simulator_is_explained(capsys, tmp_path, referen
     assert code == 0
     # Other differences of the simulators are 1.7 noise floors.
     assert output.startswith(
-        "What the model lacks is mostly like body lift (fountain): body_lift.K_b"
+        "The missing effect is mostly similar to body lift (fountain): body_lift.K_b"
     )
     assert "between rotor speed and thrust" in output
     assert (tmp_path / "out" / "report.html").is_file()

@@ -138,7 +138,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         ) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
         unnamed=(),
-        beside={},
+        other_effects={},
         not_judged={"partial_coverage": UnjudgedEffect(reason="too_weak", size=4.2)},
         remarks=("learn.csv: 2 gaps in time, the first at 3.100 s; judged in parts",),
         next=NEXT if kind in ("class", "unknown") else None,

@@ -169,7 +169,7 @@ def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path):
     verdict = explain(subject, propose=False).verdict
     assert verdict.kind == "unknown"
     assert "a different law of thrust against distance, up to 2" in verdict.sentence
-    assert "beside it load-cell hysteresis, probability above 0.99" in verdict.sentence
+    assert "also load-cell hysteresis, probability above 0.99" in verdict.sentence
 
 
 def measured_sweep(curve: Path, path: Path, seed: int, *, sd_N: float) -> Recording:

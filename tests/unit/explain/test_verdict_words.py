@@ -46,7 +46,7 @@ def test_a_class_adds_up_what_it_cannot_separate():
     likely = replace(FRICTION, probability=0.5)
     assert verdict("class", effects=(likely, replace(OFFSET, probability=0.4))).sentence == (
         "The model lacks one of Coulomb friction, centre-of-gravity offset; this data cannot "
-        "separate them; of the named the likeliest is Coulomb friction: "
+        "separate them; the most probable named effect is Coulomb friction: "
         "coulomb_friction.torque_Nm = 0.0241 ± 0.0006 N m."
     )
     said = verdict("class", effects=(likely,), unnamed=(CURVE,)).sentence
@@ -60,11 +60,11 @@ def test_a_class_of_one_effect_says_what_may_be_instead():
     likely = replace(FRICTION, probability=0.5)
     alike = verdict("class", effects=(likely,), gaps=())
     assert alike.class_members == ("coulomb_friction", "unknown")
-    assert "probability 0.50, or lacks something that looks like it by" in alike.sentence
+    assert "probability 0.50, or lacks a similar effect with a" in alike.sentence
     left = replace(verdict("class").gaps[0], after=2.8, floor=1.0)
     mostly = verdict("class", effects=(likely,), gaps=(left,), unnamed=(CURVE,)).sentence
-    assert mostly.startswith("What the model lacks is mostly like Coulomb friction: ")
-    assert mostly.endswith("; 2.8 times what noise explains is left.")
+    assert mostly.startswith("The missing effect is mostly similar to Coulomb friction: ")
+    assert mostly.endswith("; the remaining error is 2.8 noise floors.")
 
 
 def test_nothing_missing_says_what_could_not_be_judged():
@@ -85,11 +85,13 @@ def test_nothing_missing_says_what_could_not_be_judged():
 
 
 def test_an_unknown_says_what_it_is_and_what_is_beside_it():
-    found = verdict("unknown", unnamed=(CURVE,), nearest=None, beside={"Coulomb friction": 0.96})
+    found = verdict(
+        "unknown", unnamed=(CURVE,), nearest=None, other_effects={"Coulomb friction": 0.96}
+    )
     found = replace(found, where=replace(found.where, regime="everywhere"))
     assert found.sentence == (
         "Something is missing at the hinge that no named effect explains: thrust that depends on "
-        "distance, up to 5.2 % of the reading (2.6 tolerances); beside it Coulomb friction, "
+        "distance, up to 5.2 % of the reading (2.6 tolerances); also Coulomb friction, "
         "probability 0.96."
     )
     assert replace(found, where=None).sentence.startswith("Something is missing that no named")
