@@ -1,4 +1,4 @@
-"""A request and its answer: from names to a subject, and an explanation with where it came from."""
+"""Request and result of an explanation, with provenance."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 class ExplainResult:
     """Explanation with its request and provenance."""
 
-    explanation: Explanation  # the verdict with its curves
-    request: Request  # the recordings and the model in question
-    seed: int  # of everything random
-    seconds: float  # how long it took
+    explanation: Explanation
+    request: Request
+    seed: int  # of all random draws
+    seconds: float  # computing time
     commands: tuple[str, ...] = ()  # as typed
 
     @property
@@ -55,8 +55,8 @@ class ExplainResult:
 
     def title_of(self, name: str) -> str:
         """Return an effect's title, or the name if it has no title ("none")."""
-        effects_by_name = {**EFFECTS, **{effect.name: effect for effect in self.request.own}}
-        return effects_by_name[name].title if name in effects_by_name else name
+        effects = {**EFFECTS, **{effect.name: effect for effect in self.request.own}}
+        return effects[name].title if name in effects else name
 
     @property
     def has_model(self) -> bool:
@@ -74,11 +74,9 @@ class ExplainResult:
         """Caution about the recordings; empty without warnings."""
         if not self.remarks:
             return ""
-        first, *more = self.remarks
-        others = (
-            f" ({pluralize(len(more), 'more remark')} with what was not judged)" if more else ""
-        )
-        return f"Mind what it rests on: {first.rstrip('.')}{others}."
+        first, *others = self.remarks
+        hint = f" ({pluralize(len(others), 'more remark')} in the list of unjudged effects)"
+        return f"Caution: {first.rstrip('.')}{hint if others else ''}."
 
     @property
     def hashes(self) -> Mapping[str, str]:
@@ -120,7 +118,7 @@ def answer_request(
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> ExplainResult:
-    """Return the answer to a request; the caller sets `seconds`."""
+    """Explain the recordings of a request; the caller sets `seconds`."""
     explanation = explain(
         request.subject(),
         seed=seed,
@@ -139,14 +137,14 @@ def answer_request(
 class Request:
     """Recordings, model and user-defined effects, all read."""
 
-    loaded: LoadedModel  # the model
-    model_file: str  # its shipped name, or its file's own name
+    loaded: LoadedModel
+    model_file: str  # name in the library or name of the model file
     model_given: str  # as typed, for the next command
     rig_given: str = ""  # as typed
-    effects_given: str  # where the user's own effects are, as typed; empty without
-    model_sha256: str  # of its file; empty for a shipped one
-    effects_file: Path | None  # Python file of the user's own effects, where it is one
-    own: tuple[Effect, ...]  # those effects
+    effects_given: str  # source of user-defined effects, as typed; empty without
+    model_sha256: str  # of the model file; empty for a library model
+    effects_file: Path | None  # Python file of user-defined effects
+    own: tuple[Effect, ...]  # user-defined effects
     learn: tuple[RecordingSource, ...]
     check: tuple[RecordingSource, ...]
 
@@ -157,22 +155,16 @@ class Request:
 
     @property
     def kind(self) -> BenchKind:
-        """Which bench the recordings are of."""
+        """Bench of the recordings."""
         return bench_kind(self.learn[0])
 
     def subject(self) -> Subject:
-        """Return the recordings held against the model.
-
-        Raises:
-            InputError: recordings that are insufficient for a verdict.
-        """
-        effects = [effect for effect in self.own if self.kind in effect.benches]
+        """Return the recordings with the model; InputError if they are insufficient."""
+        model, effects = self.loaded.model, [e for e in self.own if self.kind in e.benches]
         if self.kind == "sweep":
-            points = [[source.recording for source in part] for part in (self.learn, self.check)]
-            return SweepSubject(self.loaded.model, points[0], points[1], effects)
-        return PitchSubject(
-            self.loaded.model, self._logs(self.learn), self._logs(self.check), effects
-        )
+            learn, check = ([s.recording for s in part] for part in (self.learn, self.check))
+            return SweepSubject(model, learn, check, effects)
+        return PitchSubject(model, self._logs(self.learn), self._logs(self.check), effects)
 
     def _logs(self, sources: Sequence[RecordingSource]) -> list[PitchLog]:
         rig = self.loaded.model.rig
@@ -188,42 +180,38 @@ def read_request(
     permit: CodePermit = check_code_allowed,
     rig: str | None = None,
 ) -> Request:
-    """Read everything that a request names.
+    """Read recordings, model and user-defined effects; report all missing inputs together.
 
     Args:
-        model: shipped name or path of a model file.
-        rig: of recordings that do not carry their own: shipped name or path of a rig file.
-
-    Raises:
-        InputError: missing or unreadable inputs; several are reported together.
+        model: name in the library or path of a model file.
+        rig: name or path of a rig file, for recordings without one.
     """
     missing = missing_channels(learn, check)
     if not learn:
         raise missing[0]
-    wrong = [error for path in (*learn, *check) if (error := unreadable(path)) is not None]
+    errors = [error for path in (*learn, *check) if (error := unreadable(path)) is not None]
     loaded: LoadedModel | None = None
     own: tuple[Effect, ...] = ()
     try:
         if not model:
-            real = [name for name in model_names() if not name.startswith("virtual_")]
+            names = [name for name in model_names() if not name.startswith("virtual_")]
             raise InputError(
-                f"which model? give --model with the path of a model file or one of: "
-                f"{', '.join(real)}"
+                f"no model; use --model with the path of a model file or one of: {', '.join(names)}"
             )
-        readable = () if wrong else (*learn, *check)
+        readable = () if errors else (*learn, *check)
         loaded = load_model(model, rig_for_data(readable, model, rig), permit=permit)
     except InputError as error:
-        wrong.append(error)
+        errors.append(error)
     try:
         own = user_effects(effects, permit) if effects else ()
     except InputError as error:
-        wrong.append(error)
-    wrong += missing
-    if wrong or loaded is None:
-        if len(wrong) == 1:
-            raise wrong[0]
-        listed = " ".join(f"({number}) {error}." for number, error in enumerate(wrong, 1))
-        raise InputError(f"{len(wrong)} things to mend: {listed.removesuffix('.')}")
+        errors.append(error)
+    errors += missing
+    if errors or loaded is None:
+        if len(errors) == 1:
+            raise errors[0]
+        listed = " ".join(f"({number}) {error}." for number, error in enumerate(errors, 1))
+        raise InputError(f"{len(errors)} problems: {listed.removesuffix('.')}")
     file = Path(model) if Path(model).suffix == ".toml" and Path(model).is_file() else None
     effects_path = Path(effects) if effects and effects.endswith(".py") else None
     if effects_path is None and loaded.effects_file and file is not None:

@@ -14,7 +14,7 @@ from benchtool.tasks import Cluster
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainInputs(Inputs):
-    """What `benchtool explain` takes."""
+    """Options of `benchtool explain`."""
 
     recordings: Annotated[
         tuple[str, ...],

@@ -15,19 +15,18 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, model_to_toml
 
-MODEL = "model.toml"  # name of the new model's file in the folder of an answer
-NEAREST = "model_nearest.toml"  # model with the effect nearest to something unknown
-NOTHING = 1e-15  # what an optimiser leaves of a zero, in any unit; assumed
+MODEL = "model.toml"  # file of the new model in the folder of an answer
+NEAREST = "model_nearest.toml"  # model with the effect nearest to an unnamed one
+NOTHING = 1e-15  # largest rounding error of a zero after optimisation, in any unit; assumed
 
 
 def added_model(answer: ExplainResult, rig: str = "", effects_file: str = "") -> str:
-    """Return a model file's text: the parent's with the named effects at their values.
+    """Return the text of the new model's file: the parent with the named effects.
 
-    Other effects stay as the parent states them: what lies within tolerance does not matter. Of a
-    class the likeliest member is added.
+    Other effects keep the parent's values. Of a class the most probable member is added.
 
     Args:
-        rig: how the new file names the rig; as the parent did when empty.
+        rig: name of the rig in the new file; empty for the parent's.
         effects_file: file of user-defined effects, in the same folder.
     """
     loaded = answer.request.loaded
@@ -51,23 +50,24 @@ def added_model(answer: ExplainResult, rig: str = "", effects_file: str = "") ->
 
 
 def with_nearest_effect(answer: ExplainResult) -> ExplainResult | None:
-    """Return the answer as if the nearest effect of something unknown were the one; None without.
+    """Return the answer with the nearest effect as the named one; None without a nearest effect.
 
-    Its model is the best that the library has, for a simulation meanwhile.
+    Its model is the best approximation with effects of the library, for simulations.
     """
-    verdict, near = answer.verdict, answer.verdict.nearest
-    if near is None or near.effect is None:
+    verdict, nearest = answer.verdict, answer.verdict.nearest
+    if nearest is None or nearest.effect is None:
         return None
-    only = replace(verdict, kind="effect", effects=(near.effect,), parameters=near.parameters)
-    return replace(answer, explanation=replace(answer.explanation, verdict=only))
+    effects, parameters = (nearest.effect,), nearest.parameters
+    verdict = replace(verdict, kind="effect", effects=effects, parameters=parameters)
+    return replace(answer, explanation=replace(answer.explanation, verdict=verdict))
 
 
 def model_with_effects(answer: ExplainResult) -> Model:
-    """Return the model with the effects that are added, each number where the recordings put it.
+    """Return the model with the added effects and the estimated parameters.
 
-    What moved without being a candidate's is what its owner knows only roughly: inertia, radius,
-    the map from pulse to speed. Of a sweep it stays free under what was known of it: held where it
-    came to lie, a fit of what was found would state errors many times too small.
+    Roughly known parameters (inertia, radius, map from pulse width to speed) are adjusted, too. For
+    a sweep they stay free with their priors: fixed, they would make the standard errors of a later
+    fit many times too small.
     """
     model = answer.request.loaded.model
     candidates = {name.partition(".")[0] for name in answer.verdict.tolerances}
@@ -76,90 +76,87 @@ def model_with_effects(answer: ExplainResult) -> Model:
         if owner in candidates:
             continue
         if dot and name not in model.parameters:
-            if parameter.neutral is not None and isclose(
-                parameter.value, parameter.neutral, abs_tol=NOTHING
-            ):
+            neutral = parameter.neutral
+            if neutral is not None and isclose(parameter.value, neutral, abs_tol=NOTHING):
                 continue
-            model = model.with_effect(_effect(answer, owner))
-        source = (
-            f"benchtool explain, within what was known of it; "
-            f"{model.parameters[name].value:.6g} before"
-        )
-        model = _moved(answer, model, name, source)
+            model = model.with_effect(_find_effect(answer, owner))
+        value = model.parameters[name].value
+        source = f"benchtool explain, within its prior; {value:.6g} before"
+        model = _with_estimate(answer, model, name, source)
     for effect in added_effects(answer):
-        model = _with(answer, model, effect)
+        model = _with_effect(answer, model, effect)
     return model
 
 
 def own_names(answer: ExplainResult) -> tuple[str, ...]:
-    """Return the names of added effects that benchtool does not ship."""
+    """Return the names of added effects that are user-defined."""
     return tuple(effect.name for effect in added_effects(answer) if effect.name not in EFFECTS)
 
 
 def added_effects(answer: ExplainResult) -> tuple[NamedEffect, ...]:
-    """Return the effects that the new model gets: of a class the likeliest member."""
+    """Return the effects of the new model; of a class the most probable member."""
     effects = answer.verdict.effects
     return effects[:1] if answer.verdict.kind == "class" else effects
 
 
-def _effect(answer: ExplainResult, name: str) -> Effect:
+def _find_effect(answer: ExplainResult, name: str) -> Effect:
     user_effects = {effect.name: effect for effect in answer.request.own}
     return user_effects.get(name) or EFFECTS[name]
 
 
-def _with(answer: ExplainResult, model: Model, effect: NamedEffect) -> Model:
-    definition = _effect(answer, effect.name)
+def _with_effect(answer: ExplainResult, model: Model, effect: NamedEffect) -> Model:
+    definition = _find_effect(answer, effect.name)
     if all(present.name != effect.name for present in model.effects):
         model = model.with_effect(definition)
     source = f"benchtool explain of {', '.join(source.name for source in answer.request.learn)}"
-    for shape in definition.parameters:  # what shapes its law comes along
-        name = f"{effect.name}.{shape.name}"
+    for parameter in definition.parameters:  # includes those of the law's shape
+        name = f"{effect.name}.{parameter.name}"
         if name in answer.verdict.parameters:
-            model = _moved(answer, model, name, source)
-    for item in effect.parameters:
-        model = _changed(
+            model = _with_estimate(answer, model, name, source)
+    for found in effect.parameters:
+        model = _with_changes(
             model,
-            f"{effect.name}.{item.name}",
-            value=item.value,
-            tolerance=item.tolerance,
-            # A sweep can be fitted again from here; a pitch recording is explained again.
+            f"{effect.name}.{found.name}",
+            value=found.value,
+            tolerance=found.tolerance,
+            # A sweep can be fitted again; a pitch recording is explained again.
             free=answer.verdict.bench == "sweep",
-            source=f"{source}: {item.text}",
+            source=f"{source}: {found.text}",
         )
     return model
 
 
-def _moved(answer: ExplainResult, model: Model, name: str, source: str) -> Model:
-    """Return the model with a number where the recordings put it, where that is elsewhere.
+def _with_estimate(answer: ExplainResult, model: Model, name: str, source: str) -> Model:
+    """Return the model with an estimated parameter; unchanged if the estimate equals its value.
 
-    Of a sweep it is left free for the next fit under what was known of it before; a pitch
-    recording is explained again, not fitted. What a fit may move already stays as it is.
+    For a sweep a fixed parameter becomes free with its prior, for the next fit.
     """
     before, value = model.parameters[name], answer.verdict.parameters[name].value
     if value == before.value:
         return model
     prior = known_prior(name, before)
     if answer.verdict.bench != "sweep" or before.free or prior is None:
-        return _changed(model, name, value=value, source=source)
-    return _changed(model, name, value=value, source=source, free=True, prior=prior)
+        return _with_changes(model, name, value=value, source=source)
+    return _with_changes(model, name, value=value, source=source, free=True, prior=prior)
 
 
-def _changed(model: Model, name: str, **changes: Any) -> Model:
+def _with_changes(model: Model, name: str, **changes: Any) -> Model:
     parameter = replace(model.parameters[name], **changes)
     return model.with_values(model.parameters.with_replaced(name, parameter))
 
 
 def _provenance(answer: ExplainResult, named: tuple[NamedEffect, ...]) -> dict[str, str]:
-    verdict = answer.verdict
+    verdict, nearest = answer.verdict, answer.verdict.nearest
+    sentence = verdict.sentence
+    if nearest is not None:
+        share = f"{100.0 * nearest.share_closed:.0f} % of the gap"
+        sentence = f"unknown; {nearest.phrase} is only the nearest, and closes {share}"
     facts = {f"parent.{key}": text for key, text in answer.request.loaded.model.provenance.items()}
     facts |= {
         "made_by": f"benchtool {__version__}, benchtool explain, seed {answer.seed}",
         "parent": f"{answer.request.loaded.model.name} ({answer.request.model_file})",
         "parent_sha256": answer.request.model_sha256,
-        "verdict": verdict.sentence
-        if verdict.nearest is None
-        else f"unknown; {verdict.nearest.phrase} is only the nearest, and closes "
-        f"{100.0 * verdict.nearest.share_closed:.0f} % of the gap",
+        "verdict": sentence,
     }
     for effect in named:
         facts[f"evidence.{effect.name}"] = (

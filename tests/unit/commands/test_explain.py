@@ -75,11 +75,11 @@ def test_a_user_effect_is_a_candidate(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("a.csv", "--check", "b.csv"), "which model"),
+        (("a.csv", "--check", "b.csv"), "no model; use --model"),
         (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
         ((LEARN, "--model", str(MODEL), "--check", CHECK, "--effects", "no.py"), "no such file"),
         (("--check", "b.csv", "a.csv"), "(every word behind --check is to check on)"),
-        ((LEARN, "no.csv", "--model", "bad.csv"), "3 things to mend: (1) no.csv: "),
+        ((LEARN, "no.csv", "--model", "bad.csv"), "3 problems: (1) no.csv: "),
         ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
         ((LEARN, "--model", "pitch_beam", "--check", CHECK), "name it with --rig"),
         (
