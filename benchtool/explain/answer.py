@@ -22,9 +22,9 @@ from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recordings import (
     RecordingSource,
     bench_kind,
-    missing_channels,
+    find_missing_inputs,
+    find_path_error,
     read_sources,
-    unreadable,
 )
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.data_rig import rig_for_data
@@ -186,10 +186,10 @@ def read_request(
         model: name in the library or path of a model file.
         rig: name or path of a rig file, for recordings without one.
     """
-    missing = missing_channels(learn, check)
+    missing = find_missing_inputs(learn, check)
     if not learn:
         raise missing[0]
-    errors = [error for path in (*learn, *check) if (error := unreadable(path)) is not None]
+    errors = [error for path in (*learn, *check) if (error := find_path_error(path)) is not None]
     loaded: LoadedModel | None = None
     own: tuple[Effect, ...] = ()
     try:

@@ -23,25 +23,20 @@ from benchtool.fit.uncertainty.zero_drift import add_zero_drift
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model_file import LoadedModel
 
+# Channel that identifies a bench, in order of precedence
 IDENTIFIED_BY: dict[BenchKind, str] = {"pitch": "theta_rad", "sweep": "thrust_N"}
-"""The channel that identifies a bench; a hinge goes before a load cell."""
-
-NEEDED: dict[BenchKind, tuple[str, ...]] = {
-    "pitch": ("time_s", "theta_rad"),
-    "sweep": ("thrust_N",),
-}
-"""Channels whose column must be in a file; others may be missing, with a remark."""
+REQUIRED = ("time_s", "theta_rad", "thrust_N")  # by bench; other columns may be missing
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordingSource:
     """Recording with its provenance."""
 
-    path: str  # as the user gave it
-    name: str  # for people: the file's or folder's own, the path where two share that
+    path: str  # as typed
+    name: str  # display name: of the file or folder; the path if two are equal
     recording: Recording
-    sha256: str  # of its bytes
-    remarks: tuple[str, ...] = ()  # columns of the model's map that the file has not
+    sha256: str  # of the data
+    remarks: tuple[str, ...] = ()  # warnings, such as missing columns of the model's map
 
     @property
     def simulated(self) -> bool:
@@ -52,166 +47,146 @@ class RecordingSource:
 def read_sources(
     learn: Sequence[str], check: Sequence[str], loaded: LoadedModel
 ) -> tuple[list[RecordingSource], list[RecordingSource]]:
-    """Return the recordings to learn from and those to check on.
+    """Return training and validation recordings.
 
     Raises:
-        InputError: none of either, the same data twice, or benches of two kinds.
-        FileFormatError: a file that is no recording.
+        InputError: missing recordings, duplicate data, or two kinds of benches.
+        FileFormatError: a file that is not a recording.
     """
-    if missing := missing_channels(learn, check):
+    if missing := find_missing_inputs(learn, check):
         raise missing[0]
     for path in (*learn, *check):
-        if (wrong := unreadable(path)) is not None:
-            raise wrong
+        if (error := find_path_error(path)) is not None:
+            raise error
     seen: dict[str, str] = {}
     for path in (*learn, *check):
         digest = data_hash(path)
         if digest in seen:
             raise InputError(
-                f"{path} holds the same data as {seen[digest]}; a model is checked on what it did "
-                f"not learn from, so name each recording once and check on another"
+                f"{path} has the same data as {seen[digest]}; give each recording once, and "
+                f"validation recordings that differ from the training recordings"
             )
         seen[digest] = path
     hashes = {path: digest for digest, path in seen.items()}
     names = recording_names(tuple(hashes))
     groups = [
-        [_alive(_source(path, names[path], hashes[path], loaded)) for path in part]
+        [_without_constant(_read_source(path, names[path], hashes[path], loaded)) for path in part]
         for part in (learn, check)
     ]
     kinds = {bench_kind(source): source.path for part in groups for source in part}
     if len(kinds) > 1:
         raise InputError(
-            f"{kinds['pitch']} is of a pitch bench and {kinds['sweep']} of a plate sweep; explain "
-            f"them one kind at a time"
+            f"mixed recordings: {kinds['pitch']} is from a pitch bench, {kinds['sweep']} from a "
+            f"plate sweep; explain them separately"
         )
     return groups[0], groups[1]
 
 
 def recording_names(paths: Sequence[str]) -> dict[str, str]:
-    """Return a name for each recording, all different: its path only where two share the name."""
-    short = [Path(path).name or path for path in paths]
-    return {
-        path: name if short.count(name) == 1 else path
-        for path, name in zip(paths, short, strict=True)
-    }
+    """Return the name of each recording by path; equal names are replaced by the path."""
+    names = {path: Path(path).name or path for path in paths}
+    short = list(names.values())
+    return {path: name if short.count(name) == 1 else path for path, name in names.items()}
 
 
-def missing_channels(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
-    """Return errors for a request without anything to learn from, or to check on."""
+def find_missing_inputs(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
+    """Return errors for a request without training or validation recordings."""
     if not learn:
-        order = " (every word behind --check is to check on)" if check else ""
-        return [
-            InputError(
-                f"nothing to explain: give recordings to learn from{order}, for example benchtool "
-                f"explain learn.csv --model model.toml --check check.csv"
-            )
-        ]
+        order = " (all arguments after --check are validation recordings)" if check else ""
+        example = "benchtool explain learn.csv --model model.toml --check check.csv"
+        return [InputError(f"no training recordings{order}; example: {example}")]
     if not check:
-        return [
-            InputError(
-                "there is no check recording; name one of the same bench that is not learned "
-                "from: --check FILE"
-            )
-        ]
+        return [InputError("no validation recording of the same bench; use --check FILE")]
     return []
 
 
 def bench_kind(source: RecordingSource) -> BenchKind:
-    """Return which kind of bench made a recording, by its channels."""
+    """Return the kind of bench of a recording, from its channels."""
     for kind, channel in IDENTIFIED_BY.items():
         if channel in source.recording:
             return kind
     if "thrust_ratio" in source.recording:
         raise InputError(
-            f"{source.path} has ratios of thrust, and an explanation takes thrust_N; compare laws "
-            f"on ratios with benchtool fit --compare laws"
+            f"{source.path} has thrust ratios, but an explanation needs thrust_N; use benchtool "
+            f"fit --compare laws for ratios"
         )
     raise InputError(
-        f"{source.path} has neither theta_rad (a pitch bench) nor thrust_N (a plate sweep), only "
+        f"{source.path} has neither theta_rad (pitch bench) nor thrust_N (plate sweep), only "
         f"{', '.join(source.recording.names)}; map its columns in the model's [columns]"
     )
 
 
-def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> RecordingSource:
-    if is_run(path):  # the experiment of a hinge, or the points of a sweep with its tares
-        hinge = IDENTIFIED_BY["pitch"] in sample_names(path)
-        if hinge:
-            run = read_pitch(path)
+def _read_source(path: str, name: str, digest: str, loaded: LoadedModel) -> RecordingSource:
+    columns: Mapping[str, ColumnSource] = {}
+    remarks: Sequence[str] = ()
+    metadata = metadata_path(Path(path))
+    if is_run(path):  # pitch experiment, or points of a sweep with its tares
+        remarks = changed_points(path)
+        if IDENTIFIED_BY["pitch"] in sample_names(path):
+            recording = read_pitch(path)
         else:
-            run = add_zero_drift(read_points(path, VALID_KINDS), path, loaded.model.rig)
-        return RecordingSource(
-            path=path, name=name, recording=run, sha256=digest, remarks=changed_points(path)
-        )
-    if metadata_path(Path(path)).is_file():
-        return RecordingSource(path=path, name=name, recording=read_recording(path), sha256=digest)
-    if Path(path).suffix.lower() == ".parquet":
-        raise FileFormatError(
-            path,
-            f"there is no {metadata_path(Path(path)).name} beside it; import it with benchtool",
-        )
-    columns, remarks = _present(path, name, loaded.columns)
-    filters = [f"{key}={value}" for key, value in loaded.row_filter.items()] if columns else []
-    recording = read_table(path, columns, filters)
-    if recording.provenance.get("repairs"):
-        remarks.append(f"{name}: {recording.provenance['repairs']}")
+            recording = add_zero_drift(read_points(path, VALID_KINDS), path, loaded.model.rig)
+    elif metadata.is_file():
+        recording = read_recording(path)
+    elif Path(path).suffix.lower() == ".parquet":
+        raise FileFormatError(path, f"{metadata.name} is missing; import it with benchtool")
+    else:
+        columns, remarks = _select_columns(path, name, loaded.columns)
+        filters = [f"{key}={value}" for key, value in loaded.row_filter.items()] if columns else []
+        recording = read_table(path, columns, filters)
+        if recording.provenance.get("repairs"):
+            remarks = (*remarks, f"{name}: {recording.provenance['repairs']}")
     return RecordingSource(
         path=path, name=name, recording=recording, sha256=digest, remarks=tuple(remarks)
     )
 
 
-def _alive(source: RecordingSource) -> RecordingSource:
-    """Return a source without speeds, pulses and a gyro that never change, and say so.
+def _without_constant(source: RecordingSource) -> RecordingSource:
+    """Return a source without constant rotor speeds, pulse widths and pitch rates, with warnings.
 
-    A rotor speed of exactly the same value in every row was never measured; a model held against
-    it would be found wanting. A pulse may stand still, where its rotor does not change either.
+    A rotor speed with the same value in every row was not measured. A constant pulse width is
+    valid if the speed of its rotor is constant, too.
 
     Raises:
-        InputError: no pulse ever changes and no speed shows what drove the beam.
+        InputError: no pulse width changes, and no measured speed shows the excitation.
     """
     recording, remarks = source.recording, list(source.remarks)
     if IDENTIFIED_BY["pitch"] not in recording or len(recording) < 2:
         return source
-    still = [
-        name
+    constant = {
+        name: float(recording.column(name)[0])
         for name in recording.names
-        if _DIES.fullmatch(name) and np.ptp(recording.column(name)) == 0.0
-    ]
-    alive = [name for name in recording.names if name not in still]
-    speeds = [name for name in alive if name.startswith("rpm")]
+        if _VARIABLE.fullmatch(name) and np.ptp(recording.column(name)) == 0.0
+    }
     pulses = [name for name in recording.names if name.startswith("pwm")]
-    if pulses and not speeds and set(pulses) <= set(still):
-        value = recording.column(pulses[0])[0]
+    has_speed = any(name.startswith("rpm") and name not in constant for name in recording.names)
+    if pulses and not has_speed and set(pulses) <= set(constant):
         raise InputError(
-            f"{pulses[0]} of {source.name} is {value:g} in every row, as are all pulses, and no "
-            f"rotor's speed changes: nothing drove the beam that could be followed; record rpm as "
-            f"well, with steps of attitude and collective, as the schedule identify has them"
+            f"{pulses[0]} of {source.name} is {constant[pulses[0]]:g} in every row, as are all "
+            f"pulse widths, and no rotor speed changes: no excitation of the beam; record rpm as "
+            f"well, with steps of attitude and collective, as in the schedule identify"
         )
-    dead = [name for name in still if not name.startswith("pwm") or _changed_speed(recording, name)]
-    for name in still:
-        value = recording.column(name)[0]
-        remarks.append(
-            f"{source.name}: {name} is {value:g} in every row: a dead channel, left out; mend it"
-            if name in dead
-            else f"{source.name}: {name} is {value:g} in every row, which is taken for true"
-        )
+    dead = [n for n in constant if not n.startswith("pwm") or _changed_speed(recording, n)]
+    for name, value in constant.items():
+        effect = ": dead channel, not used; repair it" if name in dead else ", accepted as constant"
+        remarks.append(f"{source.name}: {name} is {value:g} in every row{effect}")
     columns = [
         (recording.channels[recording.index(name)], recording.column(name))
         for name in recording.names
         if name not in dead
     ]
-    living = Recording.from_columns(columns, recording.provenance, recording.simulated)
-    return replace(source, recording=living, remarks=tuple(remarks))
+    recording = Recording.from_columns(columns, recording.provenance, recording.simulated)
+    return replace(source, recording=recording, remarks=tuple(remarks))
 
 
-_DIES = re.compile(r"rpm\d+|pwm\d+_us|gyro_rad_s")
-
-STEADY = 0.05  # share of a speed that changed: other pulses than one; assumed
+_VARIABLE = re.compile(r"rpm\d+|pwm\d+_us|gyro_rad_s")  # channels that change if connected
+MAX_STEADY_RANGE = 0.05  # of the mean speed at a constant pulse width; assumed
 
 
 def _changed_speed(recording: Recording, pulse: str) -> bool:
-    """Return whether a rotor changed its speed at constant pulse width.
+    """Return True if a rotor changed its speed at constant pulse width.
 
-    The first and the last twentieth do not count: a rotor may still follow what came before.
+    The lowest and highest twentieth of the speeds are ignored: the rotor may still accelerate.
     """
     name = pulse.replace("pwm", "rpm").removesuffix("_us")
     if name not in recording:
@@ -220,71 +195,61 @@ def _changed_speed(recording: Recording, pulse: str) -> bool:
     if len(speeds) < 2:
         return False
     low, high = np.quantile(speeds, [0.05, 0.95])
-    return bool(high - low > STEADY * np.abs(np.mean(speeds)))
+    return bool(high - low > MAX_STEADY_RANGE * np.abs(np.mean(speeds)))
 
 
-def _present(
+def _select_columns(
     path: str, name: str, columns: Mapping[str, ColumnSource]
 ) -> tuple[Mapping[str, ColumnSource], list[str]]:
-    """Return the map without columns that a file has not, and what is missing.
+    """Return the map without columns that are missing in a file, and warnings about them.
 
-    A file with our own names needs no map. Where a needed column is missing, the map is left whole:
-    reading it then says what the file has.
+    A file with standard names needs no map. If a required column is missing, the map is returned
+    unchanged, so that reading the file raises an error with its columns.
     """
     if not columns:
         return {}, []
     header = read_csv_header(Path(path))
-    absent = {
-        ours: source.column
-        for ours, source in columns.items()
+    missing = {
+        channel: source.column
+        for channel, source in columns.items()
         if source.column is not None and source.column.strip() not in header
     }
-    needed = [ours for names in NEEDED.values() for ours in names if ours in absent]
-    has_standard_names = any(ours in header for names in NEEDED.values() for ours in names)
-    if needed and has_standard_names:
-        return {}, []
-    if needed:
-        return columns, []
-    return (
-        {ours: source for ours, source in columns.items() if ours not in absent},
-        [
-            f"{name}: no column {theirs!r}, which the model's [columns] map to {ours}"
-            for ours, theirs in absent.items()
-        ],
-    )
+    if any(channel in missing for channel in REQUIRED):
+        has_standard_names = any(channel in header for channel in REQUIRED)
+        return {} if has_standard_names else columns, []
+    return {key: source for key, source in columns.items() if key not in missing}, [
+        f"{name}: no column {column!r}, which the model's [columns] map to {channel}"
+        for channel, column in missing.items()
+    ]
 
 
 MAX_LISTED = 6  # recordings of a folder in a message; assumed
 
-OTHERS = {  # what files that stand beside recordings are by their names
-    ".toml": "a TOML file (a model goes behind --model)",
+OTHERS = {  # files next to recordings, by suffix
+    ".toml": "a TOML file (use --model for a model)",
     ".json": "a JSON file",
     ".html": "a page",
     ".svg": "a picture",
     ".png": "a picture",
     ".txt": "a text file",
 }
+RECORDING_HINT = "a recording is a CSV file, a Parquet file with its JSON, or a run folder"
 
-READ_CHANNELS = "a recording is a CSV, a Parquet file with its JSON, or a run folder"
 
-
-def unreadable(path: str) -> InputError | None:
-    """Return why a path can be no recording; None where one may be."""
+def find_path_error(path: str) -> InputError | None:
+    """Return an error if a path cannot be a recording, else None."""
     file = Path(path)
     if not file.exists():
-        return FileFormatError(path, "there is no such run or file; check the path")
+        return FileFormatError(path, "no such run or file; check the path")
     if file.is_dir():
-        return None if is_run(file) else FileFormatError(path, _of_folder(file))
+        return None if is_run(file) else FileFormatError(path, _describe_folder(file))
     if file.suffix.lower() in OTHERS:
-        return FileFormatError(path, f"this is {OTHERS[file.suffix.lower()]}; {READ_CHANNELS}")
+        return FileFormatError(path, f"this is {OTHERS[file.suffix.lower()]}; {RECORDING_HINT}")
     return None
 
 
 def list_recordings(folder: Path) -> list[Path]:
-    """Return the recordings of a folder, else those of the folders in it.
-
-    Tables that nothing says more of count where there is nothing better.
-    """
+    """Return the recordings of a folder, else its tables, else those of its subfolders."""
     for pattern in ("*", "*/*"):
         paths = [item for item in sorted(folder.glob(pattern)) if not item.name.startswith(".")]
         kinds = {item: kind_of(item) for item in paths}
@@ -299,12 +264,10 @@ def list_recordings(folder: Path) -> list[Path]:
     return []
 
 
-def _of_folder(folder: Path) -> str:
+def _describe_folder(folder: Path) -> str:
     paths = list_recordings(folder)
     if not paths:
-        return f"this folder is no run, and no recording is in it; {READ_CHANNELS}"
-    named = ", ".join(str(item) for item in paths[:MAX_LISTED])
-    more = f" and {len(paths) - MAX_LISTED} more" if len(paths) > MAX_LISTED else ""
-    if len(paths) == 1:
-        return f"this folder is no run; name the recording in it: {named}"
-    return f"this folder is no run; name one or more of the recordings in it: {named}{more}"
+        return f"this folder is not a run and contains no recording; {RECORDING_HINT}"
+    names = ", ".join(str(item) for item in paths[:MAX_LISTED])
+    omitted = f" and {len(paths) - MAX_LISTED} more" if len(paths) > MAX_LISTED else ""
+    return f"this folder is not a run; use recordings in it: {names}{omitted}"

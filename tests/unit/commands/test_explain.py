@@ -78,7 +78,7 @@ def test_a_user_effect_is_a_candidate(capsys, tmp_path):
         (("a.csv", "--check", "b.csv"), "no model; use --model"),
         (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
         ((LEARN, "--model", str(MODEL), "--check", CHECK, "--effects", "no.py"), "no such file"),
-        (("--check", "b.csv", "a.csv"), "(every word behind --check is to check on)"),
+        (("--check", "b.csv", "a.csv"), "(all arguments after --check are validation recordings)"),
         ((LEARN, "no.csv", "--model", "bad.csv"), "3 problems: (1) no.csv: "),
         ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
         ((LEARN, "--model", "pitch_beam", "--check", CHECK), "name it with --rig"),

@@ -91,22 +91,22 @@ def good(model):
 
 
 MENDED: dict[str, tuple[Fault, str]] = {
-    "angle 12 ms late": (late("theta_rad", 3), "theta_rad is 1[12]"),
-    "angle 40 ms late": (late("theta_rad", 10), "theta_rad is (39|40)"),
-    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s is 1[12]"),
-    "speeds 12 ms late": (late("rpm", 3), "rpm is 1[123]"),
-    "pulses 12 ms late": (late("pwm", 3), "pwm_us is 1[123]"),
-    "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "taken for rad/s"),
-    "plate in mm": (scaled("plate_z_m", 1000.0), "taken for mm"),
-    "speeds exchanged": (exchanged, "speed columns were swapped"),
+    "angle 12 ms late": (late("theta_rad", 3), "theta_rad comes 1[12]"),
+    "angle 40 ms late": (late("theta_rad", 10), "theta_rad comes (39|40)"),
+    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s comes 1[12]"),
+    "speeds 12 ms late": (late("rpm", 3), "rpm comes 1[123]"),
+    "pulses 12 ms late": (late("pwm", 3), "pwm_us comes 1[123]"),
+    "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "converted from rad/s"),
+    "plate in mm": (scaled("plate_z_m", 1000.0), "converted from mm"),
+    "speeds exchanged": (exchanged, "columns of speed were exchanged"),
     "spikes of the angle": (spikes("theta_rad", 0.3), "7 spikes of theta_rad"),
     "spikes of the rate": (spikes("gyro_rad_s", -2.0), "7 spikes of gyro_rad_s"),
     "spikes of a speed": (spikes("rpm1", -3000.0), "7 spikes of rpm1"),
-    "angle hangs": (hung("theta_rad", 600, 200), "theta_rad hangs"),
-    "rate hangs": (hung("gyro_rad_s", 600, 400), "gyro_rad_s hangs"),
-    "speed hangs": (hung("rpm2", 600, 1500), "rpm2 hangs"),
-    "rate ends its range": (clipped("gyro_rad_s", 0.9), "gyro_rad_s ends its range"),
-    "angle ends its range": (clipped("theta_rad", 0.9), "theta_rad ends its range"),
+    "angle hangs": (hung("theta_rad", 600, 200), "theta_rad is frozen"),
+    "rate hangs": (hung("gyro_rad_s", 600, 400), "gyro_rad_s is frozen"),
+    "speed hangs": (hung("rpm2", 600, 1500), "rpm2 is frozen"),
+    "rate ends its range": (clipped("gyro_rad_s", 0.9), "gyro_rad_s saturates"),
+    "angle ends its range": (clipped("theta_rad", 0.9), "theta_rad saturates"),
 }
 
 
@@ -185,10 +185,10 @@ def full_cell(good: Recording) -> Recording:
 
 
 SWEPT: dict[str, tuple[Fault, str]] = {
-    "plate in mm": (scaled("plate_z_m", 1000.0), "taken for mm"),
-    "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "taken for rad/s"),
+    "plate in mm": (scaled("plate_z_m", 1000.0), "converted from mm"),
+    "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "converted from rad/s"),
     "spike": (spike_of_thrust, "1 spike of thrust_N"),
-    "full cell": (full_cell, "thrust_N ends its range at 9 N"),
+    "full cell": (full_cell, "thrust_N saturates at 9 N"),
 }
 
 

@@ -83,9 +83,9 @@ def test_a_dead_channel_is_left_out_and_told(tmp_path):
     (source,), _ = read_sources([str(path)], [csv(tmp_path, "b.csv")], loaded())
     assert source.recording.names == ("time_s", "theta_rad", "rpm2", "pwm1_us")
     assert [line.split(": ", 1)[1] for line in source.remarks] == [
-        "rpm1 is 0 in every row: a dead channel, left out; mend it",
-        "pwm1_us is 1500 in every row, which is taken for true",
-        "pwm2_us is 1500 in every row: a dead channel, left out; mend it",
+        "rpm1 is 0 in every row: dead channel, not used; repair it",
+        "pwm1_us is 1500 in every row, accepted as constant",
+        "pwm2_us is 1500 in every row: dead channel, not used; repair it",
     ]
 
 
@@ -102,18 +102,18 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("learn", "check", "said"),
     [
-        ("", "a.csv", "nothing to explain"),
-        ("a.csv", "", "no check recording"),
+        ("", "a.csv", "no training recordings"),
+        ("a.csv", "", "no validation recording"),
         ("a.csv", "a.csv", "same data"),
         ("a.csv", "copy.csv", "same data"),
         ("nowhere.csv", "a.csv", "no such run or file"),
-        (".", "a.csv", "this folder is no run; .*: a.csv, copy.csv"),
+        (".", "a.csv", "this folder is not a run; .*: a.csv, copy.csv"),
         ("m.toml", "a.csv", "m.toml: this is a TOML file"),
         ("word.csv", "a.csv", "it contains 'hello' and no row below"),
-        ("bare.parquet", "a.csv", "no bare.parquet.json beside it"),
+        ("bare.parquet", "a.csv", "bare.parquet.json is missing"),
         ("other.csv", "a.csv", r"\[columns\] names 't', which other.csv lacks; .* a, b, c$"),
         ("notime.csv", "a.csv", "neither theta_rad .* nor thrust_N"),
-        ("a.csv", str(SWEEP), "a.csv is of a pitch bench and .* plate sweep"),
+        ("a.csv", str(SWEEP), "a.csv is from a pitch bench, .* plate sweep"),
     ],
 )
 def test_what_cannot_be_explained_is_refused_with_the_reason(
