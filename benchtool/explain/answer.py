@@ -191,7 +191,7 @@ def read_request(
         raise missing[0]
     errors = [error for path in (*learn, *check) if (error := find_path_error(path)) is not None]
     loaded: LoadedModel | None = None
-    own: tuple[Effect, ...] = ()
+    user_defined: tuple[Effect, ...] = ()
     try:
         if not model:
             names = [name for name in model_names() if not name.startswith("virtual_")]
@@ -203,7 +203,7 @@ def read_request(
     except InputError as error:
         errors.append(error)
     try:
-        own = user_effects(effects, permit) if effects else ()
+        user_defined = user_effects(effects, permit) if effects else ()
     except InputError as error:
         errors.append(error)
     errors += missing
@@ -228,7 +228,7 @@ def read_request(
         effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
         effects_file=effects_path,
-        own=own,
+        own=user_defined,
         learn=tuple(sources),
         check=tuple(checks),
     )

@@ -113,15 +113,15 @@ def _with_effect(answer: ExplainResult, model: Model, effect: NamedEffect) -> Mo
         name = f"{effect.name}.{parameter.name}"
         if name in answer.verdict.parameters:
             model = _with_estimate(answer, model, name, source)
-    for found in effect.parameters:
+    for estimate in effect.parameters:
         model = _with_changes(
             model,
-            f"{effect.name}.{found.name}",
-            value=found.value,
-            tolerance=found.tolerance,
+            f"{effect.name}.{estimate.name}",
+            value=estimate.value,
+            tolerance=estimate.tolerance,
             # A sweep can be fitted again; a pitch recording is explained again.
             free=answer.verdict.bench == "sweep",
-            source=f"{source}: {found.text}",
+            source=f"{source}: {estimate.text}",
         )
     return model
 

@@ -104,16 +104,16 @@ class ValidationScore:
         draws: int,
     ) -> ValidationScore:
         """Predict before (`null`) and after (`best`) the explanation."""
-        learned = LearnedDiscrepancies(hypotheses, subject.all_evidence)
+        discrepancies = LearnedDiscrepancies(hypotheses, subject.all_evidence)
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
-        before = learned.mean(null)
-        changes = np.stack([np.zeros_like(before), before, learned.mean(best)], axis=1)
+        before = discrepancies.mean(null)
+        changes = np.stack([np.zeros_like(before), before, discrepancies.mean(best)], axis=1)
 
-        drawn = learned.draw(best, rng, FLOOR_DRAWS)
+        drawn = discrepancies.draw(best, rng, FLOOR_DRAWS)
         return cls(
             errors=dict(subject.errors(sets, changes)),
             uncertain_floor=dict(subject.floor(best.values, drawn, rng, hypotheses.spread(best))),
-            floor=dict(subject.floor(best.values, learned.draw(best, rng, draws), rng)),
+            floor=dict(subject.floor(best.values, discrepancies.draw(best, rng, draws), rng)),
         )
 
     @property

@@ -1,4 +1,4 @@
-"""A law as an ordinary effect file, for a person to read and to rename."""
+"""Effect file of a found law, to be checked and renamed by the user."""
 
 from __future__ import annotations
 
@@ -13,11 +13,8 @@ from benchtool.explain.law_search.law import FoundDependence, Hook
 from benchtool.physics.effects.effect import Subsystem
 
 FOUND = "found_effect"  # name of a drafted effect and of its file
-OWN = 0.1  # part of a law that does not matter either: no law is better known
-
-HELD = 0.3
-"""How far a shape may be moved, one standard deviation: of a place in widths, of others in parts of
-the value. What levels that were not visited leave open is not left to the next fit."""
+LAW_TOLERANCE = 0.1  # min tolerance as a share of the law: no law is known better
+MAX_SHAPE_SD = 0.3  # of the prior: of a position in widths, of others in shares of the value
 
 
 class DraftTarget(NamedTuple):
@@ -34,9 +31,9 @@ HOOKS: dict[Hook, DraftTarget] = {
     "gyro_reading": DraftTarget("the reading with the law added: rad/s", "sensor"),
 }
 
-_FORM = '''"""Drafted by benchtool explain {version}: read it, and name it after its cause.
+_FORM = '''"""Drafted by benchtool explain {version}: check it, and name it after its cause.
 
-{words}
+{text}
 """
 
 from __future__ import annotations
@@ -49,7 +46,7 @@ from benchtool.physics.effects.laws.shapes import {functions}
 
 
 @expression
-def {hook}(p: Any, i: int, flow: Flow{taken}) -> Quantity:
+def {hook}(p: Any, i: int, flow: Flow{argument}) -> Quantity:
     """Return {returns}."""
     return {code}
 
@@ -80,48 +77,40 @@ def draft_effect(dependence: FoundDependence) -> str:
     assert law is not None
     changes = form.weights * law.family(variable.values, law.numbers)
     tolerance = form.matters / float(np.abs(changes).max())
-    tolerance = max(tolerance, OWN * abs(law.amplitude))
+    tolerance = max(tolerance, LAW_TOLERANCE * abs(law.amplitude))
     bound = max(20.0 * abs(law.amplitude), 10.0 * tolerance)
-    lines = [
-        _number(
-            "a", "1", law.amplitude, "size of the law", neutral=0.0, within=(-bound, bound),
-            tolerance=tolerance,
-        )
-    ]  # fmt: skip
+    limits = (-bound, bound)
+    size = _number("a", "1", law.amplitude, "size of the law", 0.0, limits, tolerance)
+    lines = [size]
     for name, value, sd in zip(law.family.numbers, law.numbers, law.sds, strict=True):
-        positive = name in ("width", "length")
-        reach = HELD * law.values.get("width", 0.5) if name == "at" else HELD * abs(value)
-        held = max(min(sd, reach), 1e-4)
-        lines.append(
-            _number(
-                name, "1", value, "shape of the law",
-                within=(0.1 * value, 10.0 * value) if positive else None,
-                prior=f'Prior("normal", {value:.6g}, {held:.3g}, "benchtool explain")',
-            )
-        )  # fmt: skip
+        within = (0.1 * value, 10.0 * value) if name in ("width", "length") else None
+        scale = law.values.get("width", 0.5) if name == "at" else abs(value)
+        prior_sd = max(min(sd, MAX_SHAPE_SD * scale), 1e-4)
+        prior = f'Prior("normal", {value:.6g}, {prior_sd:.3g}, "benchtool explain")'
+        lines.append(_number(name, "1", value, "shape of the law", within=within, prior=prior))
     code = form.code + variable.code
     if "p.reference" in code:
         lines.append(_number("reference", variable.unit, variable.reference, "reference"))
     if "p.radius_m" in code:
         lines.append(_number("radius_m", "m", dependence.radius_m, "radius R of the rotors"))
     if "p.typical" in code:
-        lines.append(_number("typical", form.unit, float(form.weights[0]), "what a counts in"))
+        lines.append(_number("typical", form.unit, float(form.weights[0]), "unit of a"))
     numbers = ", ".join(f"p.{name}" for name in law.family.numbers)
     shape = f"{law.family.name}({variable.code}, {numbers})"
     assert form.hook
     hook = HOOKS[form.hook]
-    used = {law.family.name} | ({"power"} if "power(" in form.code else set())
-    described = f"Something that depends on {dependence.phrase}; nobody has said what it is."
+    functions = {law.family.name} | ({"power"} if "power(" in form.code else set())
+    description = f"Effect that depends on {dependence.phrase}; its cause is unknown."
     return _FORM.format(
         name=FOUND,
         version=__version__,
-        words=fill(f"It {dependence.text}. {_with(dependence)}", 99),
-        functions=", ".join(sorted(used)),
+        text=fill(f"It {dependence.text}. {_format_values(dependence)}", 99),
+        functions=", ".join(sorted(functions)),
         hook=form.hook,
-        taken=", reading: Quantity" if "reading" in form.hook else "",
+        argument=", reading: Quantity" if "reading" in form.hook else "",
         returns=hook.returns,
         code=form.code.format(f=shape),
-        description=dumps(described),
+        description=dumps(description),
         subsystem=hook.subsystem,
         bench=form.bench,
         formula=dumps(dependence.formula),
@@ -130,20 +119,20 @@ def draft_effect(dependence: FoundDependence) -> str:
     )
 
 
-def _with(dependence: FoundDependence) -> str:
+def _format_values(dependence: FoundDependence) -> str:
     law, variable = dependence.law, dependence.variable
     assert law is not None
     values = ", ".join(f"{name} = {value:.4g}" for name, value in law.values.items())
     if variable.unit == "1":
-        return f"There {values}."
-    return f"There {values}; the reference is {variable.reference:.4g} {variable.unit}."
+        return f"Values: {values}."
+    return f"Values: {values}; reference: {variable.reference:.4g} {variable.unit}."
 
 
 def _number(
-    name: str, unit: str, value: float, description: str, *, neutral: float | None = None,
+    name: str, unit: str, value: float, description: str, neutral: float | None = None,
     within: tuple[float, float] | None = None, tolerance: float | None = None, prior: str = "",
 ) -> str:  # fmt: skip
-    """Return the line of a number in an effect file."""
+    """Return the source text of a parameter in an effect file."""
     parts = [dumps(name), dumps(unit), f"{value:.6g}", dumps(description)]
     if neutral is not None:
         parts.append(f"neutral={neutral:g}")

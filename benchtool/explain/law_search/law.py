@@ -12,118 +12,87 @@ from benchtool.explain.law_search.families import LawFamily, Scale
 from benchtool.physics.effects.effect import BenchKind
 
 Hook = Literal["factor", "thrust_reading", "torque", "gyro_reading"]  # hooks of drafted effects
-DISTANCE = "flow.height_m[i] / p.radius_m"  # the plate's distance as a hook sees it
+DISTANCE = "flow.height_m[i] / p.radius_m"  # plate distance over radius, in the code of a hook
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Variable:
-    """Describe what a law may depend on, as a group without a unit.
+    """Dimensionless variable of a law."""
 
-    Attributes:
-        values: (m,) of each reading.
-        code: the same as a hook sees it, with `p.reference` for the reference.
-        reference: what the quantity is divided by, in `unit`.
-        blocks: whether readings of one value are one, and others have nothing in common with it.
-    """
-
-    phrase: str  # what it is, as a sentence says it
-    symbol: str  # as a formula has it
-    values: Array
-    code: str = ""
-    reference: float = 1.0
+    phrase: str  # within a sentence
+    symbol: str  # in a formula
+    values: Array  # (m,) one for each reading
+    code: str = ""  # of a hook, with `p.reference` for the reference
+    reference: float = 1.0  # divisor of the quantity, in `unit`
     unit: str = "1"
     scale: Scale = "positive"
-    forms: tuple[str, ...] = ("factor", "near", "nearer", "reading")  # that suit it
-    blocks: bool = False
+    forms: tuple[str, ...] = ("factor", "near", "nearer", "reading")  # suitable ones
+    blocks: bool = False  # categorical: values are independent groups
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LawForm:
-    """Target of a law: a reading, torque or thrust changes by a f(u) times weights (m,).
-
-    Attributes:
-        formula: with {f} for a f(u).
-        code: of the hook's result, with {f} for f(u), `p.typical` for what a counts in.
-        matters: departure of the weighted law that does not matter.
-        unit: of `weights`, where a is counted in them.
-        centred: whether a law's mean is left out: a law of the distance or the thrust coefficient
-            takes it up.
-        phrase: where it acts, as a sentence says it.
-        share_of: what a law's values are a part of, as an axis says it.
-    """
+    """Target of a law: a reading, torque or thrust changes by a f(u) times weights (m,)."""
 
     name: str
     hook: Hook | Literal[""]
     weights: Array
-    formula: str
-    code: str
-    matters: float
+    formula: str  # with {f} for a f(u)
+    code: str  # of the hook's result, with {f} for f(u) and `p.typical` for the unit of a
+    matters: float  # tolerance of the weighted law
     bench: BenchKind = "sweep"
-    unit: str = "N"
-    centred: bool = False
-    phrase: str = ""
-    share_of: str = "thrust"
+    unit: str = "N"  # of `weights`
+    centred: bool = False  # subtract the law's mean, which other parameters absorb
+    phrase: str = ""  # location, within a sentence
+    share_of: str = "thrust"  # quantity of which values are a share, for an axis
 
     def seen(self, variable: Variable) -> Array:
-        """Return the values of a variable over the readings that the form changes."""
+        """Return the values of a variable at the readings that the form changes."""
         values: Array = variable.values[np.abs(self.weights) > 0.02 * np.abs(self.weights).max()]
         return values
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Law:
-    """Law a f(u) with its numbers."""
+    """Law a f(u) with its parameters."""
 
     family: LawFamily
     form: LawForm
     amplitude: float
     amplitude_sd: float
     numbers: tuple[float, ...]  # of the family
-    sds: tuple[float, ...]  # their standard deviations
+    sds: tuple[float, ...]  # standard deviations of `numbers`
 
     @property
     def values(self) -> dict[str, float]:
-        """All numbers by name."""
+        """All parameters by name."""
         names = ("a", *self.family.numbers)
         return dict(zip(names, (self.amplitude, *self.numbers), strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LawCurve:
-    """Curve with its band over a variable, and the readings behind it.
+    """Smooth function of a variable with its 95 % band, and the readings."""
 
-    Attributes:
-        at: (n,) places; `mean`, `low` and `high` (n,) of a smooth function there, 95 %.
-        law: (n,) the law there; empty without one.
-        points, shares: (m,) places of readings and what they miss, as parts of the form's weight.
-    """
-
-    at: Array
+    at: Array  # (n,) values of the variable
     mean: Array
     low: Array
     high: Array
-    law: Array
-    points: Array
-    shares: Array
+    law: Array  # (n,) or empty
+    points: Array  # (m,) values of the variable at readings
+    shares: Array  # (m,) residuals of readings, as shares of the form's weight
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FoundDependence:
-    """Dependence of an unnamed effect.
-
-    Attributes:
-        probability: that it is this variable, of all that were weighed.
-        candidates: how many pairs of a variable and a form were weighed.
-        law: None where no law closes enough of the gap.
-        closed: share of the held-out gap that laws close which were chosen without it.
-    """
+    """Dependence of an unnamed effect."""
 
     variable: Variable
     form: LawForm
-    probability: float
-    candidates: int
-    law: Law | None
-    closed: float
+    probability: float  # of this variable among all candidates
+    candidates: int  # pairs of variable and form
+    law: Law | None  # None if no law closes enough of the gap
+    closed: float  # share of the held-out gap closed by laws, in cross-validation
     curve: LawCurve
     radius_m: float  # R of the rotors
 
@@ -141,7 +110,7 @@ class FoundDependence:
 
     @property
     def text(self) -> str:
-        """Variable, and share of the gap that the law closes, as the end of a sentence."""
+        """Variable and share of the gap closed by the law, as the end of a sentence."""
         if self.law is None:
             return f"depends on {self.phrase}"
         share = f"{100.0 * self.closed:.0f} % of the held-out gap"
