@@ -45,8 +45,7 @@ Result = Any  # JSON data: numbers, text, lists and dictionaries
 Work = Callable[[T], Result]
 
 Cluster = Annotated[  # option of all commands with many tasks
-    str | None,
-    Input("Dask scheduler: tcp://HOST:8786.", default_text="this machine"),
+    str | None, Input("Dask scheduler: tcp://HOST:8786.", default_text="this machine")
 ]
 
 CONNECT_TIMEOUT_S = 10.0  # of the scheduler; assumed

@@ -25,8 +25,7 @@ class SweepInputs(Inputs):
         str, Input("Bench: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
     ] = ""
     plan_file: Annotated[
-        Path | None,
-        Input("Plan file (TOML), or steps, ramp, response, endurance.", option="plan"),
+        Path | None, Input("Plan file (TOML), or steps, ramp, response, endurance.", option="plan")
     ] = None
     rig: Annotated[str | None, Input("Rig name or file.")] = None
     plan: Plan = field(default_factory=Plan)
@@ -67,10 +66,7 @@ class MassUncertainty(Inputs):
         Ge(0.0),
         Le(1.0),
         Input(
-            "Standard uncertainty of each mass.",
-            "kg",
-            option="mass-u",
-            label="Each mass +-, kg",
+            "Standard uncertainty of each mass.", "kg", option="mass-u", label="Each mass +-, kg"
         ),
     ] = 0.0
     mass_scale_u: Annotated[
@@ -78,8 +74,7 @@ class MassUncertainty(Inputs):
         Ge(0.0),
         Le(0.1),
         Input(
-            "Relative standard uncertainty common to all masses.",
-            label="All masses +-, relative",
+            "Relative standard uncertainty common to all masses.", label="All masses +-, relative"
         ),
     ] = 0.0
     gravity_u_m_s2: Annotated[

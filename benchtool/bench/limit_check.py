@@ -45,12 +45,7 @@ class LimitCheck:
     """
 
     def __init__(
-        self,
-        channels: Sequence[Channel],
-        rig: Rig,
-        limits: Limits,
-        stale_s: float,
-        start_s: float,
+        self, channels: Sequence[Channel], rig: Rig, limits: Limits, stale_s: float, start_s: float
     ) -> None:
         names = [channel.name for channel in channels]
         self._names, self._rotor_stale_s = names, stale_s

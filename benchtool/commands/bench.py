@@ -34,8 +34,7 @@ class ServeInputs(Inputs):
     rig: Annotated[str, Input("Rig name or file.")] = "pquad"
     truth: Annotated[str | None, Input("Model of the simulated thrust: name or file.")] = None
     link: Annotated[
-        str,
-        Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...).", group="Link"),
+        str, Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...).", group="Link")
     ] = "pty"
     symlink: Annotated[Path | None, Input("Symbolic link to the pseudo-terminal.")] = None
     speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Time factor.", group="Simulation")] = 1.0
@@ -54,8 +53,7 @@ class ServeInputs(Inputs):
     controller: Annotated[str, Input("Pitch: controller, or module:Class.")] = "pid"
     gains: Annotated[str, Input("Pitch: gain set or file.")] = "s3"
     settings: Annotated[
-        Mapping[str, float],
-        Input("Pitch: NAME=VALUE, e.g. K_b=1.8; repeatable.", option="set"),
+        Mapping[str, float], Input("Pitch: NAME=VALUE, e.g. K_b=1.8; repeatable.", option="set")
     ] = field(default_factory=dict)
     autopilot: Annotated[
         Literal["ardupilot", "px4"], Input("MAVLink: autopilot to emulate.", group="MAVLink")

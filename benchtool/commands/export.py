@@ -32,8 +32,7 @@ class ExportInputs(Inputs):
     ] = ()
     stand: MotorTestInputs = field(default_factory=MotorTestInputs)
     out: Annotated[
-        Path | None,
-        Input("New file, or new folder for all.", default_text="named after the rig"),
+        Path | None, Input("New file, or new folder for all.", default_text="named after the rig")
     ] = None
 
 

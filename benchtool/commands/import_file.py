@@ -39,16 +39,14 @@ class ImportInputs(Inputs):
         Input("Air density for coefficient files.", "kg/m3", group="Bench"),
     ] = None
     propeller: Annotated[
-        str,
-        Input("Propeller: name (benchtool library propellers), file, or inches: 10x4.5."),
+        str, Input("Propeller: name (benchtool library propellers), file, or inches: 10x4.5.")
     ] = ""
     hover: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
         Input("Vehicle mass; extracts points from steady hover.", "kg"),
     ] = None
     out: Annotated[
-        Path | None,
-        Input("Folder, or a .csv or .parquet file for one import.", group="Results"),
+        Path | None, Input("Folder, or a .csv or .parquet file for one import.", group="Results")
     ] = None
     parquet: Annotated[bool, Input("Write Parquet instead of CSV.")] = False
     overwrite: Annotated[bool, Input("Replace existing recordings.")] = False

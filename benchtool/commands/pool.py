@@ -23,8 +23,7 @@ class PoolInputs(Inputs):
     of: Annotated[
         tuple[str, ...],
         Input(
-            "Parameter that may differ between rigs; repeatable.",
-            default_text="all without a unit",
+            "Parameter that may differ between rigs; repeatable.", default_text="all without a unit"
         ),
     ] = ()
     shared: Annotated[tuple[str, ...], Input("Parameter equal in all rigs; repeatable.")] = ()

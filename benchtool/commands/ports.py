@@ -20,8 +20,7 @@ class PortsInputs(Inputs):
     """Options of `benchtool ports`."""
 
     port: Annotated[
-        str,
-        Input("Port to diagnose: /dev/ttyUSB0, COM12, or a bench address.", argument="PORT"),
+        str, Input("Port to diagnose: /dev/ttyUSB0, COM12, or a bench address.", argument="PORT")
     ] = ""
     probe: Annotated[bool, Input("Open each port and identify the device; resets boards.")] = False
     baud: Annotated[int, Ge(1), Le(100_000_000), Input("Baud rate for --probe.")] = DEFAULT_BAUD

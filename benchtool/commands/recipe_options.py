@@ -21,8 +21,7 @@ class StandInputs(Inputs):
     TITLE = "Test stand logs"
 
     propeller: Annotated[
-        str | None,
-        Input("Propeller, if missing in a log: name, file or inches: 5x4.5."),
+        str | None, Input("Propeller, if missing in a log: name, file or inches: 5x4.5.")
     ] = None
     rig: Annotated[str | None, Input("Rig name or file.", default_text="from the logs")] = None
 
@@ -90,12 +89,10 @@ class TableInputs(Inputs):
     z_unit: Annotated[str, Input("Unit of the distance, if its column name has none: mm, R.")] = ""
     error: Annotated[str, Input("Column of the error of thrust or ratio, or none.")] = ""
     error_is: Annotated[
-        Error | None,
-        Input("Kind of error: standard deviation (sd) or standard error (se)."),
+        Error | None, Input("Kind of error: standard deviation (sd) or standard error (se).")
     ] = None
     reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
     runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""
     radius: Annotated[
-        Annotated[float, Gt(0.0), Le(100.0)] | None,
-        Input("Rotor radius, instead of --rig.", "m"),
+        Annotated[float, Gt(0.0), Le(100.0)] | None, Input("Rotor radius, instead of --rig.", "m")
     ] = None

@@ -26,8 +26,7 @@ class RecordInputs(Inputs):
     """Options of `benchtool record`."""
 
     address: Annotated[
-        str,
-        Input("Bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS"),
+        str, Input("Bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
     ]
     rig: Annotated[str | None, Input("Rig name or file.")] = None
     seconds: Annotated[

@@ -22,20 +22,15 @@ class ReportInputs(Inputs):
 
     paths: Annotated[
         tuple[Path, ...],
-        Input(
-            "Run, fit or explain folder, or recording; several are compared.",
-            argument="PATH",
-        ),
+        Input("Run, fit or explain folder, or recording; several are compared.", argument="PATH"),
     ] = ()
-    out: Annotated[
-        Path | None,
-        Input("HTML file.", default_text="report.html in the folder"),
-    ] = None
+    out: Annotated[Path | None, Input("HTML file.", default_text="report.html in the folder")] = (
+        None
+    )
     model: Annotated[str, Input("Model to overlay: name, file or fit folder.")] = ""
     rig: Annotated[str | None, Input("Rig of a log: name or file.")] = None
     controller: Annotated[
-        str,
-        Input("Controller of a log: pid, observer, feedforward, ...", group="Flight logs"),
+        str, Input("Controller of a log: pid, observer, feedforward, ...", group="Flight logs")
     ] = ""
     gains: Annotated[str, Input("Gain set of the controller: s3, s1a, stiff or a file.")] = ""
     plate_z_m: Annotated[
@@ -48,11 +43,7 @@ class ReportInputs(Inputs):
     ] = ()
     over: Annotated[
         Literal["thrust", "rpm", "power", "throttle", "distance"] | None,
-        Input(
-            "Abscissa of a comparison plot.",
-            default_text="thrust",
-            group="Comparison",
-        ),
+        Input("Abscissa of a comparison plot.", default_text="thrust", group="Comparison"),
     ] = None
     at_thrust: Annotated[
         Annotated[float, Gt(0.0), Le(100_000.0)] | None,

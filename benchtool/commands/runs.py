@@ -84,8 +84,7 @@ class QueryInputs(ChoiceInputs):
     """Options of `benchtool runs query`."""
 
     sql: Annotated[
-        str,
-        Input("SQL SELECT over runs, settings, points, samples, fits.", argument="SELECT"),
+        str, Input("SQL SELECT over runs, settings, points, samples, fits.", argument="SELECT")
     ]
     most: Annotated[int, Ge(1), Input("Maximum number of rows.")] = 40
     out: Annotated[Path | None, Input("Write all rows to this .csv or .parquet file.")] = None

@@ -14,8 +14,7 @@ class StopInputs(Inputs):
     """Options of `benchtool stop`."""
 
     address: Annotated[
-        str | None,
-        Input("Bench to stop.", default_text="every bench of this user"),
+        str | None, Input("Bench to stop.", default_text="every bench of this user")
     ] = None
 
 

@@ -165,11 +165,7 @@ def px4(vehicle: Vehicle) -> str:
         ("THR_MDL_FAC", expo_over_idle(vehicle, 0.0, PX4), PX4_FLOAT),
         ("MPC_THR_HOVER", vehicle.hover_share.within(0.1, 0.8), PX4_FLOAT),
     ]
-    pulses = {
-        "DIS": _pulse(vehicle, "pwm_stop_us"),
-        "MIN": _idle(vehicle),
-        "MAX": vehicle.full[0],
-    }
+    pulses = {"DIS": _pulse(vehicle, "pwm_stop_us"), "MIN": _idle(vehicle), "MAX": vehicle.full[0]}
     for i in range(1, rig.n_rotors + 1):
         numbers += [(f"PWM_MAIN_{name}{i}", pulse, PX4_INT32) for name, pulse in pulses.items()]
     lines = ["# Vehicle-Id Component-Id Name Value Type"]

@@ -41,11 +41,7 @@ def complex_step(predict: Callable[[Any], Any], values: Array, m: int) -> Array:
 
 
 def central_differences(
-    predict: Callable[[Any], Any],
-    values: Array,
-    m: int,
-    lower: Array,
-    upper: Array,
+    predict: Callable[[Any], Any], values: Array, m: int, lower: Array, upper: Array
 ) -> Array:
     """Return d prediction / d values (m, n) in one vectorised call, steps within bounds."""
     n = len(values)

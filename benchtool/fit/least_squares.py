@@ -18,10 +18,7 @@ from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 
 
 def fit_least_squares(
-    problem: Problem,
-    *,
-    loss: Loss = "linear",
-    max_evaluations: int | None = None,
+    problem: Problem, *, loss: Loss = "linear", max_evaluations: int | None = None
 ) -> FitResult:
     """Fit a problem by least squares.
 

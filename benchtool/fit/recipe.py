@@ -50,23 +50,13 @@ class Recipe(Inputs):
     ]
     description: str = ""  # purpose of the fit
     rig: Annotated[
-        str | None,
-        Input(
-            "Rig of a CSV file: name or path.",
-            label="Rig of a table",
-            group="Data",
-        ),
+        str | None, Input("Rig of a CSV file: name or path.", label="Rig of a table", group="Data")
     ] = None
     calibration: Annotated[
-        str | None,
-        Input(
-            "Calibration file of a CSV file.",
-            label="Of a table: calibration",
-        ),
+        str | None, Input("Calibration file of a CSV file.", label="Of a table: calibration")
     ] = None
     columns: Annotated[
-        str | None,
-        Input("Column map (TOML): channel = column, unit, sign.", alias="--map"),
+        str | None, Input("Column map (TOML): channel = column, unit, sign.", alias="--map")
     ] = None
     where: Annotated[
         tuple[str, ...],
@@ -90,13 +80,11 @@ class Recipe(Inputs):
     ] = ("least_squares",)
     free: Annotated[tuple[str, ...], Input("Parameter to fit in addition; repeatable.")] = ()
     fix: Annotated[
-        Mapping[str, float],
-        Input("Fix NAME=VALUE, or NAME at the model value; repeatable."),
+        Mapping[str, float], Input("Fix NAME=VALUE, or NAME at the model value; repeatable.")
     ] = field(default_factory=dict)
     hold: Annotated[tuple[str, ...], Input("Fix a parameter at the model value; repeatable.")] = ()
     noise: Annotated[
-        Noise,
-        Input("Error model: stated, scaled, or with added scatter.", label="Errors"),
+        Noise, Input("Error model: stated, scaled, or with added scatter.", label="Errors")
     ] = "auto"
     loss: Annotated[
         Literal["linear", "soft_l1", "huber"],
@@ -125,9 +113,7 @@ class Recipe(Inputs):
         Input("Walkers of each emcee ensemble.", label="Walkers of emcee", group="Sampling"),
     ] = 32
     max_steps: Annotated[
-        int,
-        Ge(100),
-        Input("Maximum emcee steps per walker.", label="Most steps of emcee"),
+        int, Ge(100), Input("Maximum emcee steps per walker.", label="Most steps of emcee")
     ] = 20_000
     seed: Annotated[int, Ge(0), Input("Random seed.", label="Seed")] = 1
     air: Air = field(default_factory=Air)

@@ -316,11 +316,7 @@ def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
 
 
 def _add_diagnosis(
-    model: Model,
-    data: FitData,
-    problem: Problem,
-    result: FitResult,
-    density: Density | None,
+    model: Model, data: FitData, problem: Problem, result: FitResult, density: Density | None
 ) -> FitResult:
     """Return the result with diagnosis, derived quantities, warnings and data hashes."""
     free = [estimate.name for estimate in result.estimates]

@@ -61,9 +61,7 @@ class StudyInputs(Inputs):
     out: Annotated[
         Path | None,
         Input(
-            "Folder for recordings, table and figure.",
-            label="Name of the folder",
-            group="Results",
+            "Folder for recordings, table and figure.", label="Name of the folder", group="Results"
         ),
     ] = None
 

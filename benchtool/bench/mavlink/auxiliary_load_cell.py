@@ -119,9 +119,7 @@ class AuxiliaryLoadCell:
 
 
 def merge_in_order(
-    first: tuple[NDArray[np.int64], Array],
-    second: tuple[NDArray[np.int64], Array],
-    after_us: int,
+    first: tuple[NDArray[np.int64], Array], second: tuple[NDArray[np.int64], Array], after_us: int
 ) -> tuple[NDArray[np.int64], Array]:
     """Return rows of two sources (times (m,): us, values (m, c)) as one, in order of time.
 

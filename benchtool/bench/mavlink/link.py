@@ -57,11 +57,7 @@ class MavlinkLink(LinkEndpoint):
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        address: str,
-        clock: Callable[[], float],
-        frames: MavlinkFrames,
+        self, transport: Transport, address: str, clock: Callable[[], float], frames: MavlinkFrames
     ) -> None:
         super().__init__(transport, address, clock)
         self.frames = frames

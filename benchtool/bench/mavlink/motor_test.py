@@ -285,10 +285,7 @@ class OutputMonitor:
             self.has_lapsed |= rotor in self._seen_turning and self._matches(
                 output_us, self._stop_us
             )
-            allowed_us = [
-                pulse_us,
-                *(us for _, other, us in self._recent if other == rotor),
-            ]
+            allowed_us = [pulse_us, *(us for _, other, us in self._recent if other == rotor)]
             if any(self._matches(output_us, us) for us in allowed_us):
                 self._match_s[rotor] = now_s
                 if not output and max(allowed_us) > self._stop_us:

@@ -89,10 +89,7 @@ def show_campaign(
 
 def _check_names(inputs: PitchInputs | FlightInputs, controllers: Iterable[str]) -> None:
     """Raise for user controllers, unknown controllers, and duplicate names."""
-    for option, names in (
-        ("--controllers", inputs.controllers),
-        ("--gains", inputs.study.gains),
-    ):
+    for option, names in (("--controllers", inputs.controllers), ("--gains", inputs.study.gains)):
         if len(set(names)) < len(names):
             raise InputError(f"{option} is {', '.join(names)}; name each once")
     for name in inputs.controllers:

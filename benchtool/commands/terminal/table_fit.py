@@ -19,12 +19,7 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs, items, with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
-from benchtool.data.column_map import (
-    IN_RADII,
-    column_map_to_toml,
-    guess_columns,
-    name_and_unit,
-)
+from benchtool.data.column_map import IN_RADII, column_map_to_toml, guess_columns, name_and_unit
 from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.repairs.foreign_units import conversion

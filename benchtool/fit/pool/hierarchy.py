@@ -132,11 +132,7 @@ class PooledEstimates:
 
 
 def pool_rigs(
-    rigs: Sequence[RigValues],
-    names: Sequence[str],
-    shared: Sequence[str] = (),
-    *,
-    seed: int = 1,
+    rigs: Sequence[RigValues], names: Sequence[str], shared: Sequence[str] = (), *, seed: int = 1
 ) -> PooledEstimates:
     """Return the joint posterior of several rigs.
 

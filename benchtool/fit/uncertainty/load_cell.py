@@ -13,12 +13,7 @@ from scipy.stats import f as fisher
 
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
-from benchtool.data.calibration import (
-    age_text,
-    degrees_of_freedom,
-    read_calibration,
-    traceability,
-)
+from benchtool.data.calibration import age_text, degrees_of_freedom, read_calibration, traceability
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run_metadata import read_metadata
 from benchtool.fit.problem import Problem

@@ -73,6 +73,8 @@ def stable(value: object, digits: int = 17) -> object:
         return {key: stable(item, digits) for key, item in value.items() if key not in UNSTABLE}
     if isinstance(value, list):
         return [stable(item, digits) for item in value]
+    if isinstance(value, str) and " " in value:
+        return ""  # sentences may be reworded
     return f"{value:.{digits}g}" if isinstance(value, float) else value
 
 
