@@ -238,9 +238,7 @@ def discrepancies(logs: Sequence[DiscrepancySimulation]) -> Iterator[Discrepancy
                 yield Discrepancy(
                     name=name,
                     stage=STAGES[channel],
-                    phrase=PHRASES.get(
-                        name, f"an error of the {channel} that depends on {variable}"
-                    ),
+                    phrase=PHRASES.get(name, f"a {channel} error that depends on {variable}"),
                     columns=rows,
                     shares=np.concatenate(shares),
                 )

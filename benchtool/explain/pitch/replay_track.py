@@ -199,7 +199,7 @@ def _pulses(
     if len(pulses) < len(numbers) or not np.isfinite(pulses).any():
         return np.empty((0, len(resampler.clock))), []
     times_s = np.unique(resampler.find_values(f"pwm{numbers[0]}_us")[0])
-    rate_Hz = 1.0 / float(np.median(np.diff(times_s))) if len(times_s) > 1 else np.inf
+    rate_Hz = 1.0 / float(np.median(np.diff(times_s))) if len(times_s) > 2 else np.inf
     if rate_Hz < LOW_RATE_HZ:
         remarks.append(
             f"Outputs were logged at {rate_Hz:.3g} Hz and are held between rows; changes by the "

@@ -1,4 +1,4 @@
-"""What plate sweeps say about a model's numbers: thrust, and speeds at given pulses, whitened."""
+"""Whitened thrusts, and speeds at given pulses, of plate sweeps as evidence about a model."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from benchtool.explain.engine.parameters import (
 from benchtool.explain.sweep.discrepancies import (
     Process,
     discrepancies,
-    of_speed,
-    of_thrust,
+    speed_processes,
+    thrust_processes,
     variations,
 )
 from benchtool.explain.sweep.log import SweepLog, sweep_regimes
@@ -36,7 +36,10 @@ from benchtool.physics.model import Model
 
 SUPPLY_DROP_V = "supply.drop"
 CURVE = "supply.curve"
-FOLLOWS = "supply.followed"
+SPEED_EXPONENT = "supply.followed"
+# Voltage drop at full load over the open-circuit voltage; curvature of the discharge; exponent of
+# speed over supply at a pulse: 1 for an ideal motor, less under load, 0 for a governed ESC. Values
+# for lithium polymer packs; assumed.
 SUPPLY_PARAMETERS = (
     ScaledParameter(
         name=SUPPLY_DROP_V, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3,
@@ -44,20 +47,18 @@ SUPPLY_PARAMETERS = (
     ),
     ScaledParameter(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
     ScaledParameter(
-        name=FOLLOWS, unit="1", effect="", start=1.0, scale=0.5, lower=0.0, upper=1.2, held=True
+        name=SPEED_EXPONENT, unit="1", effect="", start=1.0, scale=0.5, lower=0.0, upper=1.2,
+        held=True
     ),
 )  # fmt: skip
-"""Share of the open voltage that full load takes, how far a discharge is from a straight line, and
-the power of the supply with which speed at a pulse goes: 1 of an ideal motor, less of one under
-load, 0 where the ESC governs the speed; guesses for lithium polymer packs."""
 
-SUPPLY_LOSSES = tuple(  # linear loss of the supply, seen in pulses beside speeds and voltage
+SUPPLY_LOSSES = tuple(  # linear loss of the supply, from pulses, speeds and voltage
     f"{effect.name}.{effect.supply_loss}" for effect in candidates("sweep") if effect.supply_loss
 )
 
 
 class SweepEvidence:
-    """Hold sweeps against a model and every candidate effect."""
+    """Evidence of sweeps about a model with every candidate effect."""
 
     def __init__(
         self,
@@ -65,7 +66,7 @@ class SweepEvidence:
         logs: Sequence[SweepLog],
         extra: Sequence[Effect] = (),
     ) -> None:
-        self._given = (model, tuple(extra))
+        self._arguments = (model, tuple(extra))
         self.model = with_every_effect(model, "sweep", extra)
         self.logs = tuple(logs)
         names = {effect.name for effect in (*candidates("sweep"), *extra)}
@@ -73,11 +74,11 @@ class SweepEvidence:
             *effect_parameters(self.model, names, "sweep"),
             *self._owner_parameters(),
         )
-        self._places = {name: place for place, name in enumerate(self.model.parameters)}
-        self._place_of = {parameter.name: place for place, parameter in enumerate(self.parameters)}
-        # Every parameter acts, wherever it stands: a model leaves out what is neutral and fixed.
-        self._acting = self.model.with_free(
-            *(k.name for k in self.parameters if k.name in self._places)
+        self._model_index = {name: index for index, name in enumerate(self.model.parameters)}
+        self._index = {parameter.name: index for index, parameter in enumerate(self.parameters)}
+        # All parameters are free, because a model drops neutral fixed effects.
+        self._free_model = self.model.with_free(
+            *(k.name for k in self.parameters if k.name in self._model_index)
         )
         self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
         self.whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
@@ -85,37 +86,40 @@ class SweepEvidence:
     # --- parameters ----------------------------------------------------------------------------
 
     def _owner_parameters(self) -> list[ScaledParameter]:
-        items = self.model.parameters
-        shapes = all_shape_names(self.model, "sweep", self._given[1])
-        out = []
+        parameters = self.model.parameters
+        shapes = all_shape_names(self.model, "sweep", self._arguments[1])
+        result = []
         for name in ("k", "R_m", *shapes):
-            item, prior = items[name], known_prior(name, items[name])
-            lower = max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower
-            sd = item.value if prior is None else prior.sd
-            out.append(owner_parameter(name, item, sd, lower))
+            parameter, prior = parameters[name], known_prior(name, parameters[name])
+            lower = (
+                max(parameter.lower, 0.2 * parameter.value)
+                if parameter.value > 0.0
+                else parameter.lower
+            )
+            sd = parameter.value if prior is None else prior.sd
+            result.append(owner_parameter(name, parameter, sd, lower))
         if any(log.power is not None for log in self.logs):
-            out += SUPPLY_PARAMETERS
-        return out
+            result += SUPPLY_PARAMETERS
+        return result
 
     # --- predictions ----------------------------------------------------------------------
 
     def thrusts(self, conditions: Conditions, scaled: Array) -> Array:
         """Return predicted readings (m, n_sets) for sets (n_sets, n_parameters): N."""
-        shown = np.asarray(self._acting.thrust_N(conditions, self._at(scaled)), float)
-        return np.broadcast_to(shown, (len(scaled), len(conditions))).T
+        thrust_N = np.asarray(self._free_model.thrust_N(conditions, self._values_at(scaled)), float)
+        return np.broadcast_to(thrust_N, (len(scaled), len(conditions))).T
 
-    def _at(self, scaled: Array) -> list[object]:
-        """Return the model's values (n_parameters,), each a number or one for each set (n, 1)."""
+    def _values_at(self, scaled: Array) -> list[object]:
+        """Return the model's values (n_parameters,), each a number or (n_sets, 1)."""
         values: list[object] = list(self.model.parameters.values_array())
         for parameter, row in zip(self.parameters, scaled.T, strict=True):
-            if parameter.name in self._places:
-                values[self._places[parameter.name]] = (parameter.start + parameter.scale * row)[
-                    :, None
-                ]
+            if parameter.name in self._model_index:
+                column = (parameter.start + parameter.scale * row)[:, None]
+                values[self._model_index[parameter.name]] = column
         return values
 
     def supply(self, log: SweepLog, scaled: Array) -> Array:
-        """Return supply voltage over its open value at the start (m, n_sets)."""
+        """Return supply voltage over its initial open-circuit value (m, n_sets)."""
         assert log.power is not None
         loss = np.sum([self._values(name, scaled) for name in SUPPLY_LOSSES], axis=0)
         return log.power.supply(
@@ -123,16 +127,16 @@ class SweepEvidence:
         )
 
     def drive(self, log: SweepLog, scaled: Array) -> Array:
-        """Return speed over that at full supply far from the plate (n or 1, m, n_sets).
+        """Return speed over that at full supply out of ground effect (n or 1, m, n_sets).
 
-        For every rotor that was read, or one for all where the plate does not change speeds.
+        One per measured rotor, or one for all if the plate does not change speeds.
         """
         assert log.power is not None
-        supply, model = self.supply(log, scaled)[None], self._acting
-        supply = supply ** self._values(FOLLOWS, scaled)
+        supply, model = self.supply(log, scaled)[None], self._free_model
+        supply = supply ** self._values(SPEED_EXPONENT, scaled)
         if model.motor_slope_Nm_s is None:
             return supply
-        values = self._at(scaled)
+        values = self._values_at(scaled)
         flow = model.flow(log.conditions.select(~log.tare), values)
         by_plate: Array = np.array([gain.T for gain in speed_factors(model, flow, values)])
         by_rotor: Array = by_plate[model.rig.disc_of_rotor][: len(log.power.rotor_rad_s)]
@@ -140,44 +144,44 @@ class SweepEvidence:
 
     def _values(self, name: str, scaled: Array) -> Array:
         """Return a parameter's values (n_sets,)."""
-        place = self._place_of[name]
-        return self.parameters[place].start + self.parameters[place].scale * scaled[:, place]
+        index = self._index[name]
+        return self.parameters[index].start + self.parameters[index].scale * scaled[:, index]
 
     def speeds(self, log: SweepLog, scaled: Array) -> Array:
-        """Return speeds at the log's pulses (m, n_sets), each level's scale fitted: rad/s."""
+        """Return speeds at the log's pulses (m, n_sets) with fitted scale per level: rad/s."""
         assert log.power is not None
         return log.power.speeds(self.drive(log, scaled))
 
-    def predicted(self, log: SweepLog, scaled: Array, read: Array) -> Array:
-        """Return each rotor's speeds as `read` ones of earlier visits predict them, in rad/s.
+    def predicted(self, log: SweepLog, scaled: Array, readings: Array) -> Array:
+        """Return each rotor's speeds predicted from earlier readings, in rad/s.
 
-        (n, m, n_sets) or (n, m, 1) each.
+        `readings` and result: (n, m, n_sets) or (n, m, 1).
         """
         assert log.power is not None
-        return log.power.predicted(self.drive(log, scaled), read)
+        return log.power.predicted(self.drive(log, scaled), readings)
 
     def voltages(self, log: SweepLog, scaled: Array) -> Array:
-        """Return voltages (m, n_sets), the open one fitted: V."""
+        """Return voltages (m, n_sets) with fitted open-circuit voltage: V."""
         assert log.power is not None
         return log.power.voltages(self.supply(log, scaled))
 
     def of(self, log: SweepLog) -> SweepEvidence:
         """Return the evidence of another sweep about the same model."""
-        model, extra = self._given
+        model, extra = self._arguments
         return SweepEvidence(model, [log], extra)
 
     def with_other(self, other: SweepEvidence) -> SweepEvidence:
-        """Return the evidence of these sweeps and, behind them, of others about the same model."""
-        both = copy(self)
-        both.logs = (*self.logs, *other.logs)
-        both.noise_roots = (*self.noise_roots, *other.noise_roots)
-        both.whiteners = (*self.whiteners, *other.whiteners)
-        return both
+        """Return the evidence of these sweeps followed by others about the same model."""
+        combined = copy(self)
+        combined.logs = (*self.logs, *other.logs)
+        combined.noise_roots = (*self.noise_roots, *other.noise_roots)
+        combined.whiteners = (*self.whiteners, *other.whiteners)
+        return combined
 
     def _noise_root(self, log: SweepLog) -> Array:
         """Return the root (m, m) of the covariance of the sweep's thrusts: N."""
-        items = self.model.parameters
-        se = np.hypot(items["noise.scale"].value * log.se_N, items["noise.sd_N"].value)
+        parameters = self.model.parameters
+        se = np.hypot(parameters["noise.scale"].value * log.se_N, parameters["noise.sd_N"].value)
         covariance = np.diag(se**2)
         for source in bench_errors(self.model, log.conditions, log.visits):
             covariance += source.columns @ source.columns.T
@@ -191,40 +195,44 @@ class SweepEvidence:
         sets = np.atleast_2d(scaled)
         rows = []
         for log, whitener in zip(self.logs, self.whiteners, strict=True):
-            shown = self.thrusts(log.conditions, sets)
-            rows.append(whitener @ (log.thrust_N[:, None] - shown))
+            predicted_N = self.thrusts(log.conditions, sets)
+            rows.append(whitener @ (log.thrust_N[:, None] - predicted_N))
             power = log.power
             if power is not None:
-                missed = power.speed_rad_s[:, None] - self.speeds(log, sets)
-                rows.append(missed / power.speed_se[:, None])
-                read = np.isfinite(power.voltage_V)
-                if read.any():
-                    missed = power.voltage_V[read, None] - self.voltages(log, sets)[read]
-                    rows.append(missed / power.voltage_se)
+                errors = power.speed_rad_s[:, None] - self.speeds(log, sets)
+                rows.append(errors / power.speed_se[:, None])
+                has_voltage = np.isfinite(power.voltage_V)
+                if has_voltage.any():
+                    errors = (
+                        power.voltage_V[has_voltage, None] - self.voltages(log, sets)[has_voltage]
+                    )
+                    rows.append(errors / power.voltage_se)
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        """Return the ways in which thrusts, speeds and voltages may depart from every law."""
-        found = discrepancies(list(self._processes()), self._n_rows)
-        return tuple(replace(one, columns=self._white_changes(one.columns)) for one in found)
+        """Return discrepancies of thrusts, speeds and voltages."""
+        raw = discrepancies(list(self._processes()), self._n_rows)
+        return tuple(
+            replace(discrepancy, columns=self._whiten(discrepancy.columns)) for discrepancy in raw
+        )
 
     def varied(self, changes: Array) -> Array:
-        """Return smooth variations (n_rows, r) of what an effect changes in thrusts."""
+        """Return smooth variations (n_rows, r) of an effect's contribution to thrusts."""
         functions = variations(self.logs, self.model)
         parts = np.split(changes[self.thrust_rows], np.cumsum([len(log) for log in self.logs])[:-1])
         roots = zip(self.noise_roots, parts, strict=True)
-        changed = np.concatenate([root @ part for root, part in roots])
-        return self.white_thrusts(changed[:, None] * functions)
+        contribution = np.concatenate([root @ part for root, part in roots])
+        return self.whiten_thrusts(contribution[:, None] * functions)
 
-    def white_thrusts(self, changes_N: Array) -> Array:
-        """Return what changes of thrusts (m, r) change in whitened residuals (n_rows, r)."""
-        out = np.zeros((self._n_rows, changes_N.shape[1]))
-        out[self.thrust_rows] = changes_N
-        return self._white_changes(out)
+    def whiten_thrusts(self, changes_N: Array) -> Array:
+        """Return whitened rows (n_rows, r) of changes of thrusts (m, r)."""
+        changes = np.zeros((self._n_rows, changes_N.shape[1]))
+        changes[self.thrust_rows] = changes_N
+        return self._whiten(changes)
 
     @property
     def thrust_rows(self) -> NDArray[np.intp]:
-        """Numbers of the rows that are thrusts."""
+        """Indices of the rows of thrusts."""
         first, rows = 0, []
         for log in self.logs:
             rows.append(first + np.arange(len(log)))
@@ -232,46 +240,46 @@ class SweepEvidence:
         return np.concatenate(rows)
 
     def _processes(self) -> Iterator[Process]:
-        """Return the processes of every log, rows numbered as those of `residuals`."""
+        """Yield the processes of all logs, with row indices of `residuals`."""
         first = 0
         for sweep, log in enumerate(self.logs):
-            parts = [(of_thrust, len(log))]
+            parts = [(thrust_processes, len(log))]
             if log.power is not None:
-                parts.append((of_speed, log.power.n_rows))
-            for of, count in parts:
-                for one in of(log, sweep, self.model):
-                    yield replace(one, rows=first + one.rows)
-                first += count
+                parts.append((speed_processes, log.power.n_rows))
+            for build, n_rows in parts:
+                for process in build(log, sweep, self.model):
+                    yield replace(process, rows=first + process.rows)
+                first += n_rows
 
     @property
     def _n_rows(self) -> int:
         return sum(len(log) + (log.power.n_rows if log.power else 0) for log in self.logs)
 
-    def _white_changes(self, changes: Array) -> Array:
-        """Return changes of readings (n_rows, r) as those of whitened residuals."""
-        out, first = np.empty_like(changes), 0
+    def _whiten(self, changes: Array) -> Array:
+        """Return whitened rows of changes of readings (n_rows, r)."""
+        whitened, first = np.empty_like(changes), 0
         for log, whitener in zip(self.logs, self.whiteners, strict=True):
             last = first + len(log)
-            out[first:last] = whitener @ changes[first:last]
+            whitened[first:last] = whitener @ changes[first:last]
             power = log.power
             if power is not None:
                 first, last = last, last + power.n_rows
-                out[first:last] = power.white_changes(changes[first:last])
+                whitened[first:last] = power.whiten_changes(changes[first:last])
             first = last
-        return out
+        return whitened
 
     def groups(self) -> RowGroups:
-        """Return labels of the rows: which stage they show, which part of the sweep."""
-        turning: list[NDArray[np.bool_]] = []
+        """Return the stage and the regimes of the rows."""
+        is_speed: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
-            found = sweep_regimes(log, self.model)
-            turning.append(np.zeros(len(log), bool))
-            regimes.append(found)
+            masks = sweep_regimes(log, self.model)
+            is_speed.append(np.zeros(len(log), bool))
+            regimes.append(masks)
             power = log.power
             if power is not None:
                 running = ~log.tare
                 for rows in (np.ones(len(power.time_s), bool), np.isfinite(power.voltage_V)):
-                    turning.append(np.ones(int(rows.sum()), bool))
-                    regimes.append({name: mask[running][rows] for name, mask in found.items()})
-        return RowGroups.joined("rpm_to_thrust", turning, regimes)
+                    is_speed.append(np.ones(int(rows.sum()), bool))
+                    regimes.append({name: mask[running][rows] for name, mask in masks.items()})
+        return RowGroups.joined("rpm_to_thrust", is_speed, regimes)

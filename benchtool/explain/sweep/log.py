@@ -1,4 +1,4 @@
-"""From a recording of points to a sweep that can be held against a model."""
+"""Sweep log of a recording of points, prepared for comparison with a model."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from benchtool.physics.model import Model
 
 Mask = NDArray[np.bool_]
 
-MIN_POINTS = 4  # below this many points a sweep says next to nothing; assumed
-SAMPLE_S = 2.0  # length of a point's samples where a table does not say how many there were
+MIN_POINTS = 4  # fewer do not identify effects; assumed
+SAMPLE_S = 2.0  # averaging time of a point if not recorded; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SweepLog:
-    """Hold the points of one sweep in the order of time."""
+    """Points of one sweep in the order of time."""
 
-    conditions: Conditions  # of every point (m,), tares among them
-    thrust_N: Array  # (m,) what the load cell showed
-    se_N: Array  # (m,) its stated standard error, that of speeds taken into it
-    visits: Visits  # what its points have in common
-    power: SupplyModel | None  # pulses against speeds, where both are known
-    name: str  # of the file, for people
-    remarks: tuple[str, ...]  # what was repaired, and what the sweep lacks
+    conditions: Conditions  # of all points (m,), including tares
+    thrust_N: Array  # (m,) readings of the load cell
+    se_N: Array  # (m,) stated standard error, including that of speeds
+    visits: Visits  # groups of points with shared errors
+    power: SupplyModel | None  # speeds at pulses; None if either is missing
+    name: str  # of the file, for display
+    remarks: tuple[str, ...]  # repairs and missing channels
 
     def __len__(self) -> int:
         return len(self.thrust_N)
 
     @property
     def tare(self) -> Mask:
-        """Whether nothing turns and the reading is what a tare left (m,)."""
+        """Mask of tare points (m,): motors at standstill, reading after the tare."""
         return self.visits.tare
 
     @property
     def stay(self) -> NDArray[np.intp]:
-        """Number of the stay at one place of the plate (m,)."""
+        """Index of the stay at one plate position (m,)."""
         return self.visits.stay
 
 
@@ -68,41 +68,43 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"the model"
         )
     check_rotor_count(recording, rig, label)
-    recording, mended = repair_readings(recording, rig, label)
+    recording, repairs = repair_readings(recording, rig, label)
     if "time_s" in recording:
         recording = recording.select(np.argsort(recording.column("time_s"), kind="stable"))
     conditions = Conditions.from_recording(recording, rig)
     kinds = recording.column("kind") if "kind" in recording else np.zeros(len(recording))
-    tare = kinds == word_to_code("kind", "tare")
-    conditions = _with_still_rows(conditions, tare)
+    is_tare = kinds == word_to_code("kind", "tare")
+    conditions = _neutralize_tares(conditions, is_tare)
     thrust = recording.to_si("thrust_N")
     se, assumed = _errors(recording, rig)
-    whole = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
-    points = int((whole & ~tare).sum())
-    if points < MIN_POINTS:
+    is_complete = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
+    n_points = int((is_complete & ~is_tare).sum())
+    if n_points < MIN_POINTS:
         raise InputError(
-            f"{label} has {points} whole points (thrust, speed and plate known), and at least "
-            f"{MIN_POINTS} are needed; sweep more distances or levels"
+            f"{label} has {n_points} complete points (thrust, speed and plate); minimum: "
+            f"{MIN_POINTS}; sweep more distances or levels"
         )
-    power = reconstruct_supply(recording.select(whole & ~tare), rig)
-    whole_rows = conditions.select(whole)
+    power = reconstruct_supply(recording.select(is_complete & ~is_tare), rig)
+    complete = conditions.select(is_complete)
     return SweepLog(
-        conditions=whole_rows,
-        thrust_N=thrust[whole],
-        se_N=se[whole],
-        visits=Visits.of(recording.select(whole), whole_rows, rig),
+        conditions=complete,
+        thrust_N=thrust[is_complete],
+        se_N=se[is_complete],
+        visits=Visits.of(recording.select(is_complete), complete, rig),
         power=power,
         name=label,
         remarks=(
-            *mended,
+            *repairs,
             *assumed,
-            *_lacks(recording, whole_rows, tare[whole], power, int((~whole).sum())),
+            *_list_missing(
+                recording, complete, is_tare[is_complete], power, int((~is_complete).sum())
+            ),
         ),
     )
 
 
-def _with_still_rows(conditions: Conditions, tare: Mask) -> Conditions:
-    """Return conditions whose tares have speeds of 0 and no plate: nothing of it shows."""
+def _neutralize_tares(conditions: Conditions, tare: Mask) -> Conditions:
+    """Return conditions with zero speed and no plate at tares."""
     speed = conditions.speed_rad_s.copy()
     speed[:, tare] = 0.0
     coverage = conditions.coverage.copy()
@@ -119,107 +121,113 @@ def _with_still_rows(conditions: Conditions, tare: Mask) -> Conditions:
 
 
 def _errors(recording: Recording, rig: Rig) -> tuple[Array, list[str]]:
-    """Return the standard error of every thrust (m,), and what had to be assumed for it."""
-    if (found := thrust_error(recording)) is not None:
-        return found[0], []
+    """Return the standard error of all thrusts (m,), and assumptions for it."""
+    if (errors := thrust_error(recording)) is not None:
+        return errors[0], []
     sensor = rig.sensors.get("thrust_N", Sensor())
-    stated = sensor.noise / np.sqrt(sensor.rate_Hz * SAMPLE_S)
-    stated = float(np.hypot(stated, sensor.quantum / np.sqrt(12.0)))
-    if not stated > 0.0:
+    se_N = sensor.noise / np.sqrt(sensor.rate_Hz * SAMPLE_S)
+    se_N = float(np.hypot(se_N, sensor.quantum / np.sqrt(12.0)))
+    if not se_N > 0.0:
         raise InputError(
-            "the points state no standard error of thrust, and rig "
-            f"{rig.name!r} no noise of its load cell; give thrust_se_N, or sensors.thrust_N"
+            f"standard error of thrust is neither in the points nor, as load cell noise, in rig "
+            f"{rig.name!r}; give thrust_se_N, or sensors.thrust_N"
         )
-    assumed = "no standard errors of thrust: taken from the rig's load cell"
-    return np.full(len(recording), stated), [assumed]
+    assumed = "no standard errors of thrust: load cell noise of the rig is used"
+    return np.full(len(recording), se_N), [assumed]
 
 
-def _lacks(
+def _list_missing(
     recording: Recording,
-    whole_rows: Conditions,
+    complete: Conditions,
     tare: Mask,
     power: SupplyModel | None,
     dropped: int,
 ) -> list[str]:
-    """Return what a sweep lacks, with what that costs."""
-    out = []
+    """Return warnings on missing data of a sweep and their consequences."""
+    warnings = []
     if dropped:
-        out.append(
-            f"left out for an empty cell: {dropped} of {pluralize(dropped + len(tare), 'row')}"
+        warnings.append(
+            f"dropped for missing values: {dropped} of {pluralize(dropped + len(tare), 'row')}"
         )
     if not tare.any():
-        out.append("no rows of kind 'tare': what stands on the zero shows in thrust alone")
+        warnings.append("no rows of kind 'tare': zero errors are judged from thrust alone")
     if "time_s" not in recording:
-        out.append("no time_s: drift, hysteresis and battery sag cannot be judged")
-    elif not (whole_rows.load_direction[~tare] < 0.0).any():
-        out.append("levels were only ever visited upward: hysteresis looks like a tare offset")
-    if not whole_rows.speed_measured:
-        out.append("no rpm: what is between pulse and speed shows in thrust alone")
+        warnings.append("no time_s: drift, hysteresis and battery sag cannot be judged")
+    elif not (complete.load_direction[~tare] < 0.0).any():
+        warnings.append(
+            "all levels were approached from below: hysteresis looks like a tare offset"
+        )
+    if not complete.speed_measured:
+        warnings.append("no rpm: effects between pulse and speed are judged from thrust alone")
     elif power is None:
-        out.append("no pulses beside the speeds: battery sag cannot be judged")
-    return out
+        warnings.append("no pulses with speeds: battery sag cannot be judged")
+    return warnings
 
 
-def refuse_other_sweeps(logs: Sequence[SweepLog]) -> None:
-    """Refuse sweeps of different benches: by thrust over squared speed, and speed at a pulse."""
+def check_same_bench(logs: Sequence[SweepLog]) -> None:
+    """Raise if sweeps are of different benches, by thrust and pulse at a speed."""
     check_bench_kind([(log.name, _bench_numbers(log)) for log in logs])
 
 
 def _bench_numbers(log: SweepLog) -> dict[str, float]:
-    squares = np.sum(log.conditions.speed_rad_s**2, axis=0)
-    far = ~log.tare & (squares > 0.0)
-    far &= log.conditions.plate_z_m >= np.quantile(log.conditions.plate_z_m[far], 0.75)
-    out = {}
+    squared_speed = np.sum(log.conditions.speed_rad_s**2, axis=0)
+    is_far = ~log.tare & (squared_speed > 0.0)
+    is_far &= log.conditions.plate_z_m >= np.quantile(log.conditions.plate_z_m[is_far], 0.75)
+    numbers = {}
     if log.conditions.speed_measured:
-        out["thrust over squared speed"] = float(np.median(log.thrust_N[far] / squares[far]))
+        numbers["thrust over squared speed"] = float(
+            np.median(log.thrust_N[is_far] / squared_speed[is_far])
+        )
     if log.power is not None:
         middle = np.argsort(log.power.pulse_us)[len(log.power.pulse_us) // 2]
-        out["speed over pulse"] = float(log.power.speed_rad_s[middle] / log.power.pulse_us[middle])
-    return out
+        numbers["speed over pulse"] = float(
+            log.power.speed_rad_s[middle] / log.power.pulse_us[middle]
+        )
+    return numbers
 
 
-NEAR_Z_OVER_R, FAR_Z_OVER_R = 1.0, 4.0  # near below, far beyond; assumed
+NEAR_Z_OVER_R, FAR_Z_OVER_R = 1.0, 4.0  # limits of regimes; assumed
 
 
 def sweep_regimes(log: SweepLog, model: Model) -> dict[str, Mask]:
-    """Return masks (m,) by the words that a report uses."""
+    """Return masks (m,) of regimes by their names in reports."""
     conditions = log.conditions
-    running = ~log.tare
+    is_running = ~log.tare
     ratio = conditions.plate_z_m / model.rig.propulsion.radius_m
-    squares = np.sum(conditions.speed_rad_s**2, axis=0)
-    partly = (conditions.coverage > 0.0) & (conditions.coverage < 0.999)
+    squared_speed = np.sum(conditions.speed_rad_s**2, axis=0)
+    is_partial = (conditions.coverage > 0.0) & (conditions.coverage < 0.999)
     covered = (conditions.coverage > 0.0).any(axis=0)
-    edge = running & (partly.any(axis=0) | ~covered)
-    over = running & ~edge
-    out = {
-        f"z/R below {NEAR_Z_OVER_R:g}": over & (ratio < NEAR_Z_OVER_R),
-        f"z/R {NEAR_Z_OVER_R:g} to {FAR_Z_OVER_R:g}": over
+    at_edge = is_running & (is_partial.any(axis=0) | ~covered)
+    is_over = is_running & ~at_edge
+    regimes = {
+        f"z/R below {NEAR_Z_OVER_R:g}": is_over & (ratio < NEAR_Z_OVER_R),
+        f"z/R {NEAR_Z_OVER_R:g} to {FAR_Z_OVER_R:g}": is_over
         & (ratio >= NEAR_Z_OVER_R)
         & (ratio < FAR_Z_OVER_R),
-        "plate far away": running & (ratio >= FAR_Z_OVER_R),
-        "plate aside": over & (np.abs(conditions.plate_x_m) > 1e-3),
-        "rotors at the plate's edge": edge,
+        "plate far away": is_running & (ratio >= FAR_Z_OVER_R),
+        "plate aside": is_over & (np.abs(conditions.plate_x_m) > 1e-3),
+        "rotors at the plate's edge": at_edge,
         "after a tare, nothing turning": log.tare,
     }
-    low, high = np.quantile(squares[running], [1.0 / 3.0, 2.0 / 3.0])
+    low, high = np.quantile(squared_speed[is_running], [1.0 / 3.0, 2.0 / 3.0])
     if high > 1.05 * low:
-        out |= {
-            "high throttle": running & (squares >= high),
-            "low throttle": running & (squares <= low),
+        regimes |= {
+            "high throttle": is_running & (squared_speed >= high),
+            "low throttle": is_running & (squared_speed <= low),
         }
     if np.ptp(conditions.time_s) > 0.0:
-        late = np.quantile(conditions.time_s, [1.0 / 3.0, 2.0 / 3.0])
-        out |= {
-            LATE: running & (conditions.time_s > late[1]),
-            EARLY: running & (conditions.time_s < late[0]),
+        thirds_s = np.quantile(conditions.time_s, [1.0 / 3.0, 2.0 / 3.0])
+        regimes |= {
+            LATE: is_running & (conditions.time_s > thirds_s[1]),
+            EARLY: is_running & (conditions.time_s < thirds_s[0]),
         }
-    if np.ptp(conditions.elapsed_s[running]) > 0.0:
-        long = np.quantile(conditions.elapsed_s[running], 2.0 / 3.0)
-        out["long after a tare"] = running & (conditions.elapsed_s > long)
-    if (conditions.load_direction[running] < 0.0).any():
-        out |= {
-            "levels on the way up": running & (conditions.load_direction > 0.0),
-            "levels on the way down": running & (conditions.load_direction < 0.0),
+    if np.ptp(conditions.elapsed_s[is_running]) > 0.0:
+        long_s = np.quantile(conditions.elapsed_s[is_running], 2.0 / 3.0)
+        regimes["long after a tare"] = is_running & (conditions.elapsed_s > long_s)
+    if (conditions.load_direction[is_running] < 0.0).any():
+        regimes |= {
+            "levels on the way up": is_running & (conditions.load_direction > 0.0),
+            "levels on the way down": is_running & (conditions.load_direction < 0.0),
         }
     n = len(log)
-    return {name: mask for name, mask in out.items() if 0.0 < mask.sum() < 0.95 * n}
+    return {name: mask for name, mask in regimes.items() if 0.0 < mask.sum() < 0.95 * n}

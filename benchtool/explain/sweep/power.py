@@ -1,9 +1,8 @@
-"""What pulses make of speeds along a sweep: the supply sags, and speed at a pulse with it.
+"""Supply model of a sweep: changes of speed at a pulse and of voltage under load.
 
-Near the plate blades may take another torque, so that the motors turn otherwise at the same pulse:
-what is left of the supply times that is the drive. Every level of the pulse has a speed of its own,
-so that no map from pulse to speed is needed; what is held against a model is how speeds at one
-level, and the voltage under load, change with time.
+Drive is the relative supply voltage times the relative speed near the plate, where blade torque
+differs. Each pulse level has a fitted speed scale, so no map from pulse to speed is needed; only
+changes of speed within a level and of voltage are compared with a model.
 """
 
 from __future__ import annotations
@@ -19,30 +18,30 @@ from benchtool.core.rig import Rig, Sensor
 
 Mask = NDArray[np.bool_]
 
-FIRST_VISITS = 2  # visits of a level that give its speed before the next one is predicted
-CURVE_AT_S = 900.0  # at which a discharge's curvature counts in full; assumed
+FIRST_VISITS = 2  # of a level, before its speed can be predicted
+CURVE_AT_S = 900.0  # reference time of the curvature of a discharge; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SupplyModel:
-    """Hold pulses, speeds and voltage of a sweep's points, motors running (m,) each."""
+    """Pulses, speeds and voltage of a sweep's points with running motors, (m,) each."""
 
-    time_s: Array  # since the run began
+    time_s: Array  # since the start of the run
     pulse_us: Array  # mean over rotors
-    level: NDArray[np.intp]  # number of the pulse level
-    speed_rad_s: Array  # mean over rotors, its standard error `speed_se`
+    level: NDArray[np.intp]  # index of the pulse level
+    speed_rad_s: Array  # mean over rotors; standard error: `speed_se`
     speed_se: Array
-    rotor_rad_s: Array  # (n, m) of each rotor that was read, with standard errors `rotor_se`
+    rotor_rad_s: Array  # (n, m) of measured rotors; standard error: `rotor_se`
     rotor_se: Array
-    load: Array  # over `full_load`; of current, or of the cube of speed where none was read
-    full_load: float  # the greatest of this sweep, or of one that it is compared with
-    by_current: bool  # whether load is that of current
-    voltage_V: Array  # nan where it was not read; its standard error `voltage_se`
+    load: Array  # over `full_load`; current, or cube of speed if not measured
+    full_load: float  # maximum of this sweep or of a reference sweep
+    by_current: bool  # load is current
+    voltage_V: Array  # nan if not measured; standard error: `voltage_se`
     voltage_se: float
-    late: Mask  # rows that are to be predicted: all but the first visits of a level
+    is_predicted: Mask  # predicted rows: all but the first visits of a level
 
     def planned(self, time_s: Array, pulse_us: Array, speed_rad_s: Array) -> SupplyModel:
-        """Return what a sweep with other pulses would have, readings as good as here."""
+        """Return the model of a planned sweep with the same measurement errors."""
         level = _levels(pulse_us)
         rotors = len(self.rotor_rad_s)
         full_load = float(np.max(speed_rad_s) ** 3)
@@ -61,11 +60,11 @@ class SupplyModel:
             if np.isfinite(self.voltage_V).any()
             else np.full(len(time_s), np.nan),
             voltage_se=self.voltage_se,
-            late=_late(level),
+            is_predicted=_find_predictable(level),
         )
 
     def at_supply(self, supply: Array, drive: Array) -> SupplyModel:
-        """Return speeds and voltage with so much of the supply left (m,), drives (n or 1, m)."""
+        """Return speeds and voltage at a relative supply (m,) and drives (n or 1, m)."""
         return replace(
             self,
             speed_rad_s=self.speed_rad_s * drive.mean(axis=0),
@@ -74,88 +73,90 @@ class SupplyModel:
         )
 
     def loaded_as(self, other: SupplyModel) -> SupplyModel:
-        """Return it with load counted as in another sweep, so that one drop holds for both."""
+        """Return the model with the load scale of another sweep, so that both share one drop."""
         if self.by_current != other.by_current:
             return self
         load = self.load * self.full_load / other.full_load
         return replace(self, load=load, full_load=other.full_load)
 
     def supply(self, rate_per_s: Array, curve: Array, drop: Array) -> Array:
-        """Return supply voltage over its open value at the start (m, n_sets), for sets (n_sets,).
+        """Return supply over its initial open-circuit voltage (m, n_sets), for sets (n_sets,).
 
         Args:
-            curve: how much faster it goes after `CURVE_AT_S` than on average.
-            drop: share lost at full load.
+            curve: relative increase of the rate at `CURVE_AT_S`.
+            drop: relative drop at full load.
         """
         time = self.time_s[:, None]
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
     def speeds(self, drive: Array) -> Array:
-        """Return speeds (m, n_sets), for drives (n or 1, m, n_sets), each level's scale fitted."""
-        mean: Array = drive.mean(axis=0)
-        out = np.empty_like(mean)
+        """Return speeds (m, n_sets) for drives (n or 1, m, n_sets) with fitted scale per level."""
+        mean_drive: Array = drive.mean(axis=0)
+        speeds = np.empty_like(mean_drive)
         for level in np.unique(self.level):
             rows = self.level == level
             weights = 1.0 / self.speed_se[rows] ** 2
-            shape = mean[rows]
-            out[rows] = ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
-        return out
+            shape = mean_drive[rows]
+            speeds[rows] = (
+                ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
+            )
+        return speeds
 
     @property
     def n_rows(self) -> int:
-        """How many speeds and voltages there are."""
+        """Number of speeds and voltages."""
         return len(self.time_s) + int(np.isfinite(self.voltage_V).sum())
 
-    def white_changes(self, changes: Array) -> Array:
+    def whiten_changes(self, changes: Array) -> Array:
         """Return changes of speeds and voltages (n_rows, r) over their errors.
 
-        Without what each level's own scale, and the open voltage, take up.
+        The fitted scales of levels and the fitted open-circuit voltage are projected out.
         """
-        out, m = changes.copy(), len(self.time_s)
+        whitened, m = changes.copy(), len(self.time_s)
         for level in np.unique(self.level):
             rows = np.flatnonzero(self.level == level)
             shape = self.speed_rad_s[rows]
             weights = shape / self.speed_se[rows] ** 2
-            out[rows] -= shape[:, None] * ((weights @ changes[rows]) / (weights @ shape))
-        out[:m] /= self.speed_se[:, None]
+            whitened[rows] -= shape[:, None] * ((weights @ changes[rows]) / (weights @ shape))
+        whitened[:m] /= self.speed_se[:, None]
         shape = self.voltage_V[np.isfinite(self.voltage_V)]
         if len(shape):
-            out[m:] -= shape[:, None] * (shape @ changes[m:]) / (shape @ shape)
-            out[m:] /= self.voltage_se
-        return out
+            whitened[m:] -= shape[:, None] * (shape @ changes[m:]) / (shape @ shape)
+            whitened[m:] /= self.voltage_se
+        return whitened
 
-    def predicted(self, drive: Array, read: Array) -> Array:
-        """Return what each visit is predicted to show from the earlier ones of its level.
+    def predicted(self, drive: Array, readings: Array) -> Array:
+        """Return predictions of each visit from the earlier ones of its level.
 
         Args:
-            drive: (n or 1, m, n_sets) speed over that at full supply far from the plate.
-            read: (n, m, n_sets) speeds of each rotor, or errors in them: prediction is linear.
+            drive: (n or 1, m, n_sets) speed over that at full supply out of ground effect.
+            readings: (n, m, n_sets) speeds of each rotor, or their errors (linear prediction).
 
         Returns:
-            (n, m, n_sets) in the unit of `read`; 0 for the first visits, which nothing predicts.
+            (n, m, n_sets) in the unit of `readings`; 0 for the first visits.
         """
-        out = np.zeros(np.broadcast_shapes(read.shape, drive.shape))
+        predictions = np.zeros(np.broadcast_shapes(readings.shape, drive.shape))
         weights = 1.0 / self.rotor_se[:, :, None] ** 2
         for level in np.unique(self.level):
             rows = np.flatnonzero(self.level == level)
             shape, weight = drive[:, rows], weights[:, rows]
-            shown = np.cumsum(weight * shape * read[:, rows], axis=1)
-            known = np.cumsum(weight * shape**2, axis=1)
-            out[:, rows[1:]] = shape[:, 1:] * shown[:, :-1] / known[:, :-1]
-        out[:, ~self.late] = 0.0
-        return out
+            weighted_sum = np.cumsum(weight * shape * readings[:, rows], axis=1)
+            total_weight = np.cumsum(weight * shape**2, axis=1)
+            predictions[:, rows[1:]] = shape[:, 1:] * weighted_sum[:, :-1] / total_weight[:, :-1]
+        predictions[:, ~self.is_predicted] = 0.0
+        return predictions
 
     def voltages(self, supply: Array) -> Array:
-        """Return voltages (m, n_sets) with the open one fitted."""
-        known = np.isfinite(self.voltage_V)
-        shape = supply[known]
-        scale = (self.voltage_V[known] @ shape) / np.sum(shape**2, axis=0)
+        """Return voltages (m, n_sets) with fitted open-circuit voltage."""
+        has_voltage = np.isfinite(self.voltage_V)
+        shape = supply[has_voltage]
+        scale = (self.voltage_V[has_voltage] @ shape) / np.sum(shape**2, axis=0)
         return np.asarray(scale * supply, float)
 
 
 def reconstruct_supply(recording: Recording, rig: Rig) -> SupplyModel | None:
-    """Return pulses against speeds; None where one of them, or the time, is missing."""
+    """Return the supply model; None if pulses, speeds or time are missing."""
     n = rig.n_rotors
     speeds, errors = _rows(recording, "rpm{}", n), _rows(recording, "rpm{}_se", n)
     pulses = _rows(recording, "pwm{}_us", n)
@@ -164,55 +165,58 @@ def reconstruct_supply(recording: Recording, rig: Rig) -> SupplyModel | None:
     speed = speeds.mean(axis=0)
     pulse = pulses.mean(axis=0)
     level = _levels(pulse)
-    late = _late(level)
-    time = recording.to_si("time_s")
-    if not np.isfinite(speed).all() or not np.isfinite(pulses).all() or not late.any():
+    is_predicted = _find_predictable(level)
+    time_s = recording.to_si("time_s")
+    if not np.isfinite(speed).all() or not np.isfinite(pulses).all() or not is_predicted.any():
         return None
-    stated = np.sqrt(np.sum(errors**2, axis=0)) / n if len(errors) else np.zeros(len(time))
+    mean_se = np.sqrt(np.sum(errors**2, axis=0)) / n if len(errors) else np.zeros(len(time_s))
     sensor = rig.sensors.get("rpm", Sensor())
-    least = np.pi / 30.0 * max(sensor.quantum / np.sqrt(12.0), 0.01)
-    each = errors if errors.shape == speeds.shape else np.zeros_like(speeds)
+    min_se = np.pi / 30.0 * max(sensor.quantum / np.sqrt(12.0), 0.01)
+    rotor_se = errors if errors.shape == speeds.shape else np.zeros_like(speeds)
     voltage = _column(recording, "voltage_V")
     current = _column(recording, "current_A")
     by_current = bool(np.isfinite(current).all() and np.ptp(current) > 0.0)
     load = current if by_current else speed**3
-    volts = rig.sensors.get("voltage_V", Sensor())
+    voltmeter = rig.sensors.get("voltage_V", Sensor())
     samples = np.nanmedian(recording.column("n_samples")) if "n_samples" in recording else 1.0
     return SupplyModel(
-        time_s=time,
+        time_s=time_s,
         pulse_us=pulse,
         level=level,
         speed_rad_s=speed,
-        speed_se=np.hypot(np.nan_to_num(stated), least / np.sqrt(n)),
+        speed_se=np.hypot(np.nan_to_num(mean_se), min_se / np.sqrt(n)),
         rotor_rad_s=speeds,
-        rotor_se=np.hypot(np.nan_to_num(each), least),
+        rotor_se=np.hypot(np.nan_to_num(rotor_se), min_se),
         load=load / load.max(),
         full_load=float(load.max()),
         by_current=by_current,
         voltage_V=voltage,
         voltage_se=float(
-            max(np.hypot(volts.noise / np.sqrt(samples), volts.quantum / np.sqrt(12.0)), 1e-3)
+            max(
+                np.hypot(voltmeter.noise / np.sqrt(samples), voltmeter.quantum / np.sqrt(12.0)),
+                1e-3,
+            )
         ),
-        late=late,
+        is_predicted=is_predicted,
     )
 
 
 def _levels(pulse_us: Array) -> NDArray[np.intp]:
-    """Return the number of each row's pulse level; pulses a tenth of a us apart are one."""
-    numbers: NDArray[np.intp] = np.unique(np.round(pulse_us, 1), return_inverse=True)[1]
-    return numbers.reshape(-1)
+    """Return the index of each row's pulse level, with pulses rounded to 0.1 us."""
+    indices: NDArray[np.intp] = np.unique(np.round(pulse_us, 1), return_inverse=True)[1]
+    return indices.reshape(-1)
 
 
-def _late(level: NDArray[np.intp]) -> Mask:
+def _find_predictable(level: NDArray[np.intp]) -> Mask:
     """Return the rows (m,) after the first visits of their level."""
-    late = np.ones(len(level), bool)
-    for number in np.unique(level):
-        late[np.flatnonzero(level == number)[:FIRST_VISITS]] = False
-    return late
+    is_predicted = np.ones(len(level), bool)
+    for index in np.unique(level):
+        is_predicted[np.flatnonzero(level == index)[:FIRST_VISITS]] = False
+    return is_predicted
 
 
 def _rows(recording: Recording, pattern: str, n: int) -> Array:
-    """Return a channel of every rotor (n, m), the first one's (1, m), or none (0,)."""
+    """Return a channel of all rotors (n, m), else of the first one (1, m), else (0,)."""
     names = [pattern.format(i + 1) for i in range(n)]
     if any(name not in recording for name in names):
         names = [name for name in names[:1] if name in recording]

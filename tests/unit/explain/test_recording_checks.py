@@ -17,7 +17,7 @@ from benchtool.data.run.read import read_points
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recording_checks import repair_readings
-from benchtool.explain.sweep.log import refuse_other_sweeps, sweep_log
+from benchtool.explain.sweep.log import check_same_bench, sweep_log
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import changed, recorded, without
 
@@ -220,4 +220,4 @@ def test_sweeps_of_two_benches_are_refused(swept):
     other = changed(swept, thrust_N=1.4 * swept.column("thrust_N"))
     logs = [sweep_log(one, rig, name) for one, name in ((swept, "learn"), (other, "check"))]
     with pytest.raises(InputError, match=r"thrust over squared speed in check is 1.40 times"):
-        refuse_other_sweeps(logs)
+        check_same_bench(logs)

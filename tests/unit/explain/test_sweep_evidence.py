@@ -18,7 +18,7 @@ from benchtool.data.run.read import read_points
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import sweep_log
-from benchtool.explain.sweep.next_experiment import as_read, speed_at
+from benchtool.explain.sweep.next_experiment import predict_readings, speed_at
 from benchtool.explain.sweep.power import SupplyModel
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.model_file import load_model
@@ -47,7 +47,7 @@ def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
     assert swept.power is not None
     at_pulses = speed_at(swept.power.pulse_us, evidence.model.rig)
     power = swept.power.planned(swept.power.time_s, swept.power.pulse_us, at_pulses)
-    log = as_read(replace(swept, power=power), evidence, at)
+    log = predict_readings(replace(swept, power=power), evidence, at)
     noise = evidence.noise_roots[0] @ rng.standard_normal(len(log))
     assert log.power is not None
     power = replace(
@@ -133,7 +133,7 @@ def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate():
             scaled[0, parameter(evidence, name)] = -item.start / item.scale
         power = evidence.logs[0].power
         assert power is not None
-        late = power.late
+        late = power.is_predicted
         read = power.rotor_rad_s[:, :, None]
         shown = evidence.predicted(evidence.logs[0], scaled, read)[0, late, 0]
         missed[share] = np.abs(shown / power.speed_rad_s[late] - 1.0)
@@ -168,7 +168,7 @@ def test_points_without_thrust_are_refused(points):
 
 
 def test_too_few_points_are_refused(points):
-    with pytest.raises(InputError, match=r"has 3 whole points .* at least 4 are needed"):
+    with pytest.raises(InputError, match=r"has 3 complete points .*; minimum: 4"):
         sweep_log(points.select(np.arange(1, 4)), RIG, "few.csv")
 
 
@@ -189,15 +189,15 @@ def test_speeds_of_a_supply_that_is_known_are_predicted_exactly(power):
     scale = 1.0 + power.level
     read = np.broadcast_to(scale * drive[0, :, 0], power.rotor_rad_s.shape)[:, :, None]
     predicted = power.predicted(drive, read)
-    assert predicted[:, power.late] == pytest.approx(read[:, power.late], rel=1e-12)
-    assert not predicted[:, ~power.late].any()
+    assert predicted[:, power.is_predicted] == pytest.approx(read[:, power.is_predicted], rel=1e-12)
+    assert not predicted[:, ~power.is_predicted].any()
 
 
 def test_only_earlier_visits_predict(power):
     drive = sagging(power)[None]
     read = power.rotor_rad_s[:, :, None].copy()
     before = power.predicted(drive, read)
-    place = int(np.flatnonzero(power.late)[len(power.late) // 2])
+    place = int(np.flatnonzero(power.is_predicted)[len(power.is_predicted) // 2])
     read[:, place] *= 1.5
     after = power.predicted(drive, read)
     changed = np.flatnonzero((before != after).any(axis=(0, 2)))
