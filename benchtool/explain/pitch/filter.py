@@ -62,11 +62,7 @@ class FilterResult:
 
     @classmethod
     def of(
-        cls,
-        logged: LoggedPitch,
-        filter_: PitchFilter,
-        valid: NDArray[np.bool_],
-        n_averaged: int,
+        cls, logged: LoggedPitch, filter_: PitchFilter, valid: NDArray[np.bool_], n_averaged: int
     ) -> FilterResult:
         """Return a recording of which only some rows (n,) are evidence."""
         indices = [

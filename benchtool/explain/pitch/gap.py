@@ -48,11 +48,7 @@ def read_channels(logged: LoggedPitch) -> dict[str, Array]:
 
 def predicted_channels(run: Predictions) -> dict[str, Array]:
     """Return predictions (n, lanes), speeds (n, n_discs, lanes), by channel in its unit."""
-    return {
-        "theta_rad": run.theta_rad,
-        "gyro_rad_s": run.gyro_rad_s,
-        "rpm": RPM * run.speed_rad_s,
-    }
+    return {"theta_rad": run.theta_rad, "gyro_rad_s": run.gyro_rad_s, "rpm": RPM * run.speed_rad_s}
 
 
 def sensor_sds(bench: PitchBench) -> dict[str, float]:

@@ -26,11 +26,7 @@ from benchtool.explain.pitch.resampling import (
     is_plate_moving,
     resample_evenly,
 )
-from benchtool.explain.pitch.sanity_checks import (
-    check_consistency,
-    check_motion,
-    match_speeds,
-)
+from benchtool.explain.pitch.sanity_checks import check_consistency, check_motion, match_speeds
 from benchtool.explain.pitch.timing import align_channels
 from benchtool.explain.recording_checks import repair_readings
 from benchtool.simulate.pitch import filter_ticks as t

@@ -61,10 +61,7 @@ class SweepEvidence:
     """Evidence of sweeps about a model with every candidate effect."""
 
     def __init__(
-        self,
-        model: Model,
-        logs: Sequence[SweepLog],
-        extra: Sequence[Effect] = (),
+        self, model: Model, logs: Sequence[SweepLog], extra: Sequence[Effect] = ()
     ) -> None:
         self._arguments = (model, tuple(extra))
         self.model = with_every_effect(model, "sweep", extra)

@@ -137,11 +137,7 @@ def _errors(recording: Recording, rig: Rig) -> tuple[Array, list[str]]:
 
 
 def _list_missing(
-    recording: Recording,
-    complete: Conditions,
-    tare: Mask,
-    power: SupplyModel | None,
-    dropped: int,
+    recording: Recording, complete: Conditions, tare: Mask, power: SupplyModel | None, dropped: int
 ) -> list[str]:
     """Return warnings on missing data of a sweep and their consequences."""
     warnings = []

@@ -52,11 +52,7 @@ def sweep_variables(
     speed = np.sqrt(np.mean(join("speed_rad_s") ** 2, axis=0))
     median_speed = float(np.median(speed[is_running]))
     median_N = float(np.median(predicted_N[is_running]))
-    time_s, tare_s, moved_s = (
-        join("time_s"),
-        join("elapsed_s"),
-        join("moved_s"),
-    )
+    time_s, tare_s, moved_s = join("time_s"), join("elapsed_s"), join("moved_s")
     stays = np.concatenate([1000 * k + log.stay for k, log in enumerate(logs)])
     variables = [
         Variable(
