@@ -57,12 +57,10 @@ def summarize_residuals(
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
-    residuals, parameter_columns, discrepancy_columns = hypotheses.missed(values, active)
+    residuals, by_parameter, by_discrepancy = hypotheses.missed(values, active)
     logs = evidence.simulate_discrepancies()
-    nuisance_columns = np.hstack([parameter_columns, discrepancy_columns])
-    nuisances = _NuisanceColumns(
-        nuisance_columns, parameter_columns.shape[1], _build_fold_masks(logs)
-    )
+    nuisance = np.hstack([by_parameter, by_discrepancy])
+    nuisances = _Nuisances(nuisance, by_parameter.shape[1], _fold_masks(logs))
     noise = [float(errors.variance[part].sum()) for part in nuisances.parts[:-1]]
     summaries = []
     for variable in _list_forms(logs):
@@ -95,7 +93,7 @@ def summarize_residuals(
 
 
 @dataclass(frozen=True, eq=False)
-class _NuisanceColumns:
+class _Nuisances:
     """Nuisance columns of a law: parameters and discrepancies, each by one prior sd.
 
     Attributes:
@@ -144,17 +142,19 @@ def _marginalize(law_gram: Array, cross: Array, gram: Array) -> QuadraticSummary
     return QuadraticSummary(reduced[:-1, :-1], reduced[:-1, -1], float(reduced[-1, -1]))
 
 
-def _build_fold_masks(logs: Sequence[DiscrepancySimulation]) -> list[NDArray[np.bool_]]:
+def _fold_masks(logs: Sequence[DiscrepancySimulation]) -> list[NDArray[np.bool_]]:
     """Return masks (n_rows,) of the folds and, last, of rotor speeds (training rows only)."""
     rng, labels = np.random.default_rng(0), []
-    for simulation in logs:
-        log = simulation.log
+    for log in logs:
+        filtered = log.log
         block = (
-            log.rows(np.arange(float(len(log.logged)))) / log.logged.rate_Hz // BLOCK_S
+            filtered.rows(np.arange(float(len(filtered.logged))))
+            / filtered.logged.rate_Hz
+            // BLOCK_S
         ).astype(int)
         fold = (rng.permutation(int(block.max()) + 1) % FOLDS)[block]
-        labels += [fold] * (1 + log.has_gyro)
-        labels += [np.full(len(fold), FOLDS)] * sum(log.has_speed)
+        labels += [fold] * (1 + filtered.has_gyro)
+        labels += [np.full(len(fold), FOLDS)] * sum(filtered.has_speed)
     label = np.concatenate(labels)
     return [label == number for number in range(FOLDS + 1)]
 

@@ -95,9 +95,8 @@ class DiscrepancySimulation:
         logged = self.log.logged
         rows = round(AVERAGING_S * logged.rate_Hz)
         if variable in ("angle", "rate"):
-            return _average_previous(
-                np.nan_to_num(logged.theta_rad) if variable == "angle" else self.rate, rows
-            )
+            values = np.nan_to_num(logged.theta_rad) if variable == "angle" else self.rate
+            return _average_previous(values, rows)
         if variable == "slowness":  # friction laws differ most at low rates
             return np.log(np.maximum(np.abs(self.values("rate")), STICTION_RAD_S))
         if variable == "thrust":
@@ -170,9 +169,9 @@ class DiscrepancySimulation:
     def errors(self) -> FilterErrors:
         logged = self.log.logged
         edges = {0, *np.flatnonzero(logged.mode == filter_ticks.RESTART), len(logged)}
-        segments = [slice(a, b) for a, b in pairwise(sorted(edges))]
+        parts = [slice(a, b) for a, b in pairwise(sorted(edges))]
         return FilterErrors(
-            self.log.filter, logged.rate_Hz, self.model.rig.body.inertia_yy_kgm2, segments
+            self.log.filter, logged.rate_Hz, self.model.rig.body.inertia_yy_kgm2, parts
         )
 
 

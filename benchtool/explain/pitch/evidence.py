@@ -189,21 +189,18 @@ class PitchEvidence:
             n_sensors = 1 + log.has_gyro
             for is_speed in np.arange(self._channels(log)) >= n_sensors:
                 speed_masks.append(np.full(log.n_rows, is_speed))
-                regimes.append(
-                    {name: log.rows(mask.astype(float)) > 0.5 for name, mask in masks.items()}
-                )
+                regimes.append({name: log.rows(m.astype(float)) > 0.5 for name, m in masks.items()})
         return RowGroups.joined("hinge", speed_masks, regimes)
 
-    def _whiten_errors(self, log: FilterResult, predictions: Predictions) -> tuple[Array, ...]:
+    def _whiten_errors(self, log: FilterResult, run: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and measured speeds, (n_rows, n_sets) each."""
         logged = log.logged
         errors = [
-            logged.theta_rad[:, None] - predictions.theta_rad,
-            logged.gyro_rad_s[:, None] - predictions.gyro_rad_s,
+            logged.theta_rad[:, None] - run.theta_rad,
+            logged.gyro_rad_s[:, None] - run.gyro_rad_s,
         ]
         errors += [
-            logged.speed_rad_s[i][:, None] - predictions.speed_rad_s[:, i]
-            for i in range(self.n_discs)
+            logged.speed_rad_s[i][:, None] - run.speed_rad_s[:, i] for i in range(self.n_discs)
         ]
         return self._whiten(log, errors)
 
@@ -238,10 +235,8 @@ def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.
     slow = np.abs(smooth_rate) < SLOW_RAD_S
     is_reversal = np.zeros(n, bool)
     is_reversal[1:] = np.sign(smooth_rate[1:]) != np.sign(smooth_rate[:-1])
-    near_reversal = (
-        np.convolve(is_reversal, np.ones(2 * round(REVERSAL_WINDOW_S * logged.rate_Hz) + 1), "same")
-        > 0
-    )
+    window = np.ones(2 * round(REVERSAL_WINDOW_S * logged.rate_Hz) + 1)
+    near_reversal = np.convolve(is_reversal, window, "same") > 0
     mean_us = logged.pwm_us.mean(axis=0)
     change = np.abs(np.gradient(logged.pwm_us[0] - logged.pwm_us[-1]))
     is_steady = np.convolve(change, np.ones(width) / width, "same") < np.median(change) + 1e-9

@@ -65,10 +65,7 @@ class FilterResult:
         cls, logged: LoggedPitch, filter_: PitchFilter, valid: NDArray[np.bool_], n_averaged: int
     ) -> FilterResult:
         """Return a recording of which only some rows (n,) are evidence."""
-        indices = [
-            first + np.flatnonzero(valid[first : first + PIECE])
-            for first in range(0, len(valid), PIECE)
-        ]
+        indices = [i + np.flatnonzero(valid[i : i + PIECE]) for i in range(0, len(valid), PIECE)]
         blocks = [part[: len(part) // n_averaged * n_averaged] for part in indices]
         return cls(
             logged=logged,
@@ -88,12 +85,10 @@ class FilterResult:
 
     def rows(self, values: Array) -> Array:
         """Return values (n, ...) averaged over each row of evidence (n_rows, ...)."""
-        selected = np.asarray(values[self.indices], float)
+        rows = np.asarray(values[self.indices], float)
         if self.n_averaged == 1:
-            return selected
-        return np.asarray(
-            selected.reshape(self.n_rows, self.n_averaged, *selected.shape[1:]).mean(axis=1)
-        )
+            return rows
+        return np.asarray(rows.reshape(self.n_rows, self.n_averaged, *rows.shape[1:]).mean(axis=1))
 
     def pieces(self, lead: int) -> Iterator[tuple[FilterResult, float]]:
         """Yield pieces of the recording, each with the time of its first row: s.

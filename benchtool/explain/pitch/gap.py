@@ -133,11 +133,10 @@ class Windows:
 
     def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
         """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
-        result = filter_log(benches, self.log.logged, self.log.filter.gains)
-        rows = (result.pitch_rad, result.rate_rad_s, result.wake_Nm, result.bent)
+        run = filter_log(benches, self.log.logged, self.log.filter.gains)
+        rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.bent)
         return [
-            np.vstack([*(values[row] for values in rows), result.state_speed_rad_s[row]])
-            for row in self.starts
+            np.vstack([*(v[row] for v in rows), run.state_speed_rad_s[row]]) for row in self.starts
         ]
 
     def _disturbed(

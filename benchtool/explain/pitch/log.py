@@ -112,11 +112,8 @@ def pitch_log(
         if not np.isfinite(speeds).any():
             remarks.append("no rpm: lag, delay and sag are judged from the motion alone")
     else:
-        propulsion = rig.propulsion
-        pulses = (
-            propulsion.pwm_start_us
-            + _driving_speeds(speeds, mode, rate_Hz) / propulsion.speed_per_us_rad_s
-        )
+        p = rig.propulsion
+        pulses = p.pwm_start_us + _driving_speeds(speeds, mode, rate_Hz) / p.speed_per_us_rad_s
         speeds = np.full_like(speeds, np.nan)
         remarks.append(
             "no pulses: driven by measured speeds, so effects between pulse and speed (lag, delay, "
@@ -212,26 +209,26 @@ def _select_usable(
     Raises:
         InputError: too few rows in total or in one segment.
     """
-    is_blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, MAX_GAP_S)
+    blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, MAX_GAP_S)
     for channel in drive:
-        is_blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
-    if is_blank.any():
+        blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
+    if blank.any():
         remarks.append(
-            f"{is_blank.sum() / rows.rate_Hz:.2f} s without angle or drive dropped; judged in parts"
+            f"{blank.sum() / rows.rate_Hz:.2f} s without angle or drive; judged in parts"
         )
-    is_sliding, n_slides = np.zeros(len(is_blank), bool), 0
+    sliding, n_slides = np.zeros(len(blank), bool), 0
     has_coverage = _has(rows.recording, "coverage1") or not _has(rows.recording, "plate_z_m")
     if plate_slide_s != 0.0 and not has_coverage:  # the coverage is unknown during a slide
         reach_s = TRANSIT_S if plate_slide_s is None else plate_slide_s + READ_S
         plate_m = last_known(rows.recording.to_si("plate_z_m"))
-        is_sliding, n_slides = is_plate_moving(plate_m, rows.rate_Hz, reach_s)
+        sliding, n_slides = is_plate_moving(plate_m, rows.rate_Hz, reach_s)
     if n_slides:
         remarks.append(
-            f"{(is_sliding & ~is_blank).sum() / rows.rate_Hz:.2f} s dropped in which the plate "
+            f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s dropped in which the plate "
             f"slides in or out with unknown coverage of the disc; record coverage1, or set "
             f"plate_slide_s of the model if it is faster"
         )
-    rows = rows.select(~(is_blank | is_sliding))
+    rows = rows.select(~(blank | sliding))
     is_early = np.zeros(len(rows.mode), bool)
     edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
     has_angle = np.isfinite(rows.recording.column("theta_rad"))

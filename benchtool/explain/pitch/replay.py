@@ -165,14 +165,12 @@ def _estimate_plate(track: PitchTrack, inputs: ReplayInputs) -> tuple[Array, str
             rows = np.arange(len(track))
             filled = np.interp(rows, rows[has_height], heights[has_height])
             return np.where(is_over, filled, PARKED_M), ""
-    return np.empty(0), (
-        "The distance to the surface is unknown, so there is no simulated run; give --plate-z-m."
-    )
+    return np.empty(0), ("A simulated run needs the distance to the surface; give --plate-z-m.")
 
 
 def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
     """Return pulses of the rig's rotors (n_rotors, n), from speeds if not recorded."""
-    rig, propulsion = model.rig, model.rig.propulsion
+    rig, p = model.rig, model.rig.propulsion
     for series in (track.pwm_us, track.rpm):
         if not len(series):
             continue
@@ -185,9 +183,7 @@ def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
         if np.isfinite(series).any(axis=1).all():
             pulses = series
             if series is track.rpm:
-                pulses = (
-                    propulsion.pwm_start_us + series * np.pi / 30.0 / propulsion.speed_per_us_rad_s
-                )
+                pulses = p.pwm_start_us + series * np.pi / 30.0 / p.speed_per_us_rad_s
             return np.array([last_known(values) for values in pulses])
     return None
 

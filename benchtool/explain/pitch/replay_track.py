@@ -73,9 +73,7 @@ class PitchTrack:
 
     def rotors_over(self, first: int, last: int) -> list[int]:
         """Return the numbers of the rotors that are over a surface in these rows."""
-        return [
-            rotor + 1 for rotor, row in enumerate(self.over) if (row[first : last + 1] > 0.0).any()
-        ]
+        return [k + 1 for k, share in enumerate(self.over) if (share[first : last + 1] > 0.0).any()]
 
 
 def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:

@@ -69,10 +69,8 @@ def resample_evenly(recording: Recording, name: str) -> ResampledRecording:
         raise InputError(f"{name} has {pluralize(len(time_s), 'row')} with a time; record it again")
     steps = np.diff(time_s)
     has_angle = np.isfinite(recording.column("theta_rad"))
-    angle_steps = np.diff(time_s[has_angle])
-    median_step = (
-        float(np.median(angle_steps[angle_steps > 0.0])) if (angle_steps > 0.0).any() else 0.0
-    )
+    gaps_s = np.diff(time_s[has_angle])
+    median_step = float(np.median(gaps_s[gaps_s > 0.0])) if (gaps_s > 0.0).any() else 0.0
     if median_step <= 0.0:
         raise InputError(f"time_s of {name} does not increase; map the right column to it")
     if median_step * MIN_RATE_HZ > 1.0:
@@ -163,14 +161,14 @@ def _interpolate(clock: Array, all_times_s: Array, values: Array, step_s: float)
     closer = np.where(np.abs(times_s[left] - clock) <= np.abs(times_s[right] - clock), left, right)
     is_near = np.abs(times_s[closer] - clock) <= 0.5 * step_s * (1.0 - 1e-6)
     nearest: Array = np.where(is_near, readings[closer], np.nan)
-    is_exact = np.abs(times_s[right] - clock) < 1e-9
-    is_between = (
+    exact = np.abs(times_s[right] - clock) < 1e-9
+    inside = (
         (interval <= MAX_INTERPOLATION_STEPS * step_s)
         & (after > 0)
         & (after < len(times_s))
-        & ~is_exact
+        & ~exact
     )
-    return np.where(is_between, interpolated, nearest)
+    return np.where(inside, interpolated, nearest)
 
 
 def _average_held(clock: Array, all_times_s: Array, values: Array, step_s: float) -> Array:
@@ -213,15 +211,13 @@ def is_plate_moving(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) 
         reach_s: time before and after a jump in which the plate may slide.
     """
     width = 2 * round(0.5 * BLINK_S * rate_Hz) + 1
-    is_present = median_filter(
-        (plate_m < PARKED_FROM_M).astype(np.uint8), size=width, mode="nearest"
-    )
-    jumps = np.flatnonzero(np.diff(is_present.astype(np.int8))) + 1
+    present = median_filter((plate_m < PARKED_FROM_M).astype(np.uint8), size=width, mode="nearest")
+    jumps = np.flatnonzero(np.diff(present.astype(np.int8))) + 1
     reach = round(reach_s * rate_Hz)
     mask = np.zeros(len(plate_m), bool)
     for row in jumps:
         mask[max(row - reach, 0) : row + reach] = True
     if len(jumps):
-        mask[:reach] |= bool(is_present[0])
-        mask[len(mask) - reach :] |= bool(is_present[-1])
+        mask[:reach] |= bool(present[0])
+        mask[len(mask) - reach :] |= bool(present[-1])
     return mask, len(jumps)

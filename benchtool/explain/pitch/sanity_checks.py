@@ -105,20 +105,18 @@ def gyro_disagreement(logged: LoggedPitch) -> str:
         bridge_gaps(np.where(is_finite, values, np.nan))
         for values in (logged.theta_rad, logged.gyro_rad_s)
     )
-    nperseg = min(len(is_finite), round(SEGMENT_S * fs))
-    frequency_Hz, cross = csd(theta, gyro, fs=fs, nperseg=nperseg)
-    spectrum = welch(theta, fs=fs, nperseg=nperseg)[1]
-    ratio = np.abs(cross) / np.maximum(2.0 * np.pi * frequency_Hz * spectrum, 1e-300)
-    exceeds = (coherence(theta, gyro, fs=fs, nperseg=nperseg)[1] > MIN_CORRELATION) & (
-        ratio > MAX_GYRO_RATIO
-    )
-    exceeds &= (frequency_Hz > SLOW_HZ) & (frequency_Hz < MAX_FREQUENCY_SHARE * fs)
-    bands = np.flatnonzero(np.convolve(exceeds, np.ones(MIN_BINS), "valid") == MIN_BINS)
+    n = min(len(is_finite), round(SEGMENT_S * fs))
+    frequency_Hz, cross = csd(theta, gyro, fs=fs, nperseg=n)
+    spectrum = welch(theta, fs=fs, nperseg=n)[1]
+    gain = np.abs(cross) / np.maximum(2.0 * np.pi * frequency_Hz * spectrum, 1e-300)
+    high = (coherence(theta, gyro, fs=fs, nperseg=n)[1] > MIN_CORRELATION) & (gain > MAX_GYRO_RATIO)
+    high &= (frequency_Hz > SLOW_HZ) & (frequency_Hz < MAX_FREQUENCY_SHARE * fs)
+    bands = np.flatnonzero(np.convolve(high, np.ones(MIN_BINS), "valid") == MIN_BINS)
     if not len(bands):
         return ""
     first = int(bands[0])
     return (
-        f"gyro_rad_s is {ratio[first]:.2g} times the change of theta_rad at "
+        f"gyro_rad_s is {gain[first]:.2g} times the change of theta_rad at "
         f"{frequency_Hz[first]:.3g} Hz and agrees with it below {SLOW_HZ:g} Hz: gyro and encoder "
         f"are on parts with relative motion"
     )
@@ -211,11 +209,9 @@ def _thrusts(logged: LoggedPitch, rig: Rig) -> Array:
     """Return the thrust of each disc (n_discs, n) out of ground effect with the rig's lag: N."""
     propulsion = rig.propulsion
     speed = propulsion.speed_per_us_rad_s * np.maximum(logged.pwm_us - propulsion.pwm_start_us, 0.0)
-    lag_rows = round(propulsion.lag_s * logged.rate_Hz) if not logged.from_speeds else 0
-    if lag_rows:
-        speed = np.concatenate(
-            [np.repeat(speed[:, :1], lag_rows, axis=1), speed[:, :-lag_rows]], axis=1
-        )
+    lag = round(propulsion.lag_s * logged.rate_Hz) if not logged.from_speeds else 0
+    if lag:
+        speed = np.concatenate([np.repeat(speed[:, :1], lag, axis=1), speed[:, :-lag]], axis=1)
     thrust: Array = propulsion.thrust_coefficient_N_s2 * speed**2
     return thrust
 

@@ -144,9 +144,7 @@ def next_pitch(
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
         log = pitch_log(recording, model.rig, checked=False).logged
-        new, combined = (
-            evidence.of(recordings, n_averaged) for recordings in ([log], [*logs, log])
-        )
+        new, combined = (evidence.of(data, n_averaged) for data in ([log], [*logs, log]))
         return forecast.expected(new, combined, drawn)
 
     ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
@@ -189,7 +187,7 @@ class PitchSubject(Subject):
             [(log.name, bench_numbers(log.logged, model.rig)) for log in (*learn, *check)]
         )
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
-        self._validation_evidence = PitchEvidence(model, [log.logged for log in check], extra)
+        self._validation = PitchEvidence(model, [log.logged for log in check], extra)
         self.all_evidence = PitchEvidence(model, [log.logged for log in (*learn, *check)], extra)
 
     @cached_property
@@ -211,10 +209,8 @@ class PitchSubject(Subject):
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each block of the check recordings, by channel."""
         errors: dict[str, list[Array]] = {}
-        for log in self._validation_evidence.logs:
-            benches = [
-                self._validation_evidence.bench(scaled, log.logged.rate_Hz) for scaled in sets
-            ]
+        for log in self._validation.logs:
+            benches = [self._validation.bench(scaled, log.logged.rate_Hz) for scaled in sets]
             windows = Windows.of(log, self.window_s, OVERLAP)
             for name, squares in windows.errors(benches).items():
                 errors.setdefault(name, []).append(squares)
@@ -238,15 +234,13 @@ class PitchSubject(Subject):
     ) -> Mapping[str, Array]:
         total: dict[str, Array] = {}
         count = 0
-        for log in self._validation_evidence.logs:
+        for log in self._validation.logs:
             windows = Windows.of(log, window_s, OVERLAP)
-            bench = self._validation_evidence.bench(at, log.logged.rate_Hz)
+            bench = self._validation.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
                 scaled = rng.multivariate_normal(at, spread, draws, method="eigh")
-                truths = [
-                    self._validation_evidence.bench(values, log.logged.rate_Hz) for values in scaled
-                ]
+                truths = [self._validation.bench(x, log.logged.rate_Hz) for x in scaled]
             for name, roots in windows.floor(bench, truths, rng).items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
@@ -254,12 +248,10 @@ class PitchSubject(Subject):
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with the predictions of each window, by channel."""
-        log = self._validation_evidence.logs[0]
+        log = self._validation.logs[0]
         rate_Hz = log.logged.rate_Hz
         windows = Windows.of(log, self.window_s)
-        runs = windows.predicted(
-            [self._validation_evidence.bench(scaled, rate_Hz) for scaled in (before, after)]
-        )
+        runs = windows.predicted([self._validation.bench(x, rate_Hz) for x in (before, after)])
         overlays = []
         for name, read in read_channels(log.logged).items():
             values = read if read.ndim == 1 else read[:, 0]

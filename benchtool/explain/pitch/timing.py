@@ -54,11 +54,9 @@ class TimeOffset:
 
     def exceeds(self, limit_s: float) -> bool:
         """Return True if its absolute value exceeds the limit significantly."""
-        is_significant = abs(self.offset_s) > limit_s + MIN_SIGNIFICANCE * self.se_s
+        significant = abs(self.offset_s) > limit_s + MIN_SIGNIFICANCE * self.se_s
         return (
-            is_significant
-            and self.correlation > MIN_CORRELATION
-            and abs(self.offset_s) < MAX_OFFSET_S
+            significant and self.correlation > MIN_CORRELATION and abs(self.offset_s) < MAX_OFFSET_S
         )
 
     @property
@@ -153,11 +151,11 @@ def _solve_jackknife(columns: Array, y: Array) -> tuple[Array, Array]:
     """Return least squares (k,) of y (n,) on columns (n, k), and without each block."""
     edges = np.linspace(0, len(y), BLOCKS + 1).astype(int)
     parts = [slice(first, last) for first, last in pairwise(edges)]
-    normal = np.array([columns[part].T @ columns[part] for part in parts])
+    grams = np.array([columns[part].T @ columns[part] for part in parts])
     right = np.array([columns[part].T @ y[part] for part in parts])
-    total, sums = normal.sum(axis=0), right.sum(axis=0)
+    total, sums = grams.sum(axis=0), right.sum(axis=0)
     jackknife = np.array(
-        [np.linalg.solve(total - a, sums - b) for a, b in zip(normal, right, strict=True)]
+        [np.linalg.solve(total - a, sums - b) for a, b in zip(grams, right, strict=True)]
     )
     return np.linalg.solve(total, sums), jackknife
 
@@ -247,7 +245,7 @@ def _pulse_offset(logged: LoggedPitch, rig: Rig) -> TimeOffset | None:
     if np.ptp(commanded) == 0.0:
         return None
 
-    def offset_at(lag_s: float) -> TimeOffset:
+    def fit(lag_s: float) -> TimeOffset:
         return estimate_offset(
             _apply_lag(commanded, lag_s, rate_Hz), measured, rate_Hz, (0.5, 20.0)
         )
@@ -255,21 +253,21 @@ def _pulse_offset(logged: LoggedPitch, rig: Rig) -> TimeOffset | None:
     nominal_s = max(p.lag_s, 2.0 / rate_Hz)
     lags = np.geomspace(MIN_LAG_SHARE * nominal_s, MAX_LAG_SHARE * nominal_s, 9)
     for _ in range(LAG_ROUNDS):  # four times finer each, around the best
-        best_s = max(lags, key=lambda lag_s: offset_at(float(lag_s)).correlation)
+        best_s = max(lags, key=lambda lag_s: fit(float(lag_s)).correlation)
         step = (lags[1] / lags[0]) ** 0.25
         lags = best_s * step ** np.arange(-4, 5)
-    return offset_at(float(best_s))
+    return fit(float(best_s))
 
 
-def _shift_channel(logged: LoggedPitch, channel: str, shift_s: float) -> LoggedPitch:
+def _shift_channel(logged: LoggedPitch, channel: str, late_s: float) -> LoggedPitch:
     """Return the log with one channel (..., n) shifted to earlier times; ends blank or held."""
     values = np.atleast_2d(getattr(logged, channel))
     rows = np.arange(values.shape[1])
     held = {"left": np.nan, "right": np.nan} if channel != "pwm_us" else {}
-    shifted = np.array(
-        [np.interp(rows + shift_s * logged.rate_Hz, rows, row, **held) for row in values]
+    moved = np.array(
+        [np.interp(rows + late_s * logged.rate_Hz, rows, row, **held) for row in values]
     )
-    changed: dict[str, Any] = {channel: shifted.reshape(getattr(logged, channel).shape)}
+    changed: dict[str, Any] = {channel: moved.reshape(getattr(logged, channel).shape)}
     return replace(logged, **changed)
 
 

@@ -44,7 +44,7 @@ def thrust_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Proces
     radius_m, tolerance = model.rig.propulsion.radius_m, WITHIN * model.discrepancy.thrust
     rows = np.arange(len(log))
     share = np.where(is_running, tolerance, 0.0)
-    near_share = (
+    near = (
         share * np.mean(c.coverage, axis=0) / (1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2)
     )
     distance = np.log(c.plate_z_m / radius_m) / DISTANCE
@@ -57,13 +57,13 @@ def thrust_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Proces
             f"thrust: {name}", index, rows, np.stack(variables, 1), share * thrust, share
         )
 
-    yield process("distance", -1, near_share, distance)
+    yield process("distance", -1, near, distance)
     yield process("speed", -1, share, log_speed)
-    yield process("distance and speed", -1, near_share, distance, log_speed)
+    yield process("distance and speed", -1, near, distance, log_speed)
     yield process("time", sweep, share, _normalize_time(c.time_s) / TIME)
     if np.ptp(c.plate_x_m[is_running]) > 0.1 * radius_m:
-        near_share = share / (1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2)
-        yield process("lateral position", -1, near_share, c.plate_x_m / (LATERAL * radius_m))
+        near = share / (1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2)
+        yield process("lateral position", -1, near, c.plate_x_m / (LATERAL * radius_m))
     if len(np.unique(log.stay)) > 3:
         share = np.full(len(log), tolerance)
         positions = 10.0 * log.stay[:, None].astype(float)
@@ -97,10 +97,8 @@ def speed_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Process
 def variations(logs: Sequence[SweepLog], model: Model) -> Array:
     """Return smooth functions (m, r) of distance and of speed for the thrusts of all sweeps."""
     c, radius_m = [log.conditions for log in logs], model.rig.propulsion.radius_m
-    distance = np.concatenate([np.log(conditions.plate_z_m / radius_m) for conditions in c])
-    speed = np.concatenate(
-        [np.sqrt(np.mean(conditions.speed_rad_s**2, axis=0)) for conditions in c]
-    )
+    distance = np.concatenate([np.log(v.plate_z_m / radius_m) for v in c])
+    speed = np.concatenate([np.sqrt(np.mean(v.speed_rad_s**2, axis=0)) for v in c])
     log_speed = np.log(np.maximum(speed, 1.0))
     roots = [smooth_root(distance[:, None] / DISTANCE), smooth_root(log_speed[:, None] / SPEED)]
     return np.hstack([model.discrepancy.law / np.sqrt(2.0) * root for root in roots])

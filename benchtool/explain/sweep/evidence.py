@@ -71,11 +71,11 @@ class SweepEvidence:
             *effect_parameters(self.model, names, "sweep"),
             *self._owner_parameters(),
         )
-        self._model_index = {name: index for index, name in enumerate(self.model.parameters)}
+        self._model_at = {name: index for index, name in enumerate(self.model.parameters)}
         self._index = {parameter.name: index for index, parameter in enumerate(self.parameters)}
         # All parameters are free, because a model drops neutral fixed effects.
         self._free_model = self.model.with_free(
-            *(k.name for k in self.parameters if k.name in self._model_index)
+            *(p.name for p in self.parameters if p.name in self._model_at)
         )
         self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
         self.whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
@@ -87,14 +87,10 @@ class SweepEvidence:
         shapes = all_shape_names(self.model, "sweep", self._arguments[1])
         result = []
         for name in ("k", "R_m", *shapes):
-            parameter, prior = parameters[name], known_prior(name, parameters[name])
-            lower = (
-                max(parameter.lower, 0.2 * parameter.value)
-                if parameter.value > 0.0
-                else parameter.lower
-            )
-            sd = parameter.value if prior is None else prior.sd
-            result.append(owner_parameter(name, parameter, sd, lower))
+            item, prior = parameters[name], known_prior(name, parameters[name])
+            lower = max(item.lower, 0.2 * item.value) if item.value > 0.0 else item.lower
+            sd = item.value if prior is None else prior.sd
+            result.append(owner_parameter(name, item, sd, lower))
         if any(log.power is not None for log in self.logs):
             result += SUPPLY_PARAMETERS
         return result
@@ -110,9 +106,9 @@ class SweepEvidence:
         """Return the model's values (n_parameters,), each a number or (n_sets, 1)."""
         values: list[object] = list(self.model.parameters.values_array())
         for parameter, row in zip(self.parameters, scaled.T, strict=True):
-            if parameter.name in self._model_index:
+            if parameter.name in self._model_at:
                 column = (parameter.start + parameter.scale * row)[:, None]
-                values[self._model_index[parameter.name]] = column
+                values[self._model_at[parameter.name]] = column
         return values
 
     def supply(self, log: SweepLog, scaled: Array) -> Array:
@@ -198,20 +194,16 @@ class SweepEvidence:
             if power is not None:
                 errors = power.speed_rad_s[:, None] - self.speeds(log, sets)
                 rows.append(errors / power.speed_se[:, None])
-                has_voltage = np.isfinite(power.voltage_V)
-                if has_voltage.any():
-                    errors = (
-                        power.voltage_V[has_voltage, None] - self.voltages(log, sets)[has_voltage]
-                    )
+                measured = np.isfinite(power.voltage_V)
+                if measured.any():
+                    errors = power.voltage_V[measured, None] - self.voltages(log, sets)[measured]
                     rows.append(errors / power.voltage_se)
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
         """Return discrepancies of thrusts, speeds and voltages."""
         raw = discrepancies(list(self._processes()), self._n_rows)
-        return tuple(
-            replace(discrepancy, columns=self._whiten(discrepancy.columns)) for discrepancy in raw
-        )
+        return tuple(replace(item, columns=self._whiten(item.columns)) for item in raw)
 
     def varied(self, changes: Array) -> Array:
         """Return smooth variations (n_rows, r) of an effect's contribution to thrusts."""

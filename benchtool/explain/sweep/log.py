@@ -140,24 +140,22 @@ def _list_missing(
     recording: Recording, complete: Conditions, tare: Mask, power: SupplyModel | None, dropped: int
 ) -> list[str]:
     """Return warnings on missing data of a sweep and their consequences."""
-    warnings = []
+    notes = []
     if dropped:
-        warnings.append(
-            f"dropped for missing values: {dropped} of {pluralize(dropped + len(tare), 'row')}"
+        notes.append(
+            f"missing values: {dropped} of {pluralize(dropped + len(tare), 'row')} dropped"
         )
     if not tare.any():
-        warnings.append("no rows of kind 'tare': zero errors are judged from thrust alone")
+        notes.append("no rows of kind 'tare': zero errors are judged from thrust alone")
     if "time_s" not in recording:
-        warnings.append("no time_s: drift, hysteresis and battery sag cannot be judged")
+        notes.append("no time_s: drift, hysteresis and battery sag cannot be judged")
     elif not (complete.load_direction[~tare] < 0.0).any():
-        warnings.append(
-            "all levels were approached from below: hysteresis looks like a tare offset"
-        )
+        notes.append("levels were approached only from below: hysteresis looks like a tare offset")
     if not complete.speed_measured:
-        warnings.append("no rpm: effects between pulse and speed are judged from thrust alone")
+        notes.append("no rpm: effects between pulse and speed are judged from thrust alone")
     elif power is None:
-        warnings.append("no pulses with speeds: battery sag cannot be judged")
-    return warnings
+        notes.append("no pulses with speeds: battery sag cannot be judged")
+    return notes
 
 
 def check_same_bench(logs: Sequence[SweepLog]) -> None:

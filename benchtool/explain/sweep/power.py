@@ -90,18 +90,16 @@ class SupplyModel:
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
-    def speeds(self, drive: Array) -> Array:
+    def fitted(self, drive: Array) -> Array:
         """Return speeds (m, n_sets) for drives (n or 1, m, n_sets) with fitted scale per level."""
         mean_drive: Array = drive.mean(axis=0)
-        speeds = np.empty_like(mean_drive)
+        fitted = np.empty_like(mean_drive)
         for level in np.unique(self.level):
             rows = self.level == level
-            weights = 1.0 / self.speed_se[rows] ** 2
+            w = 1.0 / self.speed_se[rows] ** 2
             shape = mean_drive[rows]
-            speeds[rows] = (
-                ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
-            )
-        return speeds
+            fitted[rows] = ((w * self.speed_rad_s[rows]) @ shape) / (w @ shape**2) * shape
+        return fitted
 
     @property
     def n_rows(self) -> int:

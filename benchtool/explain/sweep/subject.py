@@ -122,13 +122,11 @@ def sweep_variables(
 
 def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, predicted_N: Array) -> list[LawForm]:
     """Return the forms of laws for thrusts (m,) of all sweeps."""
-    conditions = [log.conditions for log in logs]
+    rows = [log.conditions for log in logs]
     is_running = np.concatenate([~log.tare for log in logs])
     thrust_N = np.where(is_running, predicted_N, 0.0)
-    coverage = np.concatenate(
-        [np.mean(point_conditions.coverage, axis=0) for point_conditions in conditions]
-    )
-    z = np.concatenate([point_conditions.plate_z_m for point_conditions in conditions]) / radius_m
+    coverage = np.concatenate([np.mean(v.coverage, axis=0) for v in rows])
+    z = np.concatenate([v.plate_z_m for v in rows]) / radius_m
     median_N = float(np.median(thrust_N[is_running]))
     near = f"flow.coverage[i] / (1.0 + ({DISTANCE}) * ({DISTANCE}))"
     nearer = f"flow.coverage[i] * power({DISTANCE}, -3.0)"
@@ -170,16 +168,16 @@ def summarize_residuals(
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
-    residuals, parameter_columns, discrepancy_columns = hypotheses.missed(values, active)
+    residuals, by_parameter, by_discrepancy = hypotheses.missed(values, active)
     predicted_N = np.concatenate(
         [evidence.thrusts(log.conditions, values[None])[:, 0] for log in evidence.logs]
     )
     white = evidence.whiten_thrusts(np.eye(len(predicted_N))) / errors.noise[:, None]
     rows = np.column_stack([white, residuals])
-    nuisances = np.hstack([discrepancy_columns, parameter_columns])
+    nuisance = np.hstack([by_discrepancy, by_parameter])
     says, bare = (
         _summarize(white.T @ solve_covariance(columns, rows))
-        for columns in (nuisances, parameter_columns)
+        for columns in (nuisance, by_parameter)
     )
     radius_m = evidence.model.rig.propulsion.radius_m
     variables = sweep_variables(evidence.logs, radius_m, predicted_N)
@@ -250,11 +248,11 @@ class SweepSubject(Subject):
             ]
         self.training, self.validation = logs[: len(learn)], logs[len(learn) :]
         self.evidence = SweepEvidence(model, logs[: len(learn)], extra)
-        self._check = SweepEvidence(model, logs[len(learn) :], extra)
+        self._validation = SweepEvidence(model, logs[len(learn) :], extra)
         self.all_evidence = SweepEvidence(model, logs, extra)
 
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
-        check = self._check
+        check = self._validation
         thrust, speed = [], []
         for log, thrust_N, speed_rad_s in self._by_log(changes):
             errors = log.thrust_N[:, None] - check.thrusts(log.conditions, sets) - thrust_N
@@ -295,7 +293,7 @@ class SweepSubject(Subject):
     def floor(
         self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        check, n, draws = self._check, len(at), changes.shape[1]
+        check, n, draws = self._validation, len(at), changes.shape[1]
         shifts = np.zeros((n, draws))
         if spread is not None:
             shifts = np.linalg.cholesky(spread) @ rng.standard_normal((n, draws))
@@ -327,7 +325,7 @@ class SweepSubject(Subject):
 
         Rows are sorted by level and distance; lines break between levels.
         """
-        evidence = self._check
+        evidence = self._validation
         log, sets = evidence.logs[0], np.vstack([before, after])
         running = ~log.tare
         predicted = evidence.thrusts(log.conditions, sets)[running]
