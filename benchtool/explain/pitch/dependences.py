@@ -124,10 +124,7 @@ class _Nuisances:
         for n in (self.columns.shape[1], self.n_parameters):
             parts = [(gram_, cross[:, :n], gram[:n, :n]) for gram_, cross, gram in products]
             totals = [np.sum(products_, axis=0) for products_ in zip(*parts, strict=True)]
-            training = [
-                [total - product for total, product in zip(totals, part, strict=True)]
-                for part in parts[:-1]
-            ]
+            training = [[a - b for a, b in zip(totals, part, strict=True)] for part in parts[:-1]]
             summaries.append([_marginalize(*products_) for products_ in (totals, *training)])
         return summaries
 
@@ -147,11 +144,8 @@ def _fold_masks(logs: Sequence[DiscrepancySimulation]) -> list[NDArray[np.bool_]
     rng, labels = np.random.default_rng(0), []
     for log in logs:
         filtered = log.log
-        block = (
-            filtered.rows(np.arange(float(len(filtered.logged))))
-            / filtered.logged.rate_Hz
-            // BLOCK_S
-        ).astype(int)
+        row = filtered.rows(np.arange(float(len(filtered.logged))))
+        block = (row / filtered.logged.rate_Hz // BLOCK_S).astype(int)
         fold = (rng.permutation(int(block.max()) + 1) % FOLDS)[block]
         labels += [fold] * (1 + filtered.has_gyro)
         labels += [np.full(len(fold), FOLDS)] * sum(filtered.has_speed)

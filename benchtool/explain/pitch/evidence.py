@@ -67,10 +67,8 @@ class PitchEvidence:
             for effect in self.model.effects
             if effect.hooks.lag_s is not None
         }
-        self.parameters = (
-            *effect_parameters(self.model, names, "pitch", min_lags_s),
-            *self._owner_parameters(),
-        )
+        effects = effect_parameters(self.model, names, "pitch", min_lags_s)
+        self.parameters = (*effects, *self._owner_parameters())
 
     def of(self, logs: Sequence[LoggedPitch], n_averaged: int) -> PitchEvidence:
         """Return the evidence of other recordings about the same model."""
@@ -195,14 +193,10 @@ class PitchEvidence:
     def _whiten_errors(self, log: FilterResult, run: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and measured speeds, (n_rows, n_sets) each."""
         logged = log.logged
-        errors = [
-            logged.theta_rad[:, None] - run.theta_rad,
-            logged.gyro_rad_s[:, None] - run.gyro_rad_s,
-        ]
-        errors += [
-            logged.speed_rad_s[i][:, None] - run.speed_rad_s[:, i] for i in range(self.n_discs)
-        ]
-        return self._whiten(log, errors)
+        pitch = logged.theta_rad[:, None] - run.theta_rad
+        gyro = logged.gyro_rad_s[:, None] - run.gyro_rad_s
+        pairs = zip(logged.speed_rad_s, run.speed_rad_s.swapaxes(0, 1), strict=True)
+        return self._whiten(log, [pitch, gyro, *(read[:, None] - speed for read, speed in pairs)])
 
     def _whiten(self, log: FilterResult, errors: Sequence[Array]) -> tuple[Array, ...]:
         """Return errors (n, r) of pitch, gyro and each disc's speed as whitened rows."""

@@ -39,11 +39,8 @@ BLOCK_S = 1.0  # of reported errors; longer than the correlation of windows and 
 
 def read_channels(logged: LoggedPitch) -> dict[str, Array]:
     """Return readings (n,), speeds (n, n_discs), by channel in its unit."""
-    return {
-        "theta_rad": logged.theta_rad,
-        "gyro_rad_s": logged.gyro_rad_s,
-        "rpm": RPM * logged.speed_rad_s.T,
-    }
+    rpm = RPM * logged.speed_rad_s.T
+    return {"theta_rad": logged.theta_rad, "gyro_rad_s": logged.gyro_rad_s, "rpm": rpm}
 
 
 def predicted_channels(run: Predictions) -> dict[str, Array]:
@@ -135,9 +132,8 @@ class Windows:
         """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
         run = filter_log(benches, self.log.logged, self.log.filter.gains)
         rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.bent)
-        return [
-            np.vstack([*(v[row] for v in rows), run.state_speed_rad_s[row]]) for row in self.starts
-        ]
+        speed = run.state_speed_rad_s
+        return [np.vstack([*(v[row] for v in rows), speed[row]]) for row in self.starts]
 
     def _disturbed(
         self,

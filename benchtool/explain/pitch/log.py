@@ -180,13 +180,10 @@ def _check_drive_rate(
         sensor = rig.sensors.get("theta_rad")
         if sensor is None or not drive[0].startswith("pwm"):
             continue
-        readings_per_row = step_s * sensor.rate_Hz
+        ratio = step_s * sensor.rate_Hz
         is_exact = hypot(sensor.noise, sensor.quantum) <= EXACT_RAD
-        is_decimated = (
-            readings_per_row > 1.5
-            and abs(readings_per_row - round(readings_per_row)) < INTEGER_TOLERANCE
-        )
-        if (is_exact and readings_per_row > 1.0 + MAX_RATE_DEFICIT) or is_decimated:
+        is_decimated = ratio > 1.5 and abs(ratio - round(ratio)) < INTEGER_TOLERANCE
+        if (is_exact and ratio > 1.0 + MAX_RATE_DEFICIT) or is_decimated:
             result = "a gap that no effect explains" if is_exact else "an apparent lag"
             warnings.append(
                 f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz, and the beam of rig "

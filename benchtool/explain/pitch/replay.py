@@ -120,18 +120,14 @@ def run_replay(
     control = controller_of_run(provenance, inputs)
     duration_s = len(track) / track.rate_Hz
     if duration_s > MAX_DURATION_S:
-        return None, [
-            f"The recording is {duration_s:.0f} s long; allowed for a simulated run: "
-            f"{MAX_DURATION_S:.0f} s; shorten it."
-        ]
+        limit = f"allowed for a simulated run: {MAX_DURATION_S:.0f} s"
+        return None, [f"The recording is {duration_s:.0f} s long; {limit}; shorten it."]
     plate, problem = _estimate_plate(track, inputs)
     if problem:
         return None, [problem]
     pulses = _rig_pulses(track, model)
     if pulses is None and control is None:
-        return None, [
-            "A simulated run needs outputs or speeds of all rotors, or a known controller."
-        ]
+        return None, ["A simulated run needs outputs or speeds of all rotors, or a controller."]
     bench, remarks = _bench(track, model)
     if control is not None:
         run = _simulate_controller(track, bench, control, plate, pulses)
@@ -218,9 +214,8 @@ def _simulate_controller(
     rate_Hz = control.control_rate_Hz
     n_ticks = max(2, int(len(track) / track.rate_Hz * rate_Hz))
     time_s = track.time_s[0] + np.arange(n_ticks) / rate_Hz
-    rows = np.clip(
-        np.round((time_s - track.time_s[0]) * track.rate_Hz).astype(int), 0, len(track) - 1
-    )
+    rows = np.round((time_s - track.time_s[0]) * track.rate_Hz).astype(int)
+    rows = np.clip(rows, 0, len(track) - 1)
     reference = None
     if np.isfinite(track.reference_rad).any():
         reference = np.nan_to_num(last_known(track.reference_rad))

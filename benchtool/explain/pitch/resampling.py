@@ -162,12 +162,8 @@ def _interpolate(clock: Array, all_times_s: Array, values: Array, step_s: float)
     is_near = np.abs(times_s[closer] - clock) <= 0.5 * step_s * (1.0 - 1e-6)
     nearest: Array = np.where(is_near, readings[closer], np.nan)
     exact = np.abs(times_s[right] - clock) < 1e-9
-    inside = (
-        (interval <= MAX_INTERPOLATION_STEPS * step_s)
-        & (after > 0)
-        & (after < len(times_s))
-        & ~exact
-    )
+    inside = (after > 0) & (after < len(times_s)) & ~exact
+    inside &= interval <= MAX_INTERPOLATION_STEPS * step_s
     return np.where(inside, interpolated, nearest)
 
 

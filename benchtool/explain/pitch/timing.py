@@ -54,10 +54,8 @@ class TimeOffset:
 
     def exceeds(self, limit_s: float) -> bool:
         """Return True if its absolute value exceeds the limit significantly."""
-        significant = abs(self.offset_s) > limit_s + MIN_SIGNIFICANCE * self.se_s
-        return (
-            significant and self.correlation > MIN_CORRELATION and abs(self.offset_s) < MAX_OFFSET_S
-        )
+        size_s, min_s = abs(self.offset_s), limit_s + MIN_SIGNIFICANCE * self.se_s
+        return min_s < size_s < MAX_OFFSET_S and self.correlation > MIN_CORRELATION
 
     @property
     def text(self) -> str:
@@ -217,10 +215,8 @@ def _thrust_offset(logged: LoggedPitch, rig: Rig) -> TimeOffset:
 def bench_numbers(logged: LoggedPitch, rig: Rig) -> dict[str, float]:
     """Return numbers that identify a bench: speed over pulse, acceleration over thrust."""
     segment, p, numbers = _longest_segment(logged), rig.propulsion, dict[str, float]()
-    commanded, measured = (
-        p.speed_per_us_rad_s * (logged.pwm_us - p.pwm_start_us),
-        logged.speed_rad_s,
-    )
+    commanded = p.speed_per_us_rad_s * (logged.pwm_us - p.pwm_start_us)
+    measured = logged.speed_rad_s
     is_valid = np.isfinite(measured) & (commanded > 0.0)
     if is_valid.any():
         numbers["speed over pulse"] = float(np.median(measured[is_valid] / commanded[is_valid]))
@@ -246,9 +242,8 @@ def _pulse_offset(logged: LoggedPitch, rig: Rig) -> TimeOffset | None:
         return None
 
     def fit(lag_s: float) -> TimeOffset:
-        return estimate_offset(
-            _apply_lag(commanded, lag_s, rate_Hz), measured, rate_Hz, (0.5, 20.0)
-        )
+        lagged = _apply_lag(commanded, lag_s, rate_Hz)
+        return estimate_offset(lagged, measured, rate_Hz, (0.5, 20.0))
 
     nominal_s = max(p.lag_s, 2.0 / rate_Hz)
     lags = np.geomspace(MIN_LAG_SHARE * nominal_s, MAX_LAG_SHARE * nominal_s, 9)
@@ -263,10 +258,9 @@ def _shift_channel(logged: LoggedPitch, channel: str, late_s: float) -> LoggedPi
     """Return the log with one channel (..., n) shifted to earlier times; ends blank or held."""
     values = np.atleast_2d(getattr(logged, channel))
     rows = np.arange(values.shape[1])
-    held = {"left": np.nan, "right": np.nan} if channel != "pwm_us" else {}
-    moved = np.array(
-        [np.interp(rows + late_s * logged.rate_Hz, rows, row, **held) for row in values]
-    )
+    ends = {"left": np.nan, "right": np.nan} if channel != "pwm_us" else {}
+    later = rows + late_s * logged.rate_Hz
+    moved = np.array([np.interp(later, rows, row, **ends) for row in values])
     changed: dict[str, Any] = {channel: moved.reshape(getattr(logged, channel).shape)}
     return replace(logged, **changed)
 

@@ -44,18 +44,16 @@ def thrust_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Proces
     radius_m, tolerance = model.rig.propulsion.radius_m, WITHIN * model.discrepancy.thrust
     rows = np.arange(len(log))
     share = np.where(is_running, tolerance, 0.0)
-    near = (
-        share * np.mean(c.coverage, axis=0) / (1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2)
-    )
+    decay = 1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2
+    near = share * np.mean(c.coverage, axis=0) / decay
     distance = np.log(c.plate_z_m / radius_m) / DISTANCE
     log_speed = np.log(np.maximum(np.sqrt(np.mean(c.speed_rad_s**2, axis=0)), 1.0)) / SPEED
     thrust = np.abs(log.thrust_N)
     typical = float(np.median(thrust[is_running]))
 
     def process(name: str, index: int, share: Array, *variables: Array) -> Process:
-        return Process(
-            f"thrust: {name}", index, rows, np.stack(variables, 1), share * thrust, share
-        )
+        positions = np.stack(variables, 1)
+        return Process(f"thrust: {name}", index, rows, positions, share * thrust, share)
 
     yield process("distance", -1, near, distance)
     yield process("speed", -1, share, log_speed)

@@ -67,10 +67,8 @@ class SweepEvidence:
         self.model = with_every_effect(model, "sweep", extra)
         self.logs = tuple(logs)
         names = {effect.name for effect in (*candidates("sweep"), *extra)}
-        self.parameters = (
-            *effect_parameters(self.model, names, "sweep"),
-            *self._owner_parameters(),
-        )
+        effects = effect_parameters(self.model, names, "sweep")
+        self.parameters = (*effects, *self._owner_parameters())
         self._model_at = {name: index for index, name in enumerate(self.model.parameters)}
         self._index = {parameter.name: index for index, parameter in enumerate(self.parameters)}
         # All parameters are free, because a model drops neutral fixed effects.
@@ -115,9 +113,8 @@ class SweepEvidence:
         """Return supply voltage over its initial open-circuit value (m, n_sets)."""
         assert log.power is not None
         loss = np.sum([self._values(name, scaled) for name in SUPPLY_LOSSES], axis=0)
-        return log.power.supply(
-            loss, self._values(CURVE, scaled), self._values(SUPPLY_DROP_V, scaled)
-        )
+        curve, drop = self._values(CURVE, scaled), self._values(SUPPLY_DROP_V, scaled)
+        return log.power.supply(loss, curve, drop)
 
     def drive(self, log: SweepLog, scaled: Array) -> Array:
         """Return speed over that at full supply out of ground effect (n or 1, m, n_sets).

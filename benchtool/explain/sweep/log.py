@@ -142,9 +142,8 @@ def _list_missing(
     """Return warnings on missing data of a sweep and their consequences."""
     notes = []
     if dropped:
-        notes.append(
-            f"missing values: {dropped} of {pluralize(dropped + len(tare), 'row')} dropped"
-        )
+        n_rows = pluralize(dropped + len(tare), "row")
+        notes.append(f"dropped for missing values: {dropped} of {n_rows}")
     if not tare.any():
         notes.append("no rows of kind 'tare': zero errors are judged from thrust alone")
     if "time_s" not in recording:
@@ -169,14 +168,12 @@ def _bench_numbers(log: SweepLog) -> dict[str, float]:
     is_far &= log.conditions.plate_z_m >= np.quantile(log.conditions.plate_z_m[is_far], 0.75)
     numbers = {}
     if log.conditions.speed_measured:
-        numbers["thrust over squared speed"] = float(
-            np.median(log.thrust_N[is_far] / squared_speed[is_far])
-        )
+        ratio = np.median(log.thrust_N[is_far] / squared_speed[is_far])
+        numbers["thrust over squared speed"] = float(ratio)
     if log.power is not None:
         middle = np.argsort(log.power.pulse_us)[len(log.power.pulse_us) // 2]
-        numbers["speed over pulse"] = float(
-            log.power.speed_rad_s[middle] / log.power.pulse_us[middle]
-        )
+        ratio = log.power.speed_rad_s[middle] / log.power.pulse_us[middle]
+        numbers["speed over pulse"] = float(ratio)
     return numbers
 
 
@@ -205,23 +202,17 @@ def sweep_regimes(log: SweepLog, model: Model) -> dict[str, Mask]:
     }
     low, high = np.quantile(squared_speed[is_running], [1.0 / 3.0, 2.0 / 3.0])
     if high > 1.05 * low:
-        regimes |= {
-            "high throttle": is_running & (squared_speed >= high),
-            "low throttle": is_running & (squared_speed <= low),
-        }
+        regimes["high throttle"] = is_running & (squared_speed >= high)
+        regimes["low throttle"] = is_running & (squared_speed <= low)
     if np.ptp(conditions.time_s) > 0.0:
         thirds_s = np.quantile(conditions.time_s, [1.0 / 3.0, 2.0 / 3.0])
-        regimes |= {
-            LATE: is_running & (conditions.time_s > thirds_s[1]),
-            EARLY: is_running & (conditions.time_s < thirds_s[0]),
-        }
+        regimes[LATE] = is_running & (conditions.time_s > thirds_s[1])
+        regimes[EARLY] = is_running & (conditions.time_s < thirds_s[0])
     if np.ptp(conditions.elapsed_s[is_running]) > 0.0:
         long_s = np.quantile(conditions.elapsed_s[is_running], 2.0 / 3.0)
         regimes["long after a tare"] = is_running & (conditions.elapsed_s > long_s)
     if (conditions.load_direction[is_running] < 0.0).any():
-        regimes |= {
-            "levels on the way up": is_running & (conditions.load_direction > 0.0),
-            "levels on the way down": is_running & (conditions.load_direction < 0.0),
-        }
+        regimes["levels on the way up"] = is_running & (conditions.load_direction > 0.0)
+        regimes["levels on the way down"] = is_running & (conditions.load_direction < 0.0)
     n = len(log)
     return {name: mask for name, mask in regimes.items() if 0.0 < mask.sum() < 0.95 * n}

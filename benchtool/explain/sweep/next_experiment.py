@@ -108,9 +108,8 @@ class SweepDesign:
         positions = f", lateral positions {lateral} mm" if len(self.lateral_m) > 1 else ""
         tares = f", a tare every {self.tare_minutes:g} minutes" if self.tare_minutes else ""
         order = ", every second time in reverse order" if self.counterbalanced else ""
-        return (
-            f"A sweep at z/R {ratios}{positions}, {pulses} us, {self.repeats} times{order}{tares}"
-        )
+        repeats = f"{self.repeats} times{order}{tares}"
+        return f"A sweep at z/R {ratios}{positions}, {pulses} us, {repeats}"
 
 
 def plan_points(design: SweepDesign, evidence: SweepEvidence) -> SweepLog:
@@ -168,9 +167,8 @@ def predict_readings(log: SweepLog, evidence: SweepEvidence, values: Array) -> S
     thrust = evidence.thrusts(log.conditions, sets)[:, 0]
     power = log.power
     if power is not None:
-        power = power.at_supply(
-            evidence.supply(log, sets)[:, 0], evidence.drive(log, sets)[:, :, 0]
-        )
+        supply, drive = evidence.supply(log, sets), evidence.drive(log, sets)
+        power = power.at_supply(supply[:, 0], drive[:, :, 0])
     return replace(log, thrust_N=thrust, power=power)
 
 
@@ -189,11 +187,8 @@ class _Candidates:
         p, radius_m = rig.propulsion, rig.propulsion.radius_m
         nearest_m = min(float(log.conditions.plate_z_m.min()) for log in evidence.logs)
         nearest_m = max(rig.plate.z_min_m, min(nearest_m, NEAR_Z_OVER_R * radius_m))
-        distances = [
-            round(ratio * radius_m, 4)
-            for ratio in Z_OVER_R
-            if nearest_m <= ratio * radius_m < rig.plate.z_park_m
-        ]
+        heights = [ratio * radius_m for ratio in Z_OVER_R]
+        distances = [round(z_m, 4) for z_m in heights if nearest_m <= z_m < rig.plate.z_park_m]
         sides = [LATERAL_OVER_R * radius_m]
         sides += [0.5 * rig.plate.size_x_m - offset * radius_m for offset in EDGE_OVER_R]
         lateral = [round(x_m, 4) for x_m in sides if 0.0 < x_m <= rig.plate_x_max_m]
@@ -221,13 +216,12 @@ class _Candidates:
             high = p.pwm_start_us + 0.95 * (high - p.pwm_start_us)
         low = min(low, high - MIN_PULSE_SPAN * (high - p.pwm_start_us))
         levels = np.linspace(low, high, LEVELS).round()
-        return replace(candidates, pwm_us=tuple(float(log) for log in dict.fromkeys(levels)))
+        return replace(candidates, pwm_us=tuple(float(level) for level in dict.fromkeys(levels)))
 
     def at_pulse(self, pulse_us: float) -> SweepDesign:
         """Return a design with all distances at one pulse, once."""
-        return SweepDesign(
-            distances_m=self.distances_m, lateral_m=(0.0,), pwm_us=(pulse_us,), repeats=1
-        )
+        distances_m, pwm_us = self.distances_m, (pulse_us,)
+        return SweepDesign(distances_m=distances_m, lateral_m=(0.0,), pwm_us=pwm_us, repeats=1)
 
     def initial(self, *, ladder: bool) -> SweepDesign:
         """Return the initial design: two distances, and two levels or all of them."""
@@ -273,9 +267,8 @@ def next_sweep(
     rig = evidence.model.rig
 
     def expect(design: SweepDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
-        log = predict_readings(
-            plan_points(design, evidence), evidence, forecast.rivals[0].fit.values
-        )
+        values = forecast.rivals[0].fit.values
+        log = predict_readings(plan_points(design, evidence), evidence, values)
         new = evidence.of(log)
         return forecast.expected(new, evidence.with_other(new), drawn)
 

@@ -90,7 +90,7 @@ class SupplyModel:
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
-    def fitted(self, drive: Array) -> Array:
+    def speeds(self, drive: Array) -> Array:
         """Return speeds (m, n_sets) for drives (n or 1, m, n_sets) with fitted scale per level."""
         mean_drive: Array = drive.mean(axis=0)
         fitted = np.empty_like(mean_drive)

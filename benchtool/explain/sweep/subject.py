@@ -169,16 +169,13 @@ def summarize_residuals(
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
     residuals, by_parameter, by_discrepancy = hypotheses.missed(values, active)
-    predicted_N = np.concatenate(
-        [evidence.thrusts(log.conditions, values[None])[:, 0] for log in evidence.logs]
-    )
+    thrusts_N = [evidence.thrusts(log.conditions, values[None])[:, 0] for log in evidence.logs]
+    predicted_N = np.concatenate(thrusts_N)
     white = evidence.whiten_thrusts(np.eye(len(predicted_N))) / errors.noise[:, None]
     rows = np.column_stack([white, residuals])
     nuisance = np.hstack([by_discrepancy, by_parameter])
-    says, bare = (
-        _summarize(white.T @ solve_covariance(columns, rows))
-        for columns in (nuisance, by_parameter)
-    )
+    says = _summarize(white.T @ solve_covariance(nuisance, rows))
+    bare = _summarize(white.T @ solve_covariance(by_parameter, rows))
     radius_m = evidence.model.rig.propulsion.radius_m
     variables = sweep_variables(evidence.logs, radius_m, predicted_N)
     forms = sweep_forms(evidence.logs, radius_m, predicted_N)
@@ -205,10 +202,8 @@ def _folds(
     part = np.random.default_rng(0).permutation(len(numbers)) % FOLDS
     for number in range(min(FOLDS, len(numbers))):
         mask = np.isin(positions, numbers[part == number])
-        noise = variance * float(mask.sum())
-        yield CrossValidationFold(
-            rest=says.without(mask), bare_rest=bare.without(mask), noise=noise
-        )
+        training, noise = says.without(mask), variance * float(mask.sum())
+        yield CrossValidationFold(rest=training, bare_rest=bare.without(mask), noise=noise)
 
 
 def index_positions(logs: tuple[SweepLog, ...]) -> NDArray[np.intp]:
@@ -243,9 +238,8 @@ class SweepSubject(Subject):
         check_same_bench(logs)
         powers = [log.power for log in logs[: len(learn)] if log.power is not None]
         if powers:  # one load scale for all sweeps
-            logs = [
-                replace(log, power=log.power and log.power.loaded_as(powers[0])) for log in logs
-            ]
+            first = powers[0]
+            logs = [replace(log, power=log.power and log.power.loaded_as(first)) for log in logs]
         self.training, self.validation = logs[: len(learn)], logs[len(learn) :]
         self.evidence = SweepEvidence(model, logs[: len(learn)], extra)
         self._validation = SweepEvidence(model, logs[len(learn) :], extra)
@@ -308,9 +302,8 @@ class SweepSubject(Subject):
             power = log.power
             if power is not None:
                 shape = power.rotor_rad_s.shape
-                readings = (
-                    power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws)) + speed_rad_s
-                )
+                noise = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws))
+                readings = noise + speed_rad_s
                 predicted = check.predicted(log, sets, power.rotor_rad_s[:, :, None])
                 errors_rad_s = _linear_change(predicted, shifts) + readings
                 errors_rad_s -= power.predicted(check.drive(log, sets[:1]), readings)
