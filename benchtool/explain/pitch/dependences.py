@@ -94,16 +94,11 @@ def summarize_residuals(
 
 @dataclass(frozen=True, eq=False)
 class _Nuisances:
-    """Nuisance columns of a law: parameters and discrepancies, each by one prior sd.
+    """Nuisance columns of a law: parameters and discrepancies, each by one prior sd."""
 
-    Attributes:
-        columns: (n_rows, r), of parameters the first `n_parameters`.
-        parts: masks (n_rows,); all but the last are validation folds.
-    """
-
-    columns: Array
+    columns: Array  # (n_rows, r), of parameters the first `n_parameters`
     n_parameters: int
-    parts: list[NDArray[np.bool_]]
+    parts: list[NDArray[np.bool_]]  # masks (n_rows,); all but the last are validation folds
 
     @cached_property
     def grams(self) -> list[Array]:

@@ -170,9 +170,8 @@ class DiscrepancySimulation:
         logged = self.log.logged
         edges = {0, *np.flatnonzero(logged.mode == filter_ticks.RESTART), len(logged)}
         parts = [slice(a, b) for a, b in pairwise(sorted(edges))]
-        return FilterErrors(
-            self.log.filter, logged.rate_Hz, self.model.rig.body.inertia_yy_kgm2, parts
-        )
+        inertia_kgm2 = self.model.rig.body.inertia_yy_kgm2
+        return FilterErrors(self.log.filter, logged.rate_Hz, inertia_kgm2, parts)
 
 
 class FilterErrors:

@@ -30,33 +30,23 @@ PIECE = 40_000  # rows filtered at once; memory is proportional to it
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchFilter:
-    """Gains of a filter and statistics of its innovations.
-
-    Attributes:
-        state_root: (3, 3) root of the covariance of pitch, rate and wake torque after a reading.
-        step: (3, 3) transition matrix of pitch, rate and wake torque over one row.
-    """
+    """Gains of a filter and statistics of its innovations."""
 
     gains: Array  # (7,) in the order of `simulate.pitch.filter_ticks`
     whitener: Array  # (2, 2) from innovations of pitch and gyro to unit white noise
     speed_sd_rad_s: float  # standard deviation of the innovation of a rotor speed
-    state_root: Array
-    step: Array
+    state_root: Array  # (3, 3) root of the covariance of pitch, rate, wake torque after a reading
+    step: Array  # (3, 3) transition matrix of pitch, rate and wake torque over one row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterResult:
-    """Recording with its filter and its valid rows.
-
-    Attributes:
-        indices: (n_rows * n_averaged,) indices of rows with settled innovations.
-        n_averaged: number of those averaged into one row of evidence.
-    """
+    """Recording with its filter and its valid rows."""
 
     logged: LoggedPitch
     filter: PitchFilter
-    indices: NDArray[np.intp]
-    n_averaged: int
+    indices: NDArray[np.intp]  # (n_rows * n_averaged,) rows with settled innovations
+    n_averaged: int  # indices averaged into one row of evidence
     has_gyro: bool
     has_speed: tuple[bool, ...]
 

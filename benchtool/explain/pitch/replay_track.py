@@ -33,24 +33,18 @@ _ROTOR = re.compile(r"pwm(\d+)_us|motor(\d+)_share|rpm(\d+)")
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchTrack:
-    """Recording on an even clock; nan where nothing was logged.
-
-    Attributes:
-        theta_rad, gyro_rad_s, reference_rad: (n,) positive nose down.
-        torque_Nm, disturbance_Nm: (n,) torque command and disturbance estimate of a controller.
-        plate_z_m: (n,) plate distance with a level beam; `PARKED_M` if parked.
-    """
+    """Recording on an even clock; nan where nothing was logged."""
 
     rate_Hz: float  # of the clock
     time_s: Array  # (n,) time of the recording
-    theta_rad: Array
+    theta_rad: Array  # (n,) positive nose down, also the two below
     gyro_rad_s: Array
     reference_rad: Array
     pwm_us: Array  # (n_rotors, n) pulses, held until the next; empty if none
     rpm: Array  # (n_rotors, n) speeds; empty if none
-    torque_Nm: Array
-    disturbance_Nm: Array
-    plate_z_m: Array
+    torque_Nm: Array  # (n,) command of a controller
+    disturbance_Nm: Array  # (n,) estimate of a controller
+    plate_z_m: Array  # (n,) plate distance with a level beam; `PARKED_M` if parked
     distance_m: Array  # (n,) from a downward range sensor
     over: Array  # (n_rotors, n) coverage of each rotor by a surface, 0 to 1
     remarks: tuple[str, ...] = ()  # for the reader, on resampling
@@ -93,9 +87,7 @@ def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:
     rows = np.flatnonzero(np.isfinite(time_s) & np.isfinite(theta))
     times_s = time_s[rows]
     if len(rows) < 3 or np.ptp(times_s) <= 0.0:
-        raise InputError(
-            f"the attitude has only {pluralize(len(rows), 'row')}; minimum for a plot: 3 rows"
-        )
+        raise InputError(f"the attitude has {pluralize(len(rows), 'row')}; minimum: 3 rows")
     steps = np.diff(np.unique(times_s))
     log_rate_Hz = 1.0 / float(np.median(steps))
     rate_Hz = float(np.clip(log_rate_Hz, MIN_RATE_HZ, MAX_RATE_HZ))

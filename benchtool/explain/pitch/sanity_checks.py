@@ -101,10 +101,8 @@ def gyro_disagreement(logged: LoggedPitch) -> str:
     if is_finite.sum() < 2:
         return ""
     fs = logged.rate_Hz
-    theta, gyro = (
-        bridge_gaps(np.where(is_finite, values, np.nan))
-        for values in (logged.theta_rad, logged.gyro_rad_s)
-    )
+    channels = logged.theta_rad, logged.gyro_rad_s
+    theta, gyro = (bridge_gaps(np.where(is_finite, values, np.nan)) for values in channels)
     n = min(len(is_finite), round(SEGMENT_S * fs))
     frequency_Hz, cross = csd(theta, gyro, fs=fs, nperseg=n)
     spectrum = welch(theta, fs=fs, nperseg=n)[1]

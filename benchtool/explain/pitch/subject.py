@@ -133,9 +133,8 @@ def next_pitch(
     n_averaged = max(MIN_AVERAGED, evidence.n_averaged)
     forecast = Forecast(evidence.of(logs, n_averaged), rivals)
     values = forecast.rivals[0].fit.values
-    bench = PitchBench.of(
-        model.with_values(parameters_at(model.parameters, evidence.parameters, values))
-    )
+    parameters = parameters_at(model.parameters, evidence.parameters, values)
+    bench = PitchBench.of(model.with_values(parameters))
     job = PitchJob(bench, PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ))
 
     seed = int(rng.integers(2**31))
@@ -156,13 +155,9 @@ def next_pitch(
         lambda design: design.length_s,
         60.0 * minutes if minutes else LENGTHS_S[-1],
     )
+    outcome, schedule = expect(best, rng), best.schedule()
     return proposal(
-        forecast.rivals,
-        expect(best, rng),
-        best.text(),
-        best.length_s,
-        refused,
-        schedule=best.schedule(),
+        forecast.rivals, outcome, best.text(), best.length_s, refused, schedule=schedule
     )
 
 
@@ -183,12 +178,11 @@ class PitchSubject(Subject):
         extra: Sequence[Effect] = (),
     ) -> None:
         self.training, self.validation = tuple(learn), tuple(check)
-        check_bench_kind(
-            [(log.name, bench_numbers(log.logged, model.rig)) for log in (*learn, *check)]
-        )
+        logs = (*learn, *check)
+        check_bench_kind([(log.name, bench_numbers(log.logged, model.rig)) for log in logs])
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._validation = PitchEvidence(model, [log.logged for log in check], extra)
-        self.all_evidence = PitchEvidence(model, [log.logged for log in (*learn, *check)], extra)
+        self.all_evidence = PitchEvidence(model, [log.logged for log in logs], extra)
 
     @cached_property
     def window_s(self) -> float:

@@ -152,9 +152,8 @@ def _solve_jackknife(columns: Array, y: Array) -> tuple[Array, Array]:
     grams = np.array([columns[part].T @ columns[part] for part in parts])
     right = np.array([columns[part].T @ y[part] for part in parts])
     total, sums = grams.sum(axis=0), right.sum(axis=0)
-    jackknife = np.array(
-        [np.linalg.solve(total - a, sums - b) for a, b in zip(grams, right, strict=True)]
-    )
+    pairs = zip(grams, right, strict=True)
+    jackknife = np.array([np.linalg.solve(total - a, sums - b) for a, b in pairs])
     return np.linalg.solve(total, sums), jackknife
 
 

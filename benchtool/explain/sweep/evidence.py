@@ -72,9 +72,8 @@ class SweepEvidence:
         self._model_at = {name: index for index, name in enumerate(self.model.parameters)}
         self._index = {parameter.name: index for index, parameter in enumerate(self.parameters)}
         # All parameters are free, because a model drops neutral fixed effects.
-        self._free_model = self.model.with_free(
-            *(p.name for p in self.parameters if p.name in self._model_at)
-        )
+        free = (p.name for p in self.parameters if p.name in self._model_at)
+        self._free_model = self.model.with_free(*free)
         self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
         self.whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
 

@@ -280,11 +280,6 @@ def next_sweep(
         lambda design: design.duration_s(rig),
         60.0 * min(minutes or MINUTES, MINUTES),
     )
-    return proposal(
-        forecast.rivals,
-        expect(best, rng),
-        best.text(rig.propulsion.radius_m),
-        best.duration_s(rig),
-        refused,
-        plan_toml=best.toml(),
-    )
+    outcome, text = expect(best, rng), best.text(rig.propulsion.radius_m)
+    duration_s = best.duration_s(rig)
+    return proposal(forecast.rivals, outcome, text, duration_s, refused, plan_toml=best.toml())

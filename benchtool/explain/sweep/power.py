@@ -177,6 +177,7 @@ def reconstruct_supply(recording: Recording, rig: Rig) -> SupplyModel | None:
     load = current if by_current else speed**3
     voltmeter = rig.sensors.get("voltage_V", Sensor())
     samples = np.nanmedian(recording.column("n_samples")) if "n_samples" in recording else 1.0
+    voltage_se = np.hypot(voltmeter.noise / np.sqrt(samples), voltmeter.quantum / np.sqrt(12.0))
     return SupplyModel(
         time_s=time_s,
         pulse_us=pulse,
@@ -189,12 +190,7 @@ def reconstruct_supply(recording: Recording, rig: Rig) -> SupplyModel | None:
         full_load=float(load.max()),
         by_current=by_current,
         voltage_V=voltage,
-        voltage_se=float(
-            max(
-                np.hypot(voltmeter.noise / np.sqrt(samples), voltmeter.quantum / np.sqrt(12.0)),
-                1e-3,
-            )
-        ),
+        voltage_se=float(max(voltage_se, 1e-3)),
         is_predicted=is_predicted,
     )
 
