@@ -176,11 +176,11 @@ def test_fits_are_a_table_of_their_parameters(root):
 @pytest.mark.parametrize(
     ("sql", "said"),
     [
-        ("SELECT foo FROM points", "DuckDB refuses the query: .*foo"),
+        ("SELECT foo FROM points", "DuckDB rejects the query: .*foo"),
         ("SELECT * FROM bar", "the tables are runs, settings, points, samples and fits"),
-        ("COPY (SELECT 1) TO 'x.csv'", "a query is one SELECT"),
-        ("SELECT 1; SELECT 2", "a query is one SELECT"),
-        ("", "a query is one SELECT"),
+        ("COPY (SELECT 1) TO 'x.csv'", "the query is not a single SELECT"),
+        ("SELECT 1; SELECT 2", "the query is not a single SELECT"),
+        ("", "the query is not a single SELECT"),
     ],
 )
 def test_a_query_that_is_none_is_refused(root, sql, said):
@@ -195,9 +195,9 @@ def test_a_run_that_is_being_measured_is_listed_and_queried(root):
         with (run.path / "points.csv").open("ab") as growing:
             growing.write(b"5,measure,1,3,50")  # a row that is not complete yet
         live = bt.runs(root, words="live")
-        assert [entry.state for _, entry in live.found] == ["running"]
+        assert [entry.state for _, entry in live.entries] == ["running"]
         assert len(live.query("SELECT * FROM points")) == 5
-        with pytest.raises(InputError, match=r"no samples: none of them is closed"):
+        with pytest.raises(InputError, match=r"no samples: no run is closed"):
             live.query("SELECT * FROM samples")
         label(run.path, add=["live"])
     run.update_metadata(state="ended")
