@@ -142,7 +142,5 @@ def test_a_run_that_is_being_measured_is_not_closed(tmp_path):
             said.append((tmp_path / "said").read_text())
 
     assert sweep(tmp_path, plan("1.36", 0.5), [], hooks=[close]).code == 0
-    assert said == [
-        "2 another process measures or closes the run run; wait until that process has ended"
-    ]
+    assert said == ["2 the run run is in use by another process; wait until that process ends"]
     require_closed(tmp_path / "run")

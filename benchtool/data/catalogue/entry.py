@@ -22,7 +22,6 @@ SWEEPS = ("sweep", "live recording")  # runs with points: by a plan, or of manua
 
 ENTRY_KINDS: tuple[str, ...] = get_args(EntryKind)
 
-
 FIT_FILE = "result.json"
 ANSWER_FILE = "answer.json"
 RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples.parquet")
@@ -91,12 +90,10 @@ def kind_of(path: Path) -> str:
     A run without metadata is a sweep.
     """
     if path.is_file():
-        if (
-            path.suffix.lower() in (".csv", ".parquet")
-            and path.with_name(f"{path.name}.json").is_file()
-        ):
+        suffix = path.suffix.lower()
+        if suffix in (".csv", ".parquet") and path.with_name(f"{path.name}.json").is_file():
             return "recording"
-        return "table" if path.suffix.lower() == ".csv" else ""
+        return "table" if suffix == ".csv" else ""
     if (path / FIT_FILE).is_file():
         return "fit"
     if (path / ANSWER_FILE).is_file():

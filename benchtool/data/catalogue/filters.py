@@ -34,12 +34,10 @@ class ChoiceInputs(Inputs):
     ] = None
     tag: Annotated[tuple[str, ...], Input("Required tags.", comma_separated=True)] = ()
     state: Annotated[
-        str,
-        Input("State of a run, outcome of a fit or verdict of an explanation."),
+        str, Input("State of a run, outcome of a fit or verdict of an explanation.")
     ] = ""
     fitted: Annotated[
-        tuple[str, ...],
-        Input("Fitted parameter, optionally with range: body_lift.K_b=1.8..2.1."),
+        tuple[str, ...], Input("Fitted parameter, optionally with range: body_lift.K_b=1.8..2.1.")
     ] = ()
 
 

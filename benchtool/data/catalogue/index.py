@@ -144,7 +144,7 @@ def catalogued(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
     """
     folder = RunsFolder(root)
     with closing(_open_index(index_folder(root))) as database:
-        cache = {} if rebuild else _load_entries(database)
+        cache = {} if rebuild else _load_cache(database)
         before = dict(cache)
         entries = list_entries(folder, cache)
         changed = {name: item for name, item in cache.items() if before.get(name) is not item}
@@ -201,7 +201,7 @@ def _to_json(entry: Entry) -> str:
     return json.dumps(values, default=datetime.isoformat)
 
 
-def _load_entries(database: sqlite3.Connection) -> CachedEntries:
+def _load_cache(database: sqlite3.Connection) -> CachedEntries:
     rows = database.execute("SELECT name, stamp, text FROM entry").fetchall()
     tables = json.loads(f"[{','.join(row[2] for row in rows)}]")
     return {row[0]: (row[1], _build_entry(table)) for row, table in zip(rows, tables, strict=True)}

@@ -28,12 +28,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _TABLES = "runs, settings, points, samples and fits"
-
 SAMPLES = "/samples.parquet"
-
 RUNS_PER_BATCH = 2000  # runs whose tables are parsed together, about 50 MB; assumed
 MEMORY_MB = 600  # limit of DuckDB, keeps a query below 1 GiB; assumed
-
 
 RUN_COLUMNS = (  # of the table `runs`
     "run", "kind", "rig", "propeller", "operator", "started", "state", "simulated",

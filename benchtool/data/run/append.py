@@ -71,8 +71,8 @@ class AppendFile:
             fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"another process measures or closes the run {self.path.parent}; wait until that "
-                f"process has ended"
+                f"the run {self.path.parent} is in use by another process; wait until that "
+                f"process ends"
             ) from None
         except OSError:
             pass

@@ -87,10 +87,8 @@ def _final_state(
         text = f"closed afterwards; all is measured: {pluralize(measured, 'visit')}"
         changes: dict[str, Any] = {"state": "ended"}
     elif state == "running":
-        text, changes = (
-            f"closed afterwards; {ENDED_UNEXPECTEDLY}",
-            {"state": "stopped", "reason": ENDED_UNEXPECTEDLY},
-        )
+        text = f"closed afterwards; {ENDED_UNEXPECTEDLY}"
+        changes = {"state": "stopped", "reason": ENDED_UNEXPECTEDLY}
     else:
         return {}
     events = read_events(log.path)
@@ -189,9 +187,6 @@ def write_marked_samples(path: Path, scan: SampleScan) -> None:
     """Write a copy of samples.csv in which rows of interrupted points have that phase.
 
     No other cell changes; `install_marked_samples` replaces the original with the copy.
-
-    Args:
-        scan: of the current file, by `scan_samples`.
     """
     if scan.unmarked_offset is None:
         return

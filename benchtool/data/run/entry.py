@@ -59,8 +59,7 @@ def build_entry(folder: RunsFolder, name: str) -> Entry:
     except BenchtoolError as error:
         entry = replace(entry, problem=str(error))
     except KeyError as error:
-        problem = f"key {error} is missing in its JSON; restore the file from a backup"
-        entry = replace(entry, problem=problem)
+        entry = replace(entry, problem=f"key {error} is missing in its JSON; restore a backup")
     except (OSError, ValueError, TypeError) as error:
         entry = replace(entry, problem=f"it cannot be read ({error}); restore it from a backup")
     return replace(entry, problem=entry.problem.replace(f"{folder.root}/", ""))
@@ -162,8 +161,7 @@ def _run(entry: Entry, path: Path) -> Entry:
     reason = str(facts.get("reason") or "")
     if is_pitch:
         if not any((path / name).is_file() for name in ("samples.csv", "samples.parquet")):
-            problem = f"{entry.name}: there are no samples in it; record it again"
-            return replace(entry, problem=problem)
+            return replace(entry, problem=f"{entry.name}: it has no samples; record it again")
         count = _table(facts, "link").get("samples")
         samples = pluralize(int(count), "sample") if count is not None else ""
         return replace(entry, summary="; ".join(filter(None, (samples, reason))))
@@ -202,27 +200,16 @@ def _fit(entry: Entry, path: Path) -> Entry:
     recipe = _table(facts, "recipe")
     first_result = _table(results, next(iter(results), ""))
     verdict = str(_table(first_result, "facts").get("verdict", ""))
-    return replace(
-        entry,
-        rig=str(facts["model"]),
-        state=state,
-        simulated=bool(facts["simulated"]),
-        summary="; ".join(
-            filter(
-                None,
-                (
-                    ", ".join(map(str, recipe["data"])),
-                    pluralize(_table(facts, "points")["used"], "point"),
-                    verdict,
-                ),
-            )
-        ),
-        values=tuple(
-            (name, float(estimate["value"]))
-            for part in ("estimates", "derived")
-            for name, estimate in _table(first_result, part).items()
-        ),
+    rig, simulated = str(facts["model"]), bool(facts["simulated"])
+    data = ", ".join(map(str, recipe["data"]))
+    points = pluralize(_table(facts, "points")["used"], "point")
+    summary = "; ".join(filter(None, (data, points, verdict)))
+    values = tuple(
+        (name, float(estimate["value"]))
+        for part in ("estimates", "derived")
+        for name, estimate in _table(first_result, part).items()
     )
+    return replace(entry, rig=rig, state=state, simulated=simulated, summary=summary, values=values)
 
 
 def _explanation(entry: Entry, path: Path) -> Entry:

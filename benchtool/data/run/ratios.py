@@ -96,16 +96,9 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
         log_distance = np.nan_to_num(law.log_x - log_slopes @ np.nan_to_num(law.log_x))
         log_slopes += np.outer(log_distance, law.gain)
         if law.exponent_sd > 0.0:
-            columns = -np.nan_to_num(ratio * log_distance)[:, None] * law.exponent_sd
-            sources.append(
-                ErrorSource(
-                    name=f"exponent of {law.name}",
-                    kind="B",
-                    unit="1",
-                    sd=law.exponent_sd,
-                    columns=columns,
-                )
-            )
+            name, sd = f"exponent of {law.name}", law.exponent_sd
+            columns = -np.nan_to_num(ratio * log_distance)[:, None] * sd
+            sources.append(ErrorSource(name=name, kind="B", unit="1", sd=sd, columns=columns))
     references = np.flatnonzero(is_reference)
     reference = ErrorSource(
         name="reference",

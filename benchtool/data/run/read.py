@@ -57,11 +57,7 @@ def parts_of(path: str | Path) -> tuple[str, ...]:
 def read_points(
     path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
 ) -> Recording:
-    """Return the points of a run folder, or of any points.csv.
-
-    Args:
-        kinds: selected kinds of points, of `columns.KINDS`.
-    """
+    """Return the points of some kinds (`columns.KINDS`) of a run folder, or of any points.csv."""
     recording = _read(_find_file(path, "points.csv"), Path(path))
     for warning in changed_points(path):
         warnings.warn(warning, DataWarning, stacklevel=1)  # shown once for all callers

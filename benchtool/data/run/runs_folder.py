@@ -136,7 +136,6 @@ def _walk(path: Path, depth: int) -> Iterator[Path]:
 
 
 MAX_UPLOAD_BYTES = 20_000_000  # a table of points has a few kilobytes, a log more; assumed
-
 MAX_COLUMNS = 500
 
 
@@ -170,8 +169,7 @@ def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """Check an uploaded table, write it to a new folder of the runs folder and return its path.
 
     Args:
-        name: of the uploaded file; other characters than ASCII letters, digits, _ and - are
-            replaced.
+        name: of the uploaded file; only ASCII letters, digits, _ and - are kept.
 
     Raises:
         FileFormatError: see `parse_upload`; nothing was written.

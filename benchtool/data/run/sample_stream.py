@@ -18,7 +18,6 @@ from benchtool.core.user_file import open_file
 from benchtool.data.columns import WORDS
 
 BLOCK_BYTES = 1 << 20  # block size of the parser, about 6,000 rows of 20 columns; assumed
-
 MAX_HEADER_BYTES = 1 << 16
 
 
@@ -69,9 +68,6 @@ def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Itera
 
     No thread is started: Arrow's CSV reader hangs if the system refuses one.
 
-    Args:
-        names: of columns in the file.
-
     Raises:
         FileFormatError: a row or cell is invalid.
     """
@@ -120,15 +116,11 @@ def _parse_cells(name: str, cells: Any, path: Path) -> Any:
         raise FileFormatError(str(path), problem) from error
 
 
-def codes_of(name: str, words: Any, path: Path) -> NDArray[np.int32]:
-    """Return the codes (n,) of words, which are their positions in `WORDS`.
-
-    Raises:
-        FileFormatError: a word is unknown or a cell is empty.
-    """
+def codes_of(name: str, cells: Any, path: Path) -> NDArray[np.int32]:
+    """Return the codes (n,) of a column of words; raise for an unknown word or an empty cell."""
     import pyarrow as pa
 
-    encoded = words.cast(pa.string()).dictionary_encode()
+    encoded = cells.cast(pa.string()).dictionary_encode()
     code_by_word = {word: code for code, word in enumerate(WORDS[name])}
     codes = [code_by_word.get(word, -1) for word in encoded.dictionary.to_pylist()]
     # An empty cell has the index -1, that of the last element.
@@ -136,7 +128,7 @@ def codes_of(name: str, words: Any, path: Path) -> NDArray[np.int32]:
         plain_values(encoded.indices, np.int32, -1)
     ]
     if (result < 0).any():
-        word = str(words[int(np.argmax(result < 0))].as_py())
+        word = str(cells[int(np.argmax(result < 0))].as_py())
         raise FileFormatError(
             str(path), f"column {name!r} contains {word[:40]!r}; allowed: {WORDS[name]}"
         )

@@ -31,14 +31,7 @@ from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import run_rig
 
-_MEANS: tuple[str, ...] = (
-    "plate_z_m",
-    "plate_x_m",
-    "plate_tilt_deg",
-    "voltage_V",
-    "current_A",
-    "torque_Nm",
-)
+_MEANS = ("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "torque_Nm")
 
 SETTING_KINDS = ("measure", "reference")  # kinds of points averaged to settings
 
@@ -87,11 +80,7 @@ def aggregate(points: Recording) -> Recording:
 
 
 def load_settings(folder: Path, points: Recording | None = None) -> Recording:
-    """Return the settings of a run with all derived quantities and their errors.
-
-    Args:
-        points: of the run; default: read from the folder.
-    """
+    """Return the settings of a run with all derived quantities and their errors."""
     points = read_points(folder) if points is None else points
     return with_quantities(aggregate(points), settings_quantities(folder, points))
 

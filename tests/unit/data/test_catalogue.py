@@ -177,7 +177,7 @@ def test_fits_are_a_table_of_their_parameters(root):
     ("sql", "said"),
     [
         ("SELECT foo FROM points", "DuckDB rejects the query: .*foo"),
-        ("SELECT * FROM bar", "the tables are runs, settings, points, samples and fits"),
+        ("SELECT * FROM bar", "available tables: runs, settings, points, samples and fits"),
         ("COPY (SELECT 1) TO 'x.csv'", "the query is not a single SELECT"),
         ("SELECT 1; SELECT 2", "the query is not a single SELECT"),
         ("", "the query is not a single SELECT"),

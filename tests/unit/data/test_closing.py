@@ -63,7 +63,7 @@ def test_an_event_that_a_killed_close_had_written_is_not_repeated(tmp_path):
 
 def test_a_run_that_is_measured_or_closed_by_another_is_left_alone(tmp_path):
     run = small_run(tmp_path / "run")
-    with run.locked(), pytest.raises(InputError, match="another process measures or closes"):
+    with run.locked(), pytest.raises(InputError, match="is in use by another process"):
         run.close()
 
 

@@ -281,7 +281,7 @@ def test_a_line_that_another_process_is_writing_is_not_cut_back(tmp_path):
     path = tmp_path / "events.jsonl"
     log = EventLog(path)
     log.write(b'{"kind": "ta')
-    with pytest.raises(InputError, match="another process measures or closes"):
+    with pytest.raises(InputError, match="is in use by another process"):
         EventLog(path)
     assert path.read_bytes() == b'{"kind": "ta'
     log.close()
