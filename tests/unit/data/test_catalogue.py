@@ -82,9 +82,9 @@ def test_entries_are_found_by(root, by, expected):
 @pytest.mark.parametrize(
     ("by", "said"),
     [
-        ({"since": "March"}, "since is 'March'; give a day"),
-        ({"z_over_r": (2.0, 1.0)}, "z-over-r is 2 to 1; give the smaller one first"),
-        ({"fitted": ("K_b=2",)}, "fitted is 'K_b=2'; give a parameter, or one with two limits"),
+        ({"since": "March"}, "since is 'March'; give a date"),
+        ({"z_over_r": (2.0, 1.0)}, "z-over-r is 2 to 1; give the smaller limit first"),
+        ({"fitted": ("K_b=2",)}, "fitted is 'K_b=2'; give a parameter, optionally with limits"),
         ({"fitted": ("K_b=3..2",)}, "fitted is 'K_b=3..2'"),
         ({"kind": "swep"}, "kind"),
         ({"folder": (Path("nowhere"),)}, "there is no folder nowhere"),

@@ -37,7 +37,7 @@ def test_a_name_cannot_choose_the_place(tmp_path, name):
         (b"", "the file is empty"),
         (b"\x00\x01", "not a text file"),
         (b",".join(b"c%d" % i for i in range(600)) + b"\n" + b"1," * 599 + b"1\n", "600 columns"),
-        (b"x" * 1001, r"0\.0 MB, and at most"),
+        (b"x" * 1001, r"0\.0 MB; allowed"),
     ],
 )
 def test_what_is_no_table_is_refused_and_not_written(tmp_path, monkeypatch, data, message):
