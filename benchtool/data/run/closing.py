@@ -134,12 +134,12 @@ _INTERRUPTED = b"interrupted"
 
 @dataclass(frozen=True, slots=True)
 class SampleScan:
-    """Extent of samples.csv and its rows of interrupted points.
+    """Number of rows, end time and unmeasured points of samples.csv.
 
     Attributes:
         last_s: latest time since the start of the run; 0 without rows.
         measured: numbers of the measured points.
-        unmarked_offset: byte offset of the first row of an interrupted point that is not marked
+        unmarked_offset: byte offset of the first row of an unmeasured point that is not marked
             yet; None if there is none.
     """
 
@@ -150,7 +150,7 @@ class SampleScan:
 
 
 def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
-    """Read samples.csv line by line and return its extent; ignore an incomplete last line.
+    """Read samples.csv line by line and return a summary; ignore an incomplete last line.
 
     Raises:
         FileFormatError: a line has another format than that of `SampleWriter`.
@@ -184,7 +184,7 @@ def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
 
 
 def write_marked_samples(path: Path, scan: SampleScan) -> None:
-    """Write a copy of samples.csv in which rows of interrupted points have that phase.
+    """Write a copy of samples.csv with phase `interrupted` in rows of unmeasured points.
 
     No other cell changes; `install_marked_samples` replaces the original with the copy.
     """

@@ -55,7 +55,9 @@ def build_entry(folder: RunsFolder, name: str) -> Entry:
     try:
         labels = read_labels(path)
         entry = replace(entry, tags=labels.tags, notes=labels.notes)
-        entry = _READERS[kind](entry, path) if kind else replace(entry, problem=_unknown(path))
+        entry = (
+            _READERS[kind](entry, path) if kind else replace(entry, problem=_unknown_problem(path))
+        )
     except BenchtoolError as error:
         entry = replace(entry, problem=str(error))
     except KeyError as error:
@@ -121,7 +123,7 @@ def read_result(folder: Path) -> dict[str, Any]:
     return tables
 
 
-def _unknown(path: Path) -> str:
+def _unknown_problem(path: Path) -> str:
     contents = ", ".join(sorted(item.name for item in path.iterdir())[:6]) if path.is_dir() else ""
     return f"it contains no run, fit or table (contents: {contents or 'none'})"
 
