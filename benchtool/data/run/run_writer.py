@@ -96,10 +96,10 @@ class RunWriter:
         self._attempt(lambda: None)
 
     def rescue(self) -> None:
-        """After a fault, save the run to a new folder, its new path; add that path to `fault`.
+        """After a fault, save the run to a new folder and add its path to `fault`.
 
         Folders in order: parent of the run, state folder, temporary folder. If no folder has
-        space for the whole run, only the unwritten data are saved.
+        space for the whole run, only the unwritten data are saved; else it is the run's new path.
         """
         if self.fault is None:
             return
