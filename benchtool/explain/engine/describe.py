@@ -51,7 +51,7 @@ def found_parameters(
     law's shape, and of the law's scale. A parameter at its bound, or with about the sd of its
     prior, is not determined; its interval is the physical range.
     """
-    posterior_sd = np.sqrt(np.diag(hypotheses.spread(fit)))
+    posterior_sd = np.sqrt(np.diag(hypotheses.covariance(fit)))
     law = subject.evidence.model.discrepancy.law
     effect = effect_size(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}

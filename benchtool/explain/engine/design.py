@@ -226,8 +226,8 @@ class Forecast:
     def __init__(self, evidence: Evidence, rivals: Sequence[CandidateEffect]) -> None:
         self._hypotheses = hypotheses = Hypotheses(evidence)
         self._upper = np.array([parameter.most for parameter in evidence.parameters])
-        fits = [hypotheses.near_fit(rival.fit) for rival in rivals]
-        fits = [hypotheses.fitted(fit.active, fit.values, fit.amplitudes) for fit in fits]
+        fits = [hypotheses.refit_linear(rival.fit) for rival in rivals]
+        fits = [hypotheses.fit(fit.active, fit.values, fit.amplitudes) for fit in fits]
         self.rivals = [replace(rival, fit=fit) for rival, fit in zip(rivals, fits, strict=True)]
         self._before = [slopes(evidence.residuals, fit.values, self._upper) for fit in fits]
         masks = evidence.groups().stages

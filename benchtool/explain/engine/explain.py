@@ -149,7 +149,7 @@ def explain(
         tolerances={k.name: k.scale for k in evidence.parameters if k.effect},
         not_judged={
             name: UnjudgedEffect.below(size)
-            for name, size in hypotheses.unseen(null).items()
+            for name, size in hypotheses.find_unjudged(null).items()
             if name not in {effect.name for effect in effects}
         }
         | {

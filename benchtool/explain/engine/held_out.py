@@ -109,10 +109,10 @@ class ValidationScore:
         before = discrepancies.mean(null)
         changes = np.stack([np.zeros_like(before), before, discrepancies.mean(best)], axis=1)
 
-        drawn = discrepancies.draw(best, rng, FLOOR_DRAWS)
+        drawn, covariance = discrepancies.draw(best, rng, FLOOR_DRAWS), hypotheses.covariance(best)
         return cls(
             errors=dict(subject.errors(sets, changes)),
-            uncertain_floor=dict(subject.floor(best.values, drawn, rng, hypotheses.spread(best))),
+            uncertain_floor=dict(subject.floor(best.values, drawn, rng, covariance)),
             floor=dict(subject.floor(best.values, discrepancies.draw(best, rng, draws), rng)),
         )
 

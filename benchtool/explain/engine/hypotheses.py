@@ -85,9 +85,9 @@ class Hypotheses:
         """Noise of each row over the stated noise (n_rows,), at least 1."""
         return self.errors.noise
 
-    def near(self, values: Array, amplitudes: Mapping[str, float]) -> Linearisation:
+    def linearise(self, values: Array, amplitudes: Mapping[str, float]) -> Linearisation:
         """Return the linearisation at a point (n_parameters,), cached."""
-        return self.errors.near(values, amplitudes)
+        return self.errors.linearise(values, amplitudes)
 
     def region(self, active: Iterable[str]) -> BoundedRegion:
         """Return bounds and penalties if only the active effects may exceed their tolerances."""
@@ -124,10 +124,10 @@ class Hypotheses:
         penalty = self.region(fit.active).penalty
         _, log_determinant = np.linalg.slogdet(self._posterior_precision(fit, penalty))
         log_occam = np.sum(np.log(penalty)) - 0.5 * log_determinant
-        log_noise = self.errors.log_root(fit.amplitudes)
+        log_noise = self.errors.half_log_determinant(fit.amplitudes)
         return float(-0.5 * fit.cost + log_occam - log_noise)
 
-    def spread(self, fit: Hypothesis) -> Array:
+    def covariance(self, fit: Hypothesis) -> Array:
         """Return the posterior covariance (n_parameters, n_parameters), in scales.
 
         A parameter at its bound is treated as free.
@@ -137,11 +137,11 @@ class Hypotheses:
 
     def _posterior_precision(self, fit: Hypothesis, penalty: Array) -> Array:
         """Return curvature at the estimated noise plus prior precision (a square matrix)."""
-        curvature = self.near(fit.linearisation_point, fit.amplitudes).curvature
+        curvature = self.linearise(fit.linearisation_point, fit.amplitudes).curvature
         precision: Array = curvature + np.diag(penalty**2) + RIDGE * np.eye(len(curvature))
         return precision
 
-    def unseen(self, fit: Hypothesis) -> dict[str, float]:
+    def find_unjudged(self, fit: Hypothesis) -> dict[str, float]:
         """Return unjudged effects with their detection limits, in tolerances.
 
         The limit is the tolerance plus three standard deviations of the best determined parameter.
@@ -165,14 +165,14 @@ class Hypotheses:
         rival replaces the last effect, which stays within its tolerance.
         """
         region = self.region((*fit.active[:-1], rival))
-        information = self.near(fit.linearisation_point, fit.amplitudes).curvature
+        information = self.linearise(fit.linearisation_point, fit.amplitudes).curvature
         return evidence_against(information, fit.values, region.lower, region.upper)
 
     def null(self) -> Hypothesis:
         """Return the best fit of the null, started from the model as given."""
-        return self.fitted((), self.errors.null_start)
+        return self.fit((), self.errors.null_start)
 
-    def fitted(
+    def fit(
         self,
         active: tuple[str, ...],
         initial_values: Array,
@@ -180,12 +180,12 @@ class Hypotheses:
     ) -> Hypothesis:
         """Return the best fit of active effects from initial values (n_parameters,)."""
         region = self.region(active)
-        linearisation = self.near(region.clipped(initial_values), amplitudes)
+        linearisation = self.linearise(region.clipped(initial_values), amplitudes)
         search = self.errors.search(amplitudes)
         minimum = search.minimum(initial_values, region, known=linearisation)
         return _build_hypothesis(active, minimum, amplitudes)
 
-    def without(self, fit: Hypothesis, name: str) -> Hypothesis:
+    def fit_without(self, fit: Hypothesis, name: str) -> Hypothesis:
         """Return the best fit without one effect or discrepancy of a hypothesis."""
         remaining = tuple(other for other in fit.active if other != name)
         amplitudes = {
@@ -193,12 +193,12 @@ class Hypotheses:
             for key, value in fit.amplitudes.items()
             if key != name and not key.startswith(f"{name}: law")
         }
-        return self.fitted(remaining, fit.values, amplitudes)
+        return self.fit(remaining, fit.values, amplitudes)
 
     def estimate_discrepancy(self, fit: Hypothesis, name: str) -> tuple[Array, Array]:
         """Return a discrepancy's posterior mean (n_rows,): in residuals, as a share of readings."""
         discrepancy, amplitude = self.discrepancies[name], fit.amplitudes.get(name, 1.0)
-        weighted_residuals = self.errors.left(fit.values, fit.amplitudes)
+        weighted_residuals = self.errors.weighted_residuals(fit.values, fit.amplitudes)
         coefficients = amplitude**2 * (discrepancy.columns.T @ weighted_residuals)
         return discrepancy.columns @ coefficients, discrepancy.shares @ coefficients
 
@@ -216,7 +216,8 @@ class Hypotheses:
 
     def add_candidates(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the base with each further effect or discrepancy added, best first."""
-        near, search = self.near(base.values, base.amplitudes), self.errors.search(base.amplitudes)
+        near = self.linearise(base.values, base.amplitudes)
+        search = self.errors.search(base.amplitudes)
         candidates = []
         for name in self.effects:
             if name in base.active:
@@ -258,7 +259,7 @@ class Hypotheses:
             for fit, law in zip(fits, laws, strict=True)
         ]
 
-    def by_other_law(self, fit: Hypothesis) -> float:
+    def other_law_evidence(self, fit: Hypothesis) -> float:
         """Return the log evidence if the last effect follows a different law."""
         law = f"{fit.active[-1]}: law"
         if not any(name.startswith(law) for name in fit.amplitudes):
@@ -267,10 +268,11 @@ class Hypotheses:
             name: OTHER_LAW_SIZE if name.startswith(law) else size
             for name, size in fit.amplitudes.items()
         }
-        values, cost = self.near(fit.linearisation_point, amplitudes).step(self.region(fit.active))
+        near = self.linearise(fit.linearisation_point, amplitudes)
+        values, cost = near.step(self.region(fit.active))
         return self.log_evidence(replace(fit, values=values, cost=cost, amplitudes=amplitudes))
 
-    def near_fit(self, fit: Hypothesis) -> Hypothesis:
+    def refit_linear(self, fit: Hypothesis) -> Hypothesis:
         """Return a hypothesis of another data set refitted to this one by one linear step.
 
         Law discrepancies are dropped.
@@ -283,13 +285,13 @@ class Hypotheses:
     def _take_linear_step(self, fit: Hypothesis, amplitudes: Mapping[str, float]) -> Hypothesis:
         """Return a hypothesis with other amplitudes, refitted to the linearisation at its fit."""
         point = fit.values
-        values, cost = self.near(point, amplitudes).step(self.region(fit.active))
+        values, cost = self.linearise(point, amplitudes).step(self.region(fit.active))
         fit = replace(fit, linearisation_point=point, amplitudes=amplitudes)
         return replace(fit, values=values, cost=cost)
 
     def converge(self, fit: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted to convergence."""
-        return self.fitted(fit.active, fit.values, fit.amplitudes)
+        return self.fit(fit.active, fit.values, fit.amplitudes)
 
     def _with_discrepancy(self, base: Hypothesis, name: str) -> Hypothesis:
         """Return the base with a discrepancy beyond tolerance, at its most probable amplitude."""
@@ -311,7 +313,7 @@ class Hypotheses:
         max_cost = base.cost + MAX_COST_GAP
         for candidate in candidates:
             start = region.clipped(candidate.values)
-            near = self.near(start, base.amplitudes)
+            near = self.linearise(start, base.amplitudes)
             minimum = search.minimum(start, region, known=near, above=max_cost)
             if minimum.cost < best.cost:
                 best = _build_hypothesis(base.active, minimum, base.amplitudes)
@@ -323,7 +325,7 @@ class Hypotheses:
         A draw is a random gradient of the linearisation with the covariance of all errors, shared
         ones included. The bounded problem of each candidate is solved exactly on it.
         """
-        curvature = self.near(base.values, base.amplitudes).curvature
+        curvature = self.linearise(base.values, base.amplitudes).curvature
         regions = [self.region((*base.active, e)) for e in self.effects if e not in base.active]
         draw = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)
         n = bootstrap.draws

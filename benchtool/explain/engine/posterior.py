@@ -76,7 +76,7 @@ def judge(
     named = tuple(name for _, name in (members[:1] if kind == "class" else members))
     if members and set(search.best.active) != set(named):
         # Predict with the named effects only.
-        search = replace(search, best=hypotheses.fitted(named, search.best.values))
+        search = replace(search, best=hypotheses.fit(named, search.best.values))
     nearest = _find_nearest(subject, search, unnamed) if kind == "unknown" else None
     fit = search.best if members else nearest or search.null
     progress("predicting validation recordings", 0.8)
@@ -125,7 +125,7 @@ def _add_other_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Tr
     effect = trial.tried[0]
     if hypotheses.size(effect) < MIN_OTHER_LAW_SIZE and not subject.free_law:
         return trial
-    gain = hypotheses.by_other_law(effect) - hypotheses.log_evidence(effect)
+    gain = hypotheses.other_law_evidence(effect) - hypotheses.log_evidence(effect)
     if gain < -DECISIVE_EVIDENCE:
         return trial
     return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(gain, 0.0)})
@@ -296,7 +296,7 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
             break
         worst = min(rejected, key=lambda trial: trial.log_odds[trial.name])
         member = next(name for name in best.active if name not in worst.base.active)
-        best = hypotheses.without(best, member)
+        best = hypotheses.fit_without(best, member)
     if best.active:
         best = max((trial.tried[0] for trial in trials), key=hypotheses.log_evidence)
         best = hypotheses.converge(best)
@@ -307,7 +307,7 @@ def _build_trials(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> lis
     """Return a trial for each member of a hypothesis, given the others."""
     if len(best.active) < 2:
         return [first]
-    return [_try_candidates(hypotheses, hypotheses.without(best, name)) for name in best.active]
+    return [_try_candidates(hypotheses, hypotheses.fit_without(best, name)) for name in best.active]
 
 
 def _try_candidates(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
@@ -353,7 +353,7 @@ def _with_validation(hypotheses: Hypotheses, held_out: Hypotheses, trial: Trial)
 
     def log_density(fit: Hypothesis) -> float:
         """Return the log of the predictive density of the validation recordings."""
-        return held_out.log_evidence(held_out.near_fit(fit)) - hypotheses.log_evidence(fit)
+        return held_out.log_evidence(held_out.refit_linear(fit)) - hypotheses.log_evidence(fit)
 
     base_density, odds = log_density(trial.base), dict(trial.log_odds)
     for fit in trial.tried[:MAX_CONTENDERS]:
@@ -372,7 +372,7 @@ def prior(hypotheses: Hypotheses, name: str) -> float:
 def _prune(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
     """Return the hypothesis without members that later ones made unnecessary."""
     for name in best.active[:-1]:
-        smaller = hypotheses.without(best, name)
+        smaller = hypotheses.fit_without(best, name)
         gain = hypotheses.log_evidence(best) - hypotheses.log_evidence(smaller)
         if gain + prior(hypotheses, name) <= 0.0:
             return _prune(hypotheses, smaller)

@@ -139,7 +139,7 @@ class SharedErrors:
             self._kernels[key] = (np.array(indices, np.intp), half, log_root)
         return self._kernels[key]
 
-    def near(self, at: Array, amplitudes: Mapping[str, float]) -> Linearisation:
+    def linearise(self, at: Array, amplitudes: Mapping[str, float]) -> Linearisation:
         """Return the linearisation at a point, cached."""
         key = at.tobytes()
         noise = self.noise
@@ -165,9 +165,9 @@ class SharedErrors:
             explained = half @ shared[indices]
             return np.asarray(np.sum(rows**2, axis=0) - np.sum(explained**2, axis=0), float)
 
-        return BoundedSearch(costs, lambda at: self.near(at, amplitudes))
+        return BoundedSearch(costs, lambda at: self.linearise(at, amplitudes))
 
-    def left(self, at: Array, amplitudes: Mapping[str, float]) -> Array:
+    def weighted_residuals(self, at: Array, amplitudes: Mapping[str, float]) -> Array:
         """Return residuals at a point (n_rows,), weighted by the inverse covariance: V^-1 r."""
         return solve_covariance(self.columns(amplitudes), self.rows(at)[:, 0]) / self.noise
 
@@ -180,7 +180,7 @@ class SharedErrors:
         """Number of discrepancies and laws."""
         return len(self._columns)
 
-    def log_root(self, amplitudes: Mapping[str, float]) -> float:
+    def half_log_determinant(self, amplitudes: Mapping[str, float]) -> float:
         """Return half of the log determinant of the covariance over the noise."""
         return self._shared(amplitudes)[2]
 

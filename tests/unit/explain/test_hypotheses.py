@@ -40,8 +40,8 @@ def test_two_effects_are_both_named():
 def test_the_spread_is_that_of_linear_regression():
     evidence = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 2)
     hypotheses = Hypotheses(evidence)
-    best = hypotheses.fitted(("a",), hypotheses.null().values)
-    sd = float(np.sqrt(hypotheses.spread(best)[0, 0]))
+    best = hypotheses.fit(("a",), hypotheses.null().values)
+    sd = float(np.sqrt(hypotheses.covariance(best)[0, 0]))
     alone = 1.0 / np.sqrt(np.sum(evidence.design[:, 0] ** 2))
     assert sd == pytest.approx(alone, rel=0.15)
     assert abs(best.values[0] - 5.0) < 4.0 * sd
@@ -74,12 +74,12 @@ def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined():
             ),
         ),
     )
-    one = hypotheses.fitted(("a", "b"), np.zeros(4))
+    one = hypotheses.fit(("a", "b"), np.zeros(4))
     known, unknown = (found_parameters(subject, hypotheses, one, name)[0] for name in "ab")
     assert known.determined
     assert known.text == f"{known.value:.4g} ± {known.std:.2g}"
     # A tenth of what the effect does, as far as a law may be off, beside what the data leave.
-    alone = float(np.sqrt(hypotheses.spread(one)[0, 0]))
+    alone = float(np.sqrt(hypotheses.covariance(one)[0, 0]))
     assert known.std == pytest.approx(np.hypot(alone, 0.1 * known.value))
     assert not unknown.determined
     assert (unknown.low, unknown.high) == (-50.0, 50.0)
@@ -96,7 +96,7 @@ def test_a_number_at_its_bound_is_not_determined():
         discrepancy=SimpleNamespace(law=0.0),
     )
     subject = cast("Subject", SimpleNamespace(evidence=SimpleNamespace(model=model)))
-    (found,) = found_parameters(subject, hypotheses, hypotheses.fitted(("a",), np.zeros(4)), "a")
+    (found,) = found_parameters(subject, hypotheses, hypotheses.fit(("a",), np.zeros(4)), "a")
     assert found.value == pytest.approx(50.0)
     assert not found.determined
     assert (found.low, found.high) == (-50.0, 50.0)
@@ -105,7 +105,7 @@ def test_a_number_at_its_bound_is_not_determined():
 def test_what_the_data_cannot_show_is_told():
     evidence = Linear(np.array([0.0, 0.0, 0.0, 0.0]), 4)
     evidence.design[:, 0] *= 1e-3
-    unseen = Hypotheses(evidence).unseen(Hypotheses(evidence).null())
+    unseen = Hypotheses(evidence).find_unjudged(Hypotheses(evidence).null())
     assert list(unseen) == ["a"]
     assert unseen["a"] > 50.0
 
