@@ -37,12 +37,12 @@ class Disagreement:
     after: Mapping[str, float]  # the same with the named effects
 
 
-def effect_size(subject: Subject, name: str) -> Effect:
+def find_effect(subject: Subject, name: str) -> Effect:
     """Return an effect of the subject's model by name."""
     return next(effect for effect in subject.evidence.model.effects if effect.name == name)
 
 
-def found_parameters(
+def estimate_parameters(
     subject: Subject, hypotheses: Hypotheses, fit: Hypothesis, name: str
 ) -> tuple[FoundParameter, ...]:
     """Return an effect's parameters under a hypothesis.
@@ -53,7 +53,7 @@ def found_parameters(
     """
     posterior_sd = np.sqrt(np.diag(hypotheses.covariance(fit)))
     law = subject.evidence.model.discrepancy.law
-    effect = effect_size(subject, name)
+    effect = find_effect(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}
     parameters = hypotheses.evidence.parameters
     estimates = []
@@ -89,7 +89,7 @@ def found_parameters(
     return tuple(estimates)
 
 
-def fitted_nearest(
+def build_nearest(
     nearest: NearestEffect,
     subject: Subject,
     hypotheses: Hypotheses,
@@ -98,10 +98,10 @@ def fitted_nearest(
     after: Mapping[str, float],
 ) -> NearestEffect:
     """Return the nearest effect with its parameters and validation errors by channel (`after`)."""
-    effect = effect_size(subject, nearest.name)
+    effect = find_effect(subject, nearest.name)
     named = NamedEffect(
         name=effect.name, title=effect.title, phrase=effect.phrase, stage=effect.subsystem,
-        probability=0.0, parameters=found_parameters(subject, hypotheses, fit, effect.name),
+        probability=0.0, parameters=estimate_parameters(subject, hypotheses, fit, effect.name),
         log_likelihood_ratio=0.5 * (base.cost - fit.cost),
         p_value=p_value(hypotheses, base, fit, Bootstrap(), np.random.default_rng(0)),
     )  # fmt: skip
@@ -110,7 +110,7 @@ def fitted_nearest(
     return replace(nearest, effect=named, parameters=parameters, after=after)
 
 
-def where_shown(
+def locate_gap(
     groups: RowGroups, before: Array, after: Array, stage: Subsystem | None
 ) -> EvidenceLocation | None:
     """Return stage and regime of the largest residuals.

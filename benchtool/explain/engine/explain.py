@@ -11,11 +11,11 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.explain.engine.describe import (
     Disagreement,
+    build_nearest,
     disagreements,
-    effect_size,
-    fitted_nearest,
-    found_parameters,
-    where_shown,
+    estimate_parameters,
+    find_effect,
+    locate_gap,
 )
 from benchtool.explain.engine.design import select_candidates
 from benchtool.explain.engine.evidence import Overlay, Subject
@@ -86,7 +86,7 @@ def explain(
     progress("evaluating the verdict", 0.9)
     effects = []
     for index, name in judgement.members:
-        trial, effect = trials[index], effect_size(subject, name)
+        trial, effect = trials[index], find_effect(subject, name)
         fit = with_law = next(tried for tried in trial.tried if tried.active[-1] == name)
         if not any(key.startswith(f"{name}: law") for key in fit.amplitudes):
             (with_law,) = hypotheses.add_law_discrepancies([fit])
@@ -97,7 +97,7 @@ def explain(
                 phrase=effect.phrase,
                 stage=effect.subsystem,
                 probability=weights[index][name],
-                parameters=found_parameters(subject, hypotheses, with_law, name),
+                parameters=estimate_parameters(subject, hypotheses, with_law, name),
                 log_likelihood_ratio=0.5 * (trial.base.cost - fit.cost),
                 p_value=p_value(hypotheses, trial.base, fit, bootstrap, rng),
             )
@@ -108,12 +108,12 @@ def explain(
         stage = effects[0].stage if effects else None
         if judgement.unnamed and not effects:
             stage = judgement.unnamed[0].stage
-        where = where_shown(groups, before, after, stage)
+        where = locate_gap(groups, before, after, stage)
     if kind == "unknown" and final is not null and final.active[-1] in hypotheses.effects:
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
-        effect, share = effect_size(subject, final.active[-1]), max(0.0, worst.share_closed)
+        effect, share = find_effect(subject, final.active[-1]), max(0.0, worst.share_closed)
         if share > MIN_SHARE_CLOSED:
-            nearest = fitted_nearest(
+            nearest = build_nearest(
                 NearestEffect(name=effect.name, phrase=effect.phrase, share_closed=share),
                 subject,
                 hypotheses,
@@ -157,7 +157,7 @@ def explain(
             for effect in never_tried(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
-        other_effects={effect_size(subject, name).phrase: p for name, p in judgement.other_effects},
+        other_effects={find_effect(subject, name).phrase: p for name, p in judgement.other_effects},
         depends=depends,
         remarks=remarks,
         next=None,

@@ -15,7 +15,7 @@ from math import exp, log
 import numpy as np
 
 from benchtool.core.errors import EstimationError
-from benchtool.explain.engine.describe import effect_size
+from benchtool.explain.engine.describe import find_effect
 from benchtool.explain.engine.evidence import Subject
 from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
@@ -141,7 +141,7 @@ def _other_effects(
         for trial in search.trials
         if trial.name in hypotheses.effects
         and trial.name in search.best.active
-        and effect_size(subject, trial.name).subsystem not in stages
+        and find_effect(subject, trial.name).subsystem not in stages
     ]
 
 

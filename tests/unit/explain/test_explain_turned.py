@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.engine.describe import where_shown
+from benchtool.explain.engine.describe import locate_gap
 from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.engine.verdict import Verdict
@@ -75,6 +75,6 @@ def test_the_clock_is_named_only_where_nothing_else_fits_about_as_well(gained, r
         },
     )
     before = np.where(gained, 3.0, 1.0)
-    found = where_shown(groups, before, np.ones(N), "hinge")
+    found = locate_gap(groups, before, np.ones(N), "hinge")
     assert found is not None
     assert (found.stage, found.regime) == ("hinge", regime)

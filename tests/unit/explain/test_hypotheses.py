@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.array_type import Array
-from benchtool.explain.engine.describe import found_parameters
+from benchtool.explain.engine.describe import estimate_parameters
 from benchtool.explain.engine.evidence import Discrepancy, RowGroups, Subject
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
 from benchtool.explain.engine.judgement import Trial
@@ -75,7 +75,7 @@ def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined():
         ),
     )
     one = hypotheses.fit(("a", "b"), np.zeros(4))
-    known, unknown = (found_parameters(subject, hypotheses, one, name)[0] for name in "ab")
+    known, unknown = (estimate_parameters(subject, hypotheses, one, name)[0] for name in "ab")
     assert known.determined
     assert known.text == f"{known.value:.4g} ± {known.std:.2g}"
     # A tenth of what the effect does, as far as a law may be off, beside what the data leave.
@@ -96,7 +96,7 @@ def test_a_number_at_its_bound_is_not_determined():
         discrepancy=SimpleNamespace(law=0.0),
     )
     subject = cast("Subject", SimpleNamespace(evidence=SimpleNamespace(model=model)))
-    (found,) = found_parameters(subject, hypotheses, hypotheses.fit(("a",), np.zeros(4)), "a")
+    (found,) = estimate_parameters(subject, hypotheses, hypotheses.fit(("a",), np.zeros(4)), "a")
     assert found.value == pytest.approx(50.0)
     assert not found.determined
     assert (found.low, found.high) == (-50.0, 50.0)
