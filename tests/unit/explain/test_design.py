@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -57,12 +59,8 @@ def test_a_rival_at_its_bound_cannot_follow():
     """Bounds cost what is predicted beyond them, and nothing where they are far."""
     rng = np.random.default_rng(3)
     one = outlook(rng)
-    free, held = (
-        CandidatePrediction(
-            mean=one.mean + 3.0, slopes=one.slopes, precision=one.precision, bounds=(-room, room)
-        )
-        for room in (FAR, 0.01 * np.ones(NUMBERS - 1))
-    )
+    rooms = FAR, 0.01 * np.ones(NUMBERS - 1)
+    free, held = (replace(one, mean=one.mean + 3.0, bounds=(-room, room)) for room in rooms)
     assert one.log_ratio(held, rng) > one.log_ratio(free, rng) > 0.0
 
 
@@ -81,7 +79,5 @@ def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it():
 
     assert select_design("", more, weighed, seconds, 100.0) == "ba"
     assert set(select_design("", more, weighed, seconds, 1000.0)) == {"a", "b", "c"}
-    assert (
-        select_design("", more, lambda design: ExpectedOutcome({}, MAX_CONFUSION), seconds, 1000.0)
-        == ""
-    )
+    complete = ExpectedOutcome({}, MAX_CONFUSION)
+    assert select_design("", more, lambda design: complete, seconds, 1000.0) == ""

@@ -85,9 +85,8 @@ def test_nothing_missing_says_what_could_not_be_judged():
 
 
 def test_an_unknown_says_what_it_is_and_what_is_beside_it():
-    found = verdict(
-        "unknown", unnamed=(CURVE,), nearest=None, other_effects={"Coulomb friction": 0.96}
-    )
+    others = {"Coulomb friction": 0.96}
+    found = verdict("unknown", unnamed=(CURVE,), nearest=None, other_effects=others)
     found = replace(found, where=replace(found.where, regime="everywhere"))
     assert found.sentence == (
         "Something is missing at the hinge that no named effect explains: thrust that depends on "
