@@ -6,8 +6,8 @@ import csv
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, zip_longest
+from typing import NamedTuple
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
@@ -24,19 +24,12 @@ _COMMENT = re.compile(rb"(?m)^(#+|%+|//+)([^\n]*)")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
-class HeaderLine:
-    """Header line of a table.
+class HeaderLine(NamedTuple):
+    """Header line of a table."""
 
-    Attributes:
-        text: with the units of the line below it.
-        line: number of the line before the first row, from 1.
-        end: byte offset of the first row.
-    """
-
-    text: str
-    line: int
-    end: int
+    text: str  # with the units of the line below it
+    line: int  # number of the line before the first row, from 1
+    end: int  # byte offset of the first row
 
 
 def decode(text: bytes, what: str, repairs: Repairs) -> str:
@@ -53,24 +46,12 @@ def most_frequent_delimiter(line: str) -> str:
     return max(",;\t", key=line.count)
 
 
-def detect_delimiter(first: str, repairs: Repairs) -> str:
-    """Return the delimiter of a header, with a repair if it is not a comma."""
-    delimiter = most_frequent_delimiter(first)
-    if delimiter != ",":
-        repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
-    return delimiter
-
-
 def normalise_rows(data: bytes, repairs: Repairs) -> bytes:
     """Return text with comments blanked and columns of blanks separated by tabs."""
     data = _without_comments(data, repairs)
     lines = _first_lines(data)
     cells = [line.split() for line, _ in lines[:2]]
-    if (
-        len(cells) < 2
-        or len(cells[0]) < 2
-        or any(re.search(r"[,;\t]", line) for line, _ in lines[:1])
-    ):
+    if len(cells) < 2 or len(cells[0]) < 2 or re.search(r"[,;\t]", lines[0][0]):
         return data
     if len(cells[1]) != len(cells[0]) or not all(map(_NUMBER.fullmatch, cells[1])):
         return data
@@ -89,11 +70,12 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     header = None
     uncommented = _COMMENT.sub(b"", data[:START_BYTES])
     first = next((line for line in uncommented.split(b"\n") if line.strip()), b"")
-    cells = _cells(first)
+    cells = _cells(first.decode("utf-8", "replace"))
     if cells and all(map(_NUMBER.fullmatch, cells)):
         start = data.find(first)
         above = [line for line in _COMMENT.finditer(data[:start]) if line[2].strip()]
-        header = above[-1] if above and len(_cells(above[-1][2])) == len(cells) else None
+        if above and len(_cells(above[-1][2].decode("utf-8", "replace"))) == len(cells):
+            header = above[-1]
 
     def blank(match: re.Match[bytes]) -> bytes:
         names_columns = header is not None and match.start() == header.start()
@@ -101,17 +83,15 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
 
     data, count = _COMMENT.subn(blank, data)
     if header is not None:
-        message = "the columns are named in the comment above the rows"
-        repairs.append(("header", message))
+        repairs.append(("header", "the columns are named in the comment above the rows"))
         count -= 1
     if count:
         repairs.append(("comments", f"{pluralize(count, 'line')} of comments left out"))
     return data
 
 
-def _cells(line: bytes) -> list[str]:
+def _cells(text: str) -> list[str]:
     """Return the non-blank cells of a line, split at its delimiter or at blanks."""
-    text = line.decode("utf-8", "replace")
     delimiter = most_frequent_delimiter(text)
     parts = text.split(delimiter) if delimiter in text else text.split()
     return [part.strip() for part in parts if part.strip()]
@@ -135,56 +115,41 @@ def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
     lines = _first_lines(data)
     position = _below_titles([line for line, _ in lines])
     if position:
-        message = f"{position} lines above the names of the columns were left out"
-        repairs.append(("title", message))
+        repairs.append(("title", f"{position} lines above the names of the columns were left out"))
     begin = lines[position][1] if lines else offset
-    end = data.find(b"\n", begin)
-    end = len(data) if end < 0 else end
-    text = decode(data[begin:end], "the header", repairs)
-    end = min(end + 1, len(data))
-    line = data.count(b"\n", 0, begin) + 1
-    if position + 1 < len(lines):
-        below, start = lines[position + 1]
-        if with_units := _with_units(text, below):
-            repairs.append(("units", "units stand in the line below the names"))
-            text = with_units
-            end = data.find(b"\n", start) + 1 or len(data)
-            line = data.count(b"\n", 0, start) + 1
-    return HeaderLine(text, line, end)
+    end = data.find(b"\n", begin) + 1 or len(data)
+    text = decode(data[begin:end], "the header", repairs).removesuffix("\n")
+    if position + 1 < len(lines) and (with_units := _with_units(text, lines[position + 1][0])):
+        repairs.append(("units", "units stand in the line below the names"))
+        text, begin = with_units, lines[position + 1][1]
+        end = data.find(b"\n", begin) + 1 or len(data)
+    return HeaderLine(text, data.count(b"\n", 0, begin) + 1, end)
 
 
 def _below_titles(lines: Sequence[str]) -> int:
     """Return the index of the header line; titles have less than half as many cells."""
-    counts = [len(_cells(line.encode())) for line in lines[:60]]
-    for position in range(len(counts) - 1):
-        following = lines[position + 1]
-        numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in _cells(following.encode()))
-        if 2 * numbers > counts[position + 1]:
+    cells = [_cells(line) for line in lines[:60]]
+    for position, following in enumerate(cells[1:]):
+        line = lines[position]
+        if 2 * sum(bool(_NUMBER.fullmatch(cell)) for cell in following) > len(following):
             return position
-        if '"' in lines[position] or 2 * counts[position] > max(counts[position + 1 :]):
-            break
-    else:
-        return 0
-    wide = any(most_frequent_delimiter(line) in line for line in lines[position : position + 1])
-    return position if wide else 0
+        if '"' in line or 2 * len(cells[position]) > max(map(len, cells[position + 1 :])):
+            return position if most_frequent_delimiter(line) in line else 0
+    return 0
 
 
 def _with_units(header: str, below: str) -> str:
     """Return a header with the units of the line below it; empty if that line has no units."""
     delimiter = most_frequent_delimiter(header)
-    names, units = (
-        header.split(delimiter),
-        [cell.strip(" \r()[]") for cell in below.split(delimiter)],
-    )
+    names = header.split(delimiter)
+    units = [cell.strip(" \r()[]") for cell in below.split(delimiter)]
     present = [unit for unit in units if unit]
-    if len(names) < 2 or len(units) > len(names) or len(present) < len(names) / 2:
+    is_units = len(present) >= len(names) / 2 and all(map(is_unit, present))
+    if len(names) < 2 or len(units) > len(names) or not is_units:
         return ""
-    if not all(map(is_unit, present)):
-        return ""
-    units += [""] * (len(names) - len(units))
     return delimiter.join(
         f"{name} [{unit}]" if unit and parse_header_cell(name).unit is None else name
-        for name, unit in zip(names, units, strict=True)
+        for name, unit in zip_longest(names, units, fillvalue="")
     )
 
 

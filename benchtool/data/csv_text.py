@@ -1,6 +1,6 @@
 """Tolerant CSV reader: byte order mark, semicolons, CRLF, incomplete last line.
 
-`read_csv_text` returns cells as text, for a fit; a row with too many cells is an error.
+`parse_csv` returns cells as text, for a fit; a row with too many cells is an error.
 `parse_rows` returns the rows of a foreign file as bytes, so that a million rows are read quickly.
 """
 
@@ -10,7 +10,9 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +27,8 @@ from benchtool.data.csv_header import (
     HeaderLine,
     Repairs,
     decode,
-    detect_delimiter,
     find_header,
+    most_frequent_delimiter,
     normalise_rows,
     split_cells,
 )
@@ -38,6 +40,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")  # 1.234,5
 
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
+_BLANK = re.compile(rb"(?:%b)?\s*" % BYTE_ORDER_MARK)
 _PIECE_BYTES = 1 << 18
 
 UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # first bytes of files in these encodings
@@ -45,18 +48,12 @@ UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # first bytes of files in
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CsvTable:
-    """Cells of a CSV file as text.
-
-    Attributes:
-        header: column names without surrounding blanks.
-        rows: cells, as many as the header in every row.
-        lines: line number of each row in the file, from 1.
-    """
+    """Cells of a CSV file as text."""
 
     where: str
-    header: tuple[str, ...]
-    rows: list[list[str]]
-    lines: list[int]
+    header: tuple[str, ...]  # column names without surrounding blanks
+    rows: list[list[str]]  # as many cells as the header in every row
+    lines: list[int]  # line number of each row in the file, from 1
     repairs: tuple[str, ...]
 
 
@@ -79,51 +76,82 @@ def read_csv_header(path: Path) -> tuple[str, ...]:
     return parse_csv(data, str(path), whole=False).header
 
 
+class _Tokens(NamedTuple):
+    """Header and rows of a text."""
+
+    names: list[str]
+    delimiter: str
+    body: memoryview  # below the header; a view of the file if it needed no repair
+    rows: list[list[str]] | None  # cells of the body; None if it has no quotes
+    lines: Positions  # of each row in the file, from 1
+    is_cut: bool  # no line end after the last row
+    repairs: Repairs
+
+
+def _tokenize(
+    data: bytes, where: str, *, cells: bool = False, own: bool = False, whole: bool = True
+) -> _Tokens:
+    """Return header and rows of a text; `own` and `whole` as in `read_csv_text` and `parse_csv`.
+
+    Args:
+        cells: also split rows without quotes into cells, whose number is limited.
+    """
+    repairs: Repairs = []
+    data = _decode_text(data, where, repairs)
+    if cells:
+        data = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", repairs).encode()
+    if own:
+        end = data.find(b"\n") + 1 or len(data)
+        header = HeaderLine(data[:end].decode().rstrip("\n"), 1, end)
+    else:
+        data = normalise_rows(data, repairs)
+        header = find_header(data, repairs)
+    delimiter = most_frequent_delimiter(header.text)
+    if delimiter != ",":
+        repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
+    names, body, rows = header.text.split(delimiter), memoryview(data)[header.end :], None
+    check_columns(len(names), where)
+    is_cut, ends = bytes(body[-1:]) != b"\n", _count(body, "\n")
+    lines = header.line + np.arange(1, ends + 1 + is_cut)
+    if cells:
+        check_cells(len(names) + _count(body, delimiter) + ends, where)
+    if cells or b'"' in data:
+        text = f"{header.text}\n{str(body, 'utf-8', 'replace')}"
+        rows, line_numbers = split_cells(text, delimiter, where, header.line, whole=whole)
+        names, lines = rows.pop(0) if rows else [], np.array(line_numbers[1:], np.intp)
+    names = [name.strip() for name in names]
+    if not any(names):
+        raise FileFormatError(where, "the first line names no columns; add a header line")
+    return _Tokens(names, delimiter, body, rows, lines, is_cut, repairs)
+
+
 def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`. If not `whole`, a quote may be open."""
-    repair_messages: Repairs = []
-    data = decode_text(data, where, repair_messages)
-    text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", repair_messages), 1
-    first = text.split("\n", 1)[0]
-    if not own:
-        data = normalise_rows(text.encode(), repair_messages)
-        header_line = find_header(data, repair_messages)
-        first, first_line = header_line.text, header_line.line
-        body = data[header_line.end :].decode()
-        text = f"{first}\n{body}" if body or data.endswith(b"\n") else first
-    delimiter = detect_delimiter(first, repair_messages)
-    repairs = [message for _, message in repair_messages]
-    check_columns(first.count(delimiter) + 1, where)
-    check_cells(text.count(delimiter) + text.count("\n"), where)
-    rows, lines = split_cells(text, delimiter, where, first_line, whole=whole)
-    header = [cell.strip() for cell in rows[0]]
-    while header and not header[-1]:
+    header, delimiter, _, rows, lines, is_cut, tokenizer_repairs = _tokenize(
+        data, where, cells=True, own=own, whole=whole
+    )
+    repairs = [message for _, message in tokenizer_repairs]
+    while not header[-1]:
         header.pop()
-    if not header:
-        raise FileFormatError(where, "the first line names no columns; add a header line")
     width = len(header)
-    numbered = [
-        pair for pair in zip(rows[1:], lines[1:], strict=True) if any(map(str.strip, pair[0]))
-    ]
-    if numbered and not text.endswith("\n") and (own or len(numbered[-1][0]) < width):
-        numbered.pop()
+    numbered = zip(lines.tolist(), rows or (), strict=True)
+    by_line = {line: row for line, row in numbered if any(map(str.strip, row))}
+    if is_cut and by_line and (own or len(by_line[max(by_line)]) < width):
+        by_line.popitem()
         repairs.append("the last line was cut short and left out")
-    short = [line for row, line in numbered if len(row) < width]
-    if short:
+    if short := [line for line, row in by_line.items() if len(row) < width]:
         repairs.append(f"{len(short)} rows shorter than the header, first in line {short[0]}")
-    for row, line in numbered:
+    for line, row in by_line.items():
         if any(map(str.strip, row[width:])):
             raise FileFormatError(
                 where,
                 f"line {line} has {len(row)} cells, the header names {width} columns; correct the "
                 f"line or the header",
             )
-    cells = [
-        row if len(row) == width else row[:width] + [""] * (width - len(row)) for row, _ in numbered
-    ]
+    cells = [row[:width] + [""] * (width - len(row)) for row in by_line.values()]
     if delimiter == ";":
         repairs += _with_points(cells)
-    return CsvTable(where, tuple(header), cells, [line for _, line in numbered], tuple(repairs))
+    return CsvTable(where, tuple(header), cells, list(by_line), tuple(repairs))
 
 
 def _with_points(rows: list[list[str]]) -> list[str]:
@@ -141,7 +169,7 @@ def _with_points(rows: list[list[str]]) -> list[str]:
     return done
 
 
-def decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
+def _decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
     """Return the bytes of a text with line ends LF; UTF-16 as UTF-8, Parquet as CSV text.
 
     A byte order mark remains, to avoid a copy of a long file.
@@ -156,8 +184,7 @@ def decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
         repairs.append(("byte order mark", "a byte order mark at the start was left out"))
     if data.startswith(PARQUET):
         data = _text_of_parquet(data, where)
-    begin = data[:START_BYTES].removeprefix(BYTE_ORDER_MARK)
-    if not begin.strip() and not data.removeprefix(BYTE_ORDER_MARK).strip():
+    if _BLANK.fullmatch(data):
         raise FileFormatError(where, "the file is empty; name a file with a header line and rows")
     if b"\0" in data[:4096]:
         raise FileFormatError(where, "this is not a text file; name a CSV file or a flight log")
@@ -200,26 +227,17 @@ def empty_table_error(where: str, header: Sequence[str]) -> FileFormatError:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TextTable:
-    """Rows of a text file as bytes, all of one width.
-
-    Attributes:
-        header: (w,) column names without surrounding blanks; "" for a column without a name.
-        body: rows of w cells, each ended by a newline; a view of the file if all had w cells.
-        lines: (n,) line number of each row in the file, from 1.
-        decimal: "." or ",".
-        rows_in_file: non-blank lines below the header.
-        is_even: by the count of delimiters, every row is as wide as the header; see `pad_rows`.
-    """
+    """Rows of a text file as bytes, all of one width."""
 
     where: str
-    header: tuple[str, ...]
-    body: bytes | memoryview
-    lines: Positions
+    header: tuple[str, ...]  # without surrounding blanks; "" for a column without a name
+    body: bytes | memoryview  # each row ended by a newline; a view of the file if nothing changed
+    lines: Positions  # of each row in the file, from 1
     delimiter: str
-    decimal: str
-    rows_in_file: int
+    decimal: str  # "." or ","
+    rows_in_file: int  # non-blank lines below the header
     findings: tuple[Finding, ...]
-    is_even: bool
+    is_even: bool  # by the count of delimiters, rows are as wide as the header; see `pad_rows`
 
 
 def parse_rows(data: bytes, where: str) -> TextTable:
@@ -228,59 +246,34 @@ def parse_rows(data: bytes, where: str) -> TextTable:
     Raises:
         FileFormatError: no text, no header, or no row below it.
     """
-    repairs: Repairs = []
-    data = decode_text(data, where, repairs)
-    data = normalise_rows(data, repairs)
-    header = find_header(data, repairs)
-    first, rest_at = header.text, header.end
-    delimiter = detect_delimiter(first, repairs)
-    body: bytes | memoryview = memoryview(data)[rest_at:]
-    line_numbers = None
-    if b'"' in data:
-        first, body, line_numbers = _parse_quoted(header, data[rest_at:], delimiter, where)
-    check_columns(first.count(delimiter) + 1, where)
-    names = tuple(cell.strip() for cell in first.split(delimiter))
-    if not any(names):
-        raise FileFormatError(where, "the first line names no columns; add a header line")
+    names, delimiter, body, rows, lines, is_cut, repairs = _tokenize(data, where)
+    text: bytes | memoryview = body
+    if rows is not None:
+        # A delimiter or line end in quotes becomes a blank, as numbers contain neither.
+        blanks = str.maketrans(f"{delimiter}\n", "  ")
+        names = [name.translate(blanks).strip() for name in names]
+        joined = [delimiter.join(cell.translate(blanks) for cell in row) for row in rows]
+        text = "".join(f"{row}\n" for row in joined).encode()
+        if is_cut and joined and joined[-1]:
+            text = text[:-1]
     decimal = "."
-    if delimiter != "," and _CELL_WITH_COMMA.search(bytes(body[:START_BYTES])):
+    if delimiter != "," and _CELL_WITH_COMMA.search(bytes(text[:START_BYTES])):
         decimal = ","
         repairs.append(("decimal commas", "decimal commas are read as points"))
-    rows = _count(body, "\n")
-    if line_numbers is None:
-        line_numbers = np.arange(1, rows + 1 + (body[-1:] != b"\n"))
+    ends = len(lines) - (text[-1:] != b"\n")
     table = TextTable(
         where=where,
-        header=names,
-        body=body,
-        lines=header.line + line_numbers,
+        header=tuple(names),
+        body=text,
+        lines=lines,
         delimiter=delimiter,
         decimal=decimal,
-        rows_in_file=rows,
+        rows_in_file=ends,
         findings=tuple(Finding("repaired", what, message) for what, message in repairs),
-        is_even=False,
+        # A short row and a long row can cancel in this count; `parse_numbers` detects that.
+        is_even=text[-1:] == b"\n" and _count(text, delimiter) == (len(names) - 1) * ends,
     )
-    # A short row and a long row can cancel in this count; `parse_numbers` detects that.
-    if body[-1:] == b"\n" and _count(body, delimiter) == (len(names) - 1) * rows:
-        return replace(table, is_even=True)
-    return pad_rows(table)
-
-
-def _parse_quoted(
-    header: HeaderLine, body: bytes, delimiter: str, where: str
-) -> tuple[str, bytes, Positions]:
-    """Return header and rows without quotes, and the line of each row, counted from the header's.
-
-    A delimiter or line end within quotes becomes a blank, as numbers contain neither.
-    """
-    clean = str.maketrans({delimiter: " ", "\n": " "})
-    text = f"{header.text}\n{body.decode('utf-8', 'replace')}"
-    cells, lines = split_cells(text, delimiter, where, header.line)
-    rows = [delimiter.join(cell.translate(clean) for cell in row) for row in cells]
-    body_text = "".join(f"{row}\n" for row in rows[1:])
-    if not body.endswith(b"\n") and rows[-1]:
-        body_text = body_text[:-1]
-    return rows[0], body_text.encode(), np.array(lines[1:], np.intp) - header.line
+    return table if table.is_even else pad_rows(table)
 
 
 def _count(body: bytes | memoryview, letter: str) -> int:
@@ -296,9 +289,10 @@ def pad_rows(table: TextTable) -> TextTable:
     """Return the table with rows of one width, and findings about the repairs."""
     mark, names, findings = table.delimiter.encode(), list(table.header), list(table.findings)
 
-    def note(kind: Kind, what: str, message: str, count: int, rows: Sequence[int] = ()) -> None:
-        ranges = line_ranges(table.lines[list(rows)]) if rows else ""
-        findings.append(Finding(kind, what, message, count=count, lines=ranges))
+    def note(kind: Kind, what: str, irregular: list[int], problem: str) -> None:
+        if count := len(irregular):
+            message, lines = f"{pluralize(count, 'row')} {problem}", table.lines[irregular]
+            findings.append(Finding(kind, what, message, "", count, line_ranges(lines)))
 
     rows = bytes(table.body).split(b"\n")
     last = len(rows) - 1 if rows[-1] else -1  # the row that the end of the file cuts
@@ -313,8 +307,11 @@ def pad_rows(table: TextTable) -> TextTable:
     while len(names) > 1 and not names[-1]:
         names.pop()
     # The caller of an even table has mapped its columns already.
-    width = len(table.header) if table.is_even else _width(used, len(names))
-    short, long, blank = [], [], []
+    width = len(table.header)
+    if not table.is_even:  # the most frequent width, at least the widest within the header
+        within = used[used <= len(names)]
+        width = max(int(np.bincount(used).argmax()), int(within.max(initial=1)))
+    short, long, blank, is_cut = list[int](), list[int](), list[int](), False
     for i in np.flatnonzero(keep & (counts != width)).tolist():
         cells = rows[i].split(mark)
         keep[i] = False
@@ -322,58 +319,43 @@ def pad_rows(table: TextTable) -> TextTable:
             blank.append(i)
         elif any(cell.strip() for cell in cells[width:]):
             long.append(i)
-        elif len(cells) >= width or i != last:
+        elif len(cells) < width and i == last:
+            is_cut = True
+        else:
             keep[i] = True
             rows[i] = mark.join(cells[:width] + [b""] * (width - len(cells)))
             short += [i] if len(cells) < width else []
-    if short:
-        message = (
-            f"{pluralize(len(short), 'row')} shorter than the others; the missing cells are blank"
-        )
-        note("repaired", "ragged rows", message, len(short), short)
-    if long:
-        row_count = pluralize(len(long), "row")
-        message = f"{row_count} with more cells than columns: columns are ambiguous"
-        note("refused", "ragged rows", message, len(long), long)
-    if blank:
-        note(
-            "refused", "empty rows", f"{pluralize(len(blank), 'row')} of blanks", len(blank), blank
-        )
-    if last >= 0 and keep[last]:
-        message = "the file ends without a line end; its last number may be cut"
-        note("doubt", "no last line end", message, 0, [last])
-    elif last >= 0 and rows[last].strip(mark) and last not in (*long, *blank):
+    note("repaired", "ragged rows", short, "shorter than the others; the missing cells are blank")
+    note("refused", "ragged rows", long, "with more cells than columns: columns are ambiguous")
+    note("refused", "empty rows", blank, "of blanks")
+    last_line = line_ranges(table.lines[[last]])
+    if is_cut:
         message = "the last line ends in the middle of the row"
-        note("refused", "the last line was cut", message, 1, [last])
+        findings.append(Finding("refused", "the last line was cut", message, "", 1, last_line))
+    elif last >= 0 and keep[last]:
+        message = "the file ends without a line end; its last number may be cut"
+        findings.append(Finding("doubt", "no last line end", message, lines=last_line))
     if separators:
         message = f"{pluralize(separators, 'row')} of empty cells left out"
-        note("repaired", "empty rows", message, separators)
-    if width > len(names) + 1:
+        findings.append(Finding("repaired", "empty rows", message, count=separators))
+    if (extra := width - len(names)) > 1:
         message = (
             f"rows have up to {width} cells, the header names {len(names)} columns; the extra "
             f"cells are left out"
         )
-        note("left out", "cells without a name", message, width - len(names))
+        findings.append(Finding("left out", "cells without a name", message, count=extra))
     elif int(used.max()) < len(names):
         message = (
             f"the header names {len(names)} columns, no row has more than {used.max()} cells; "
             f"{', '.join(names[width:][:12])} left out"
         )
-        note("repaired", "ragged rows", message, len(names) - width)
-    chosen = [row for row, is_selected in zip(rows, keep.tolist(), strict=True) if is_selected]
+        findings.append(Finding("repaired", "ragged rows", message, count=-extra))
     return replace(
         table,
-        header=(*names[:width], *[""] * (width - len(names))),
-        body=b"\n".join(chosen) + b"\n" if chosen else b"",
+        header=(*names[:width], *[""] * extra),
+        body=b"".join(row + b"\n" for row in compress(rows, keep)),
         lines=table.lines[keep],
         rows_in_file=int(used.size),
         findings=tuple(findings),
         is_even=False,
     )
-
-
-def _width(used: Positions, n_names: int) -> int:
-    """Return the row width: the most frequent, at least the widest within the header."""
-    within = used[used <= n_names]
-    usual = int(np.bincount(used).argmax())
-    return max(usual, int(within.max()) if within.size else 1)

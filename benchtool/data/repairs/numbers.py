@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.plural import pluralize
 from benchtool.core.table_bounds import MAX_NUMBER
-from benchtool.data.csv_text import THOUSANDS, TextTable, pad_rows
+from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
 from benchtool.data.repairs.import_result import Finding, line_ranges
 from benchtool.data.run.sample_stream import plain_values
 
@@ -26,37 +24,25 @@ _NUMBER = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NumericTable:
-    """Numbers of selected columns.
+class NumericTable(NamedTuple):
+    """Numbers of selected columns."""
 
-    Attributes:
-        table: with rows of one width.
-        columns: (c, n) one row per selected column; nan for a blank cell.
-        lines: (n,) line of each row.
-        findings: about blanked cells and refused rows.
-    """
-
-    table: TextTable
-    columns: Array
-    lines: NDArray[np.intp]
-    findings: tuple[Finding, ...]
+    table: TextTable  # with rows of one width
+    columns: Array  # (c, n) one row per selected column; nan for a blank cell
+    lines: Positions  # of each row
+    findings: tuple[Finding, ...]  # about blanked cells and refused rows
 
 
 def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     """Return the columns at these positions as numbers."""
-    import pyarrow as pa
-
-    lines, findings = table.lines, list[Finding]()
-    try:
-        columns = _floats(table, positions)
-        # With a row of blanks, all sums are nan, which is a faster test.
-        no_sums = bool(np.isnan(columns.sum(axis=1)).all())
-        if table.is_even and no_sums and np.isnan(columns).all(axis=0).any():
-            return parse_numbers(pad_rows(table), positions)
-    except pa.ArrowInvalid:
-        if table.is_even:
-            return parse_numbers(pad_rows(table), positions)
+    columns, lines, findings = _floats(table, positions), table.lines, list[Finding]()
+    # With a row of blanks, all sums are nan, which is a faster test.
+    if table.is_even and (
+        columns is None
+        or (np.isnan(columns.sum(axis=1)).all() and np.isnan(columns).all(axis=0).any())
+    ):
+        return parse_numbers(pad_rows(table), positions)
+    if columns is None:
         columns, lines, findings = _with_text(table, positions)
     is_infinite = np.abs(columns) > MAX_NUMBER
     if count := int(np.count_nonzero(is_infinite)):
@@ -67,8 +53,8 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     return NumericTable(table, columns, lines, tuple(findings))
 
 
-def _floats(table: TextTable, positions: Sequence[int]) -> Array:
-    """Return columns without text cells; pyarrow raises if there are any.
+def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
+    """Return columns without text cells, or None if there are any.
 
     The first attempt has one null value, which is faster. Batches are written directly into the
     result, as allocating more memory takes longer than parsing.
@@ -76,26 +62,20 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array:
     import pyarrow as pa
 
     values = np.empty((len(positions), len(table.lines)))
-    try:
-        _fill(values, _reader(table, positions, pa.float64(), [""]), positions)
-    except pa.ArrowInvalid:
-        _fill(values, _reader(table, positions, pa.float64(), _NULLS), positions)
-    return values
-
-
-def _fill(values: Array, reader: Any, positions: Sequence[int]) -> None:
-    import pyarrow as pa
-
-    start = 0
-    for batch in reader:
-        end = start + batch.num_rows
-        if end > values.shape[1]:
-            break
-        for row, position in enumerate(positions):
-            values[row, start:end] = plain_values(batch.column(str(position)), float, nan)
-        start = end
-    if start != values.shape[1]:
-        raise pa.ArrowInvalid("rows and lines differ")
+    for blank in ([""], _NULLS):
+        end = 0
+        try:
+            for batch in _reader(table, positions, pa.float64(), blank):
+                start, end = end, end + batch.num_rows
+                if end > values.shape[1]:
+                    break
+                for row, position in zip(values, positions, strict=True):
+                    row[start:end] = plain_values(batch.column(str(position)), float, nan)
+        except pa.ArrowInvalid:
+            continue
+        if end == values.shape[1]:
+            return values
+    return None
 
 
 def _reader(
