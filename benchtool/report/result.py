@@ -1,4 +1,4 @@
-"""What a call from Python returns: it shows itself as text, figures, tables, a page."""
+"""Result of a Python API call, with text, figures, tables and page."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Result(Generic[Found]):
-    """Hold what a call found, and show it: as text, figures, tables, a page."""
+    """Result of a call; it can be shown as text, figures, tables or a page."""
 
     found: Found
-    path: Path | None = None  # of the run or recording read; None where there is none
+    path: Path | None = None  # run or recording that was read, if any
     _page: Page
     _summary: Callable[[Found], str]
     _tables: Mapping[str, Callable[[Found], pd.DataFrame]] = field(default_factory=dict)
     _write: Callable[[Path, Found, Sequence[str]], Iterable[Path]] | None = None
 
     def summary(self) -> str:
-        """Return what was found, in a few sentences or lines."""
+        """Return a summary in a few sentences or lines."""
         return self._summary(self.found)
 
     @property
@@ -44,14 +44,14 @@ class Result(Generic[Found]):
         return tuple(self._tables)
 
     def to_dataframe(self, table: str = "") -> pd.DataFrame:
-        """Return a table by name, the first of `tables` when left out; units in `.attrs`."""
+        """Return a table by name; default: the first of `tables`. Units are in `.attrs`."""
         name = table or self.tables[0]
         if name not in self._tables:
             raise UnknownChoice("table", name, self._tables)
         return self._tables[name](self.found)
 
     def figures(self) -> dict[str, Figure]:
-        """Return every figure of the report page, by name."""
+        """Return all figures of the report page, by name."""
         return {
             name: block.figure
             for name, block in render_figures(
@@ -60,16 +60,16 @@ class Result(Generic[Found]):
         }
 
     def plot(self, figure: str = "") -> Figure:
-        """Return a figure by name, the first of the report page when left out."""
+        """Return a figure by name; default: the first figure of the report page."""
         if figure:
-            found = render_figures(self._page.name, self.found, [figure])
-            if not found:
-                raise InputError(f"there is nothing to draw in figure {figure!r} of this result")
-            return next(iter(found.values())).figure
+            blocks = render_figures(self._page.name, self.found, [figure])
+            if not blocks:
+                raise InputError(f"figure {figure!r} has no data in this result")
+            return next(iter(blocks.values())).figure
         for name in self._page.figures:
-            if found := render_figures(self._page.name, self.found, [name]):
-                return next(iter(found.values())).figure
-        raise InputError("there is nothing to draw in this result")
+            if blocks := render_figures(self._page.name, self.found, [name]):
+                return next(iter(blocks.values())).figure
+        raise InputError("this result has no figures")
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> Path:
         """Write the report page, one self-contained HTML file, and return its path.
@@ -80,12 +80,12 @@ class Result(Generic[Found]):
         return write_report(Path(path), self._page.report(self.found, commands))
 
     def save(self, folder: str | Path, commands: Sequence[str] = ()) -> list[Path]:
-        """Write what the command writes with ``--out`` into a new folder; return the files to open.
+        """Write the output of the command's ``--out`` into a new folder; return the main files.
 
-        What has no such folder of its own gets its report page there.
+        Results without such an output write only their report page.
 
         Raises:
-            WouldOverwrite: something is there already.
+            WouldOverwrite: the folder is not empty or a file exists.
         """
         if self._write is not None:
             return list(self._write(Path(folder), self.found, commands))
@@ -106,23 +106,23 @@ class Result(Generic[Found]):
         return "<div>" + "\n".join(parts) + "</div>"
 
 
-Data = str | Path | Result[Any]  # a run folder or CSV by its path, or what `read` returned of it
+Data = str | Path | Result[Any]  # path of a run folder or CSV, or result of `read`
 
 
 def saved_paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
-    """Return the paths of one or several data."""
-    many = [data] if isinstance(data, str | Path | Result) else data
-    found = []
-    for one in many:
-        path = one.path if isinstance(one, Result) else one
+    """Return the paths of one or several data sets."""
+    items = [data] if isinstance(data, str | Path | Result) else data
+    paths = []
+    for item in items:
+        path = item.path if isinstance(item, Result) else item
         if path is None:
             raise InputError("this result was not read from a file; give the path of its data")
-        found.append(str(path))
-    return tuple(found)
+        paths.append(str(path))
+    return tuple(paths)
 
 
 def estimates_frame(output: FitOutput) -> pd.DataFrame:
-    """Return estimates and what follows from them, method by method."""
+    """Return estimates and derived values of all methods."""
     return frame_of_rows(
         [
             {"method": result.method} | estimate_row(item)
@@ -165,6 +165,6 @@ def gap_frame(answer: ExplainResult) -> pd.DataFrame:
 
 
 def probabilities_frame(answer: ExplainResult) -> pd.DataFrame:
-    """Return every explanation with its probability, the most probable first."""
-    found = sorted(answer.verdict.probabilities.items(), key=lambda one: -one[1])
-    return frame_of_rows([{"explanation": name, "probability": p} for name, p in found])
+    """Return all explanations with probability, most probable first."""
+    ranked = sorted(answer.verdict.probabilities.items(), key=lambda pair: -pair[1])
+    return frame_of_rows([{"explanation": name, "probability": p} for name, p in ranked])

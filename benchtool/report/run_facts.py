@@ -1,4 +1,4 @@
-"""Facts of a run for a page: state, device, rig, air, calibration, versions."""
+"""Metadata of a run for a page: state, device, rig, air, calibration, versions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MISSING_VALUE = "not stated"
 
 
 def run_state_table(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return when, by whom and how it ended."""
+    """Return start, operator, state, sample counts and seed of a run."""
     link, reason = metadata.get("link") or {}, metadata.get("reason")
     facts = {
         "started": str(metadata.get("started", MISSING_VALUE)),
@@ -33,7 +33,7 @@ def run_state_table(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 
 def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return who measured, and what it says of itself."""
+    """Return address, versions, rate, channels and reports of the device."""
     device = metadata.get("device") or {}
     facts = {
         "address": str(metadata.get("address", MISSING_VALUE)),
@@ -46,15 +46,18 @@ def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     if "watchdog_s" in device:
         facts["watchdog"] = f"{device['watchdog_s']:g} s"
     if reported := device.get("facts"):
-        facts["it says"] = ", ".join(f"{key} = {value}" for key, value in reported.items())
+        facts["reported by the device"] = ", ".join(
+            f"{key} = {value}" for key, value in reported.items()
+        )
     return facts
 
 
-_RIG = {  # facts by table; a run without the table has none of them
+_RIG = {  # labels and formats by table of the rig file; missing tables are skipped
     "propulsion": {
         "rotor radius": "{radius_m:g} m",
-        "k of T = k ω², in its file": "{thrust_coefficient_N_s2:g} N/(rad/s)²",
-        "pulses": "stop {pwm_stop_us:g} µs, start {pwm_start_us:g} µs, most {pwm_max_us:g} µs",
+        "k of T = k ω², in the rig file": "{thrust_coefficient_N_s2:g} N/(rad/s)²",
+        "pulse widths": "stop {pwm_stop_us:g} µs, start {pwm_start_us:g} µs, "
+        "maximum {pwm_max_us:g} µs",
     },
     "body": {"mass, pitch inertia": "{mass_kg:g} kg, {inertia_yy_kgm2:g} kg m²"},
     "plate": {
@@ -65,15 +68,15 @@ _RIG = {  # facts by table; a run without the table has none of them
 
 
 def rig_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return the rig's numbers that a reader of thrust needs, and how many are assumed."""
+    """Return the rig data relevant to thrust, and the number of assumed values."""
     rig = metadata.get("rig") or {}
     if not rig:
         return {"rig": MISSING_VALUE}
     rotors = rig.get("rotors", [])
-    places = ", ".join(f"{item['name']} ({item['x_m']:g}, {item['y_m']:g}) m" for item in rotors)
+    positions = ", ".join(f"{item['name']} ({item['x_m']:g}, {item['y_m']:g}) m" for item in rotors)
     facts = {
         "rig": f"{rig.get('name', '')}: {rig.get('title', '')}",
-        "rotors": f"{len(rotors)}: {places}",
+        "rotors": f"{len(rotors)}: {positions}",
     }
     for table, rows in _RIG.items():
         if rig.get(table):
@@ -81,16 +84,16 @@ def rig_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     for name, sensor in rig.get("sensors", {}).items():
         text = "noise {noise:g}, quantum {quantum:g}, {rate_Hz:g} Hz"
         facts[f"sensor {name}"] = text.format(**sensor)
-    assumed, stated = len(rig.get("assumed", [])), len(rig.get("sources", {}))
-    return facts | {"assumed numbers of the rig": f"{assumed} of {stated}"}
+    n_assumed, n_sources = len(rig.get("assumed", [])), len(rig.get("sources", {}))
+    return facts | {"assumed numbers of the rig": f"{n_assumed} of {n_sources}"}
 
 
 def air_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return the air around the bench."""
+    """Return the air data of the bench."""
     air = metadata.get("air") or {}
     if not air:
         return {"air": MISSING_VALUE}
-    source = "measured" if air.get("measured") else "nobody measured it: standard values stand in"
+    source = "measured" if air.get("measured") else "not measured: standard atmosphere"
     return {
         "air": source,
         "temperature": f"{air['temperature_degC']:g} °C",
@@ -101,41 +104,41 @@ def air_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 
 def calibration_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return the load cell's calibration, or that there is none."""
-    known = metadata.get("calibration")
-    if not known:
-        return {"calibration": "none attached: thrust_N is what the device sends"}
-    slope_sd = known["relative_sd"] * abs(known["slope_N_per_count"])
+    """Return the calibration of the load cell, or a remark if there is none."""
+    cell = metadata.get("calibration")
+    if not cell:
+        return {"calibration": "none attached: thrust_N is the device value"}
+    slope_sd = cell["relative_sd"] * abs(cell["slope_N_per_count"])
     facts = {
-        "calibration": f"{known['id']} of {known['date']}, device {known['device_id']}",
-        "slope": f"({known['slope_N_per_count']:.6g} ± {slope_sd:.1g}) N per count",
-        "relative standard error": f"{100.0 * known['relative_sd']:.3g} %, common to every thrust",
-        "traceable": traceability(known),
-        "straightness": f"{100.0 * known['straightness']:.3g} % of full scale",
-        "masses": f"{len(known['masses_kg'])}, up to {max(known['masses_kg']):g} kg, local gravity "
-        f"{known['gravity_m_s2']:g} m/s²",
+        "calibration": f"{cell['id']} of {cell['date']}, device {cell['device_id']}",
+        "slope": f"({cell['slope_N_per_count']:.6g} ± {slope_sd:.1g}) N per count",
+        "relative standard error": f"{100.0 * cell['relative_sd']:.3g} %, common to every thrust",
+        "traceable": traceability(cell),
+        "nonlinearity": f"{100.0 * cell['straightness']:.3g} % of full scale",
+        "masses": f"{len(cell['masses_kg'])}, up to {max(cell['masses_kg']):g} kg, local gravity "
+        f"{cell['gravity_m_s2']:g} m/s²",
     }
-    if known.get("hysteresis") is not None:
-        facts["hysteresis"] = f"{100.0 * known['hysteresis']:.3g} % of full scale"
-    for part in known.get("components", ()):
+    if cell.get("hysteresis") is not None:
+        facts["hysteresis"] = f"{100.0 * cell['hysteresis']:.3g} % of full scale"
+    for part in cell.get("components", ()):
         dof = "" if part["dof"] is None else f", {part['dof']:g} degrees of freedom"
-        facts[f"part of it: {part['name']}"] = (
+        facts[f"component: {part['name']}"] = (
             f"{100.0 * part['relative_sd']:.2g} %, type {part['kind']}{dof}"
         )
     if metadata.get("calibration_of_other_device"):
-        facts["mind"] = "it was made on another device"
+        facts["caution"] = "calibration of another device"
     return facts
 
 
 def version_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return the software that recorded it."""
+    """Return the software that recorded the run."""
     versions = metadata.get("versions") or {}
     listed = ", ".join(f"{name} {version}" for name, version in versions.items())
     return {"recorded with": listed or MISSING_VALUE}
 
 
 def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """Return who measured what, when, in which air, with which calibration: all in short."""
+    """Return a short list: rig, device, state, air density, calibration, versions."""
     rig, air = rig_facts(metadata), air_facts(metadata)
     facts: dict[str, str] = {key: rig[key] for key in ("rig", "rotor radius") if key in rig}
     facts["device"] = device_facts(metadata)["device"]
@@ -148,7 +151,7 @@ def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 
 def run_sections(paths: Iterable[str]) -> list[Section]:
-    """Return for each path that is a run: the rig, the air, the calibration and its budget."""
+    """Return one section per run folder: rig, air, calibration and uncertainty budget."""
     sections = []
     for path in (Path(path) for path in paths if is_run(path)):
         blocks: list[Block] = [FactTable(simple_facts(Run.open(path).metadata))]

@@ -1,4 +1,4 @@
-"""Flights of one case under several controllers: the figure, the table, the files."""
+"""Simulated flights of one case under several controllers: figure, table, files."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from matplotlib.patches import Patch
 from benchtool import __version__
 from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.data.run.recording_file import metadata_path as facts_beside
-from benchtool.data.run.recording_file import write_recording
+from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
@@ -60,14 +59,14 @@ def _pitch(axes: Axes, flown: FlownCase, free: FlownCase) -> None:
     grey_deg = np.degrees(free.flight["pitch_rad"])
     axes.plot(free.flight["time_s"], grey_deg, color=GREY, linewidth=1.1)
     time_s, pitch_deg = flown.flight["time_s"], np.degrees(flown.flight["pitch_rad"])
-    wanted_deg = np.degrees(flown.flight["pitch_ref_rad"])
-    axes.plot(time_s, wanted_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
+    command_deg = np.degrees(flown.flight["pitch_ref_rad"])
+    axes.plot(time_s, command_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
     axes.plot(time_s, pitch_deg, color=BLUE, linewidth=1.3)
     _strike(axes, flown, pitch_deg)
 
 
 def _strike(axes: Axes, flown: FlownCase, values: Array) -> None:
-    """Mark where a flight that struck something ends."""
+    """Mark the end of a flight that ended early."""
     if flown.flight.ending != "flown":
         axes.plot(
             flown.flight["time_s"][-1], values[-1], marker="X", markersize=9, color=VERMILION,
@@ -76,7 +75,7 @@ def _strike(axes: Axes, flown: FlownCase, values: Array) -> None:
 
 
 def over_surface(flown: FlownCase) -> list[tuple[float, float]]:
-    """Return begin and end of every stretch in which a rotor is over something: s."""
+    """Return start and end (s) of the intervals with a rotor over a surface."""
     discs = range(1, flown.case.vehicle.rig.n_discs + 1)
     covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
     return spans(flown.flight["time_s"], covered > 1e-3)
@@ -90,7 +89,7 @@ def _legend(figure: Figure, obstacle: bool) -> None:
         Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
     ]
     if obstacle:
-        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle's edges"))
+        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle edges"))
     handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
     one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
     figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
@@ -111,7 +110,7 @@ def _title(flights: Sequence[FlownCase]) -> str:
     width_in=lambda flights: 7.0 if len(flights) < 4 else 3.05 * (len(flights) - 1),
 )
 def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
-    """Draw position above and pitch below under each controller; the first flight is in grey."""
+    """Draw position and pitch under each controller; grey: first flight."""
     free, *others = flights
     axes = figure.subplots(
         2, len(others), sharex="col", sharey="row", squeeze=False, height_ratios=[1.15, 1.0]
@@ -135,10 +134,10 @@ FLIGHT = Page("flight", [("The flight", ["flight"])])
 def fly_each(
     case: FlightCase, controls: Sequence[str], own: Sequence[tuple[str, type[Any]]] = ()
 ) -> list[FlownCase]:
-    """Fly a case out of ground effect with PID first, then under each controller."""
+    """Simulate a case out of ground effect with PID, then under each controller."""
     free = replace(out_of_ground_effect(case), control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]
-    flights = list(results_in_order(partial(fly_and_measure, each) for each in cases))
+    flights = list(results_in_order(partial(fly_and_measure, item) for item in cases))
     for name, kind in own:
         flight = fly_user_controller(case, make_controllers(kind, name), name)
         flights.append(FlownCase(flight, measure(flight)))
@@ -146,7 +145,7 @@ def fly_each(
 
 
 def table_lines(flights: Sequence[FlownCase]) -> list[str]:
-    """Return the table of numbers; the first flight is the one out of ground effect."""
+    """Return the table of measures; the first flight is out of ground effect."""
     names = [name_of(flown) for flown in flights]
     names[0] += " OGE"
     heads = (
@@ -156,14 +155,14 @@ def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     units = ("", "", "", "", "deg", "deg", "deg", "cm", "m")
     rows = []
     for name, flown in zip(names, flights, strict=True):
-        found = flown.measures
-        low_cm, high_cm = (round(100.0 * z_m, 1) + 0.0 for z_m in found.range_z_m)
-        low, high = found.range_m
+        measures = flown.measures
+        low_cm, high_cm = (round(100.0 * z_m, 1) + 0.0 for z_m in measures.range_z_m)
+        low, high = measures.range_m
         rows.append(
             (
-                name, found.arrival_text(), f"{found.max_x_m:.2f}", f"{found.push_backs}",
-                f"{found.max_pitch_deg:.1f}", f"{found.rms_pitch_deg:.2f}",
-                f"{found.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
+                name, measures.arrival_text(), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
+                f"{measures.max_pitch_deg:.1f}", f"{measures.rms_pitch_deg:.2f}",
+                f"{measures.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
                 f"{low:.3f}..{high:.3f}",
             )
         )  # fmt: skip
@@ -181,7 +180,7 @@ def table_lines(flights: Sequence[FlownCase]) -> list[str]:
 
 
 def report_lines(flights: Sequence[FlownCase]) -> list[str]:
-    """Return the text of the flights: what was flown, the table, the warnings."""
+    """Return the text report of flights: case, table, warnings."""
     case = flights[0].case
     z_over_R = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
     head = (
@@ -192,15 +191,15 @@ def report_lines(flights: Sequence[FlownCase]) -> list[str]:
 
 
 def write_flights(out: Path, flights: Sequence[FlownCase]) -> list[Path]:
-    """Write a recording for each flight, the lines of the report and the figure, all new."""
+    """Write recordings, text report and figure of flights to new files; return their paths."""
     names = [flown.flight.own.replace(":", "-") or flown.case.control for flown in flights]
     names[0] = "oge"
     if len(set(names)) < len(names):
-        raise InputError(f"a controller is named twice: {', '.join(names[1:])}; name each once")
+        raise InputError(f"duplicate controller: {', '.join(names[1:])}; give each once")
     tables = {out / f"{name}.csv": flown for name, flown in zip(names, flights, strict=True)}
     text = out / "numbers.txt"
     figures = [out / "flight.svg", out / "flight.png"]
-    check_not_existing([*tables, *(facts_beside(path) for path in tables), text, *figures])
+    check_not_existing([*tables, *(metadata_path(path) for path in tables), text, *figures])
     out.mkdir(parents=True, exist_ok=True)
     for path, flown in tables.items():
         write_recording(path, recording_of(flown.flight), {"software": f"benchtool {__version__}"})

@@ -1,4 +1,4 @@
-"""The pitch bench under every controller: runs, a table of numbers, recordings, a figure."""
+"""Pitch bench simulations under several controllers: table, recordings, figure."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from benchtool.simulate.user_controller import make_controllers
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchStudy:
-    """Run of each controller, and the same `away` from the plate."""
+    """Runs of all controllers with the plate, and without it (`away`)."""
 
     setup: PitchSetup
     runs: tuple[PitchRun, ...]
@@ -43,10 +43,10 @@ class PitchStudy:
 def pitch_study(
     setup: PitchSetup,
     seed: int = 0,
-    own: Sequence[tuple[str, type[Any]]] = (),  # user's controllers, made anew for every run
+    own: Sequence[tuple[str, type[Any]]] = (),  # user controllers; a new instance per run
     only_own: bool = False,
 ) -> PitchStudy:
-    """Run every controller of a setup, with the plate and without, under the same noise."""
+    """Simulate all controllers with and without the plate, with the same noise."""
     radius_m = setup.bench.model.rig.propulsion.radius_m
     rate_Hz = setup.rate_Hz
     near = setup.schedule.sampled(rate_Hz, radius_m)
@@ -55,27 +55,27 @@ def pitch_study(
         PitchJob(setup.bench, control, setup.nominal)
         for control in (() if only_own else setup.controls)
     ]
-    every = list(
+    results = list(
         results_in_order(
             partial(simulate_pitch, job, schedule, seed) for schedule in (near, far) for job in jobs
         )
     )
-    runs, away = every[: len(jobs)], every[len(jobs) :]
+    runs, away = results[: len(jobs)], results[len(jobs) :]
     for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
-        for schedule, done in zip((near, far), (runs, away), strict=True):
+        for schedule, runs_of_schedule in zip((near, far), (runs, away), strict=True):
             run = simulate_controller(make_controllers(kind, name), job, schedule, seed, name=name)
-            done.append(run)
+            runs_of_schedule.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
 
 
 def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateNumbers:
-    """Return a run's numbers for one visit of the plate."""
+    """Return the measures of a run for one plate interval."""
     return plate_numbers(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
 
 
 def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
-    """Return the numbers of every controller and visit of the plate, a row each."""
+    """Return the measures as one row per controller and plate interval."""
     schedule = study.setup.schedule
     return [
         {"controller": run.controller, "z_over_R": visit.z_over_R}
@@ -87,15 +87,15 @@ def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
 
 
 def table_lines(study: PitchStudy) -> list[str]:
-    """Return the table of numbers: one line per controller and visit, or RMS errors without."""
+    """Return one line per controller and plate interval, or RMS errors without a plate."""
     visits = visit_rows(study)
     width = max(len("controller"), *(len(run.controller) for run in study.runs))
     if not visits:
         lines = [f"{'controller':<{width}}  RMS error [deg]  largest [deg]"]
         for run in study.runs:
             error = np.degrees(run.column("true_theta_rad") - run.column("reference_rad"))
-            rms, most = np.sqrt(np.mean(error**2)), np.max(np.abs(error))
-            lines.append(f"{run.controller:<{width}}  {rms:>15.2f}  {most:>13.2f}")
+            rms, largest = np.sqrt(np.mean(error**2)), np.max(np.abs(error))
+            lines.append(f"{run.controller:<{width}}  {rms:>15.2f}  {largest:>13.2f}")
         return lines
     lines = [
         f"{'controller':<{width}}   z/R  quiet RMS    peak  settling  residual  rebound",
@@ -113,23 +113,23 @@ def table_lines(study: PitchStudy) -> list[str]:
 
 
 def warnings_of(study: PitchStudy) -> list[str]:
-    """Return what a reader of the numbers must know: clamps and end stops that acted."""
-    out, nearest = [], study.setup.bench.model.nearest_z_over_R
+    """Return warnings on clamped heights and reached end stops."""
+    warnings, nearest = [], study.setup.bench.model.nearest_z_over_R
     for run in study.runs:
         if run.clamped_steps:
-            out.append(
-                f"{run.controller}: a rotor came nearer than z/R = {nearest:g} in "
-                f"{pluralize(run.clamped_steps, 'step')}; its height was held there, where the "
-                f"formulae end"
+            warnings.append(
+                f"{run.controller}: a rotor was below z/R = {nearest:g} in "
+                f"{pluralize(run.clamped_steps, 'step')}; its height was clipped to this limit of "
+                f"the formulae"
             )
         if run.stopped_steps:
             steps = pluralize(run.stopped_steps, "step")
-            out.append(f"{run.controller}: the hinge lay at its stop in {steps}")
-    return out
+            warnings.append(f"{run.controller}: the hinge was at its end stop in {steps}")
+    return warnings
 
 
 def report_lines(study: PitchStudy) -> list[str]:
-    """Return the text of a study: what it is, the table, the warnings."""
+    """Return the text report of a study: setup, table, warnings."""
     setup, gains = study.setup, study.setup.controls[0].gains
     head = (
         f"SIMULATED pitch bench {setup.bench.model.rig.name}, model {setup.bench.model.name}, "
@@ -140,7 +140,7 @@ def report_lines(study: PitchStudy) -> list[str]:
 
 
 def write_study(study: PitchStudy, out: Path) -> list[Path]:
-    """Write a recording per controller, the lines of the report, the figure; overwrite nothing."""
+    """Write recordings, text report and figure to new files; return their paths."""
     setup = study.setup
     rig = setup.bench.model.rig
     recordings = {out / f"{re.sub('[:+]', '-', run.controller)}.csv": run for run in study.runs}
@@ -166,7 +166,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
 
 
 def _gain_set_name(control: PitchControl) -> str:
-    """Return the name of a controller's gain set; empty where its numbers were changed."""
+    """Return the name of a controller's gain set, "" if its values were changed."""
     gains = control.gains
     if gains is None or gains.name not in gain_names() or gains != gains_named(gains.name):
         return ""
@@ -176,25 +176,25 @@ def _gain_set_name(control: PitchControl) -> str:
 @figure(
     page="flight.pitch",
     title="{0.setup.bench.model.rig.name}: {0.setup.schedule.title}",
-    caption="Pitch under each controller, with the plate and without; green: a rotor is over it.",
+    caption="Pitch under each controller, with and without the plate; green: rotor over the plate.",
     simulated=True,
     height_in=lambda study: 1.0 + 1.55 * len(study.runs),
 )
 def pitch(figure: Figure, study: PitchStudy) -> None:
-    """Draw one panel per run, all with the same axes, as in the paper's figures 26 to 28."""
+    """Draw one panel per run with common axes, as in figures 26 to 28 of the paper."""
     panels = rows_of(figure, [1.0] * len(study.runs), sharey=True)
     for axes, run, away in zip(panels, study.runs, study.away, strict=True):
         shade(axes, spans(run.time_s, run.column("plate_share") > 0.0), "over-plate")
         lines: list[tuple[PitchRun, str, str, dict[str, Any]]] = [
-            (run, "reference_rad", "wanted", {"color": GREY, "lw": 1.0, "ls": "--"}),
+            (run, "reference_rad", "reference", {"color": GREY, "lw": 1.0, "ls": "--"}),
             (away, "true_theta_rad", "plate away (OGE)", {"color": BLUE, "lw": 0.9}),
             (run, "true_theta_rad", "with the plate (IGE)", {"color": VERMILION, "lw": 1.2}),
         ]
-        for source, column, label, look in lines:
-            axes.plot(run.time_s, np.degrees(source.column(column)), label=label, **look)
+        for source, column, label, style in lines:
+            axes.plot(run.time_s, np.degrees(source.column(column)), label=label, **style)
         axes.set_title(run.controller)
         axes.set_ylabel("pitch [deg]\n(nose down +)")
-    panels[-1].set_xlabel("time [s]    (green: a rotor is over the plate)")
+    panels[-1].set_xlabel("time [s]    (green: rotor over the plate)")
     panels[0].set_xlim(float(run.time_s[0]), float(run.time_s[-1]))
     legend_below(figure, panels[:1], 3)
 

@@ -1,4 +1,4 @@
-"""A pitch or flight log as the paper's figures 26 to 30, the simulated run beside it."""
+"""Figures of a pitch or flight log with its simulation, as in figures 26 to 30 of the paper."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import OVER, broken_line, rotor_color, rotor_legend, rows_of, shade
 from benchtool.report.replay.replay_source import ReplaySource
 
-CLOSER_S = 5.0  # how much before and after a green stretch a closer look shows
-ROOM = 0.75
-LEAST_ROOM_DEG = 1.0  # least room above and below what was recorded
-MOST_CLOSER = 6  # green stretches that are looked at closer; the first ones
+CLOSER_S = 5.0  # time shown before and after a surface interval
+MARGIN = 0.75  # of the recorded range, above and below it
+MIN_MARGIN_DEG = 1.0
+MAX_CLOSER = 6  # surface intervals that are enlarged; the first ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayedLog:
-    """Hold a recording on an even clock, and the simulated run beside it."""
+    """Resampled recording with its simulated run."""
 
     recorded: ReplaySource
     track: PitchTrack
-    beside: ReplayInputs
+    inputs: ReplayInputs
     replay: Replay | None = None
     warnings: Sequence[str] = ()
 
@@ -42,21 +42,18 @@ class ReplayedLog:
 
     @property
     def simulation(self) -> str:
-        """Which simulated run stands beside the log, in a sentence."""
+        """One sentence on the simulated run."""
         replay = self.replay
         if replay is not None:
-            follows = " It does not follow the log." if replay.missed else ""
-            return (
-                f"Simulated beside it: model {replay.model} on rig {replay.rig}; {replay.words}."
-                f"{follows}"
-            )
-        if self.beside.model:
-            return "No simulated run stands beside it; the warnings say what it lacks."
-        return "No model was named, so no simulated run stands beside it (--model)."
+            remark = " It deviates from the log." if replay.missed else ""
+            return f"Simulated: model {replay.model} on rig {replay.rig}; {replay.words}.{remark}"
+        if self.inputs.model:
+            return "Not simulated; see the warnings for missing data."
+        return "Not simulated; a simulated run needs --model."
 
     @property
     def height_m(self) -> Array:
-        """What a distance sensor read, or else where the plate is (n,); nan where parked."""
+        """Distance sensor reading, else plate position (n,); nan when parked."""
         sensor, plate = self.track.distance_m, self.track.plate_z_m
         near = plate < PARKED_M
         if np.isfinite(sensor).any() or not near.any():
@@ -64,20 +61,20 @@ class ReplayedLog:
         return np.where(near, plate, np.nan)
 
     @property
-    def stretches(self) -> list[tuple[float, float]]:
-        """Begin and end of every stretch with a rotor over a surface: s."""
+    def intervals(self) -> list[tuple[float, float]]:
+        """Start and end (s) of the intervals with a rotor over a surface."""
         time_s = self.track.time_s
         return [(float(time_s[first]), float(time_s[last])) for first, last in self.track.visits]
 
     def rotors(self, first: int, last: int) -> str:
-        """Return the numbers of the rotors that are over a surface in these rows."""
+        """Return the numbers of the rotors over a surface in a row range."""
         numbers = self.track.rotors_over(first, last)
         if len(numbers) == len(self.track.over) > 1:
             return "all"
         return ", ".join(map(str, numbers))
 
 
-def _known(values: Array) -> bool:
+def _has_values(values: Array) -> bool:
     return bool(values.size and np.isfinite(values).any())
 
 
@@ -85,31 +82,31 @@ Panel = Callable[[Axes, ReplayedLog], None]
 
 
 def _panels(log: ReplayedLog) -> list[Panel]:
-    """Return what is drawn below one another: what is known."""
+    """Return the panels with data, from top to bottom."""
     track = log.track
-    torque = _known(track.torque_Nm) or _known(track.disturbance_Nm)
-    found: list[tuple[bool, Panel]] = [
+    torque = _has_values(track.torque_Nm) or _has_values(track.disturbance_Nm)
+    panels: list[tuple[bool, Panel]] = [
         (True, _pitch),
-        (_known(track.pwm_us), _pulses),
-        (_known(track.rpm), _speeds),
+        (_has_values(track.pwm_us), _pulses),
+        (_has_values(track.rpm), _speeds),
         (torque, _torque),
-        (_known(log.height_m), _height),
+        (_has_values(log.height_m), _height),
     ]
-    return [panel for known, panel in found if known]
+    return [panel for has_data, panel in panels if has_data]
 
 
 @figure(
-    title="The log: {0.recorded.name}",
-    caption="Pitch against its reference, and what else the log holds; green: a rotor is over a "
-    "surface, as in the paper's figures 26 to 30. {0.simulation}",
+    title="Log: {0.recorded.name}",
+    caption="Pitch with its reference, and the other channels of the log; green: rotor over a "
+    "surface, as in figures 26 to 30 of the paper. {0.simulation}",
     height_in=lambda log: 2.2 + 1.25 * len(_panels(log)),
 )
 def log(figure: Figure, log: ReplayedLog) -> None:
-    """Draw the whole log: attitude on top, and below what is known of outputs and torque."""
+    """Draw the whole log: attitude, and below outputs, speeds, torque and height."""
     draw, time_s = _panels(log), log.track.time_s
     panels = rows_of(figure, [2.0] + [1.0] * (len(draw) - 1))
     for axes, panel in zip(panels, draw, strict=True):
-        shade(axes, log.stretches)
+        shade(axes, log.intervals)
         panel(axes, log)
     panels[-1].set_xlabel("time [s]")
     panels[0].set_xlim(float(time_s[0]), float(time_s[-1]))
@@ -118,42 +115,44 @@ def log(figure: Figure, log: ReplayedLog) -> None:
 
 
 @figure(
-    title="Closer, over the surface",
-    caption="The same around each green stretch. {0.simulation}",
-    when=lambda log: bool(log.stretches),
-    height_in=lambda log: 1.2 + 1.75 * min(len(log.stretches), MOST_CLOSER),
+    title="Enlarged: over the surface",
+    caption="Pitch around each surface interval. {0.simulation}",
+    when=lambda log: bool(log.intervals),
+    height_in=lambda log: 1.2 + 1.75 * min(len(log.intervals), MAX_CLOSER),
 )
 def closer(figure: Figure, log: ReplayedLog) -> None:
-    """Draw the attitude around each of the first green stretches."""
-    time_s, shown = log.track.time_s, log.stretches[:MOST_CLOSER]
-    panels = rows_of(figure, [1.0] * len(shown), sharex=False)
-    for axes, (begin, end) in zip(panels, shown, strict=True):
-        room = min(CLOSER_S, max(1.0, 0.5 * (end - begin)))
-        shade(axes, log.stretches)
-        _pitch(axes, log, (begin - room, end + room))
-        axes.set_xlim(max(begin - room, float(time_s[0])), min(end + room, float(time_s[-1])))
+    """Draw the attitude around each of the first surface intervals."""
+    time_s, shown_intervals = log.track.time_s, log.intervals[:MAX_CLOSER]
+    panels = rows_of(figure, [1.0] * len(shown_intervals), sharex=False)
+    for axes, (start_s, end_s) in zip(panels, shown_intervals, strict=True):
+        margin_s = min(CLOSER_S, max(1.0, 0.5 * (end_s - start_s)))
+        shade(axes, log.intervals)
+        _pitch(axes, log, (start_s - margin_s, end_s + margin_s))
+        axes.set_xlim(
+            max(start_s - margin_s, float(time_s[0])), min(end_s + margin_s, float(time_s[-1]))
+        )
     panels[-1].set_xlabel("time [s]")
     _legend(figure, log)
 
 
-def _pitch(axes: Axes, log: ReplayedLog, between: tuple[float, float] | None = None) -> None:
+def _pitch(axes: Axes, log: ReplayedLog, interval: tuple[float, float] | None = None) -> None:
     track, replay = log.track, log.replay
-    begin, end = between or (-np.inf, np.inf)
-    rows = (track.time_s >= begin) & (track.time_s <= end)
+    start_s, end_s = interval or (-np.inf, np.inf)
+    rows = (track.time_s >= start_s) & (track.time_s <= end_s)
     reference, theta = np.degrees(track.reference_rad[rows]), np.degrees(track.theta_rad[rows])
     broken_line(axes, track.time_s[rows], reference, color=GREY, lw=1.1, ls="--")
     broken_line(axes, track.time_s[rows], theta, color=VERMILION, lw=1.2, zorder=2.2)
-    if replay is not None and _known(replay.theta_rad):
-        own = (replay.time_s >= begin) & (replay.time_s <= end)
-        simulated = np.degrees(replay.theta_rad[own])
-        broken_line(axes, replay.time_s[own], simulated, color=BLUE, lw=1.0, zorder=2.4)
+    if replay is not None and _has_values(replay.theta_rad):
+        simulated_rows = (replay.time_s >= start_s) & (replay.time_s <= end_s)
+        simulated = np.degrees(replay.theta_rad[simulated_rows])
+        broken_line(axes, replay.time_s[simulated_rows], simulated, color=BLUE, lw=1.0, zorder=2.4)
     axes.set_ylabel("pitch [deg]\n(nose down +)")
-    seen = np.concatenate([theta, reference])
-    if np.isfinite(seen).any():
-        low, high = float(np.nanmin(seen)), float(np.nanmax(seen))
-        room = max(ROOM * (high - low), LEAST_ROOM_DEG)
+    values = np.concatenate([theta, reference])
+    if np.isfinite(values).any():
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        margin = max(MARGIN * (high - low), MIN_MARGIN_DEG)
         bottom, top = axes.get_ylim()
-        axes.set_ylim(max(bottom, low - room), min(top, high + room))
+        axes.set_ylim(max(bottom, low - margin), min(top, high + margin))
 
 
 def _pulses(axes: Axes, log: ReplayedLog) -> None:
@@ -161,8 +160,8 @@ def _pulses(axes: Axes, log: ReplayedLog) -> None:
         broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
     if log.replay is not None:
         for rotor, row in enumerate(log.replay.pwm_us):
-            look = {"color": rotor_color(rotor), "lw": 0.8, "ls": ":", "zorder": 1.9}
-            broken_line(axes, log.replay.time_s, row, **look)
+            style = {"color": rotor_color(rotor), "lw": 0.8, "ls": ":", "zorder": 1.9}
+            broken_line(axes, log.replay.time_s, row, **style)
     axes.set_ylabel("outputs\n[µs]")
     rotor_legend(axes, len(log.track.pwm_us))
 
@@ -178,11 +177,11 @@ def _speeds(axes: Axes, log: ReplayedLog) -> None:
 def _torque(axes: Axes, log: ReplayedLog) -> None:
     axes.axhline(0.0, color=GREY, lw=0.8)
     track, replay = log.track, log.replay
-    if _known(track.torque_Nm):
+    if _has_values(track.torque_Nm):
         broken_line(axes, track.time_s, 1e3 * track.torque_Nm, color=GREY, lw=0.8)
-    if _known(track.disturbance_Nm):
+    if _has_values(track.disturbance_Nm):
         broken_line(axes, track.time_s, 1e3 * track.disturbance_Nm, color=VERMILION, lw=1.1)
-        if replay is not None and _known(replay.disturbance_Nm):
+        if replay is not None and _has_values(replay.disturbance_Nm):
             broken_line(axes, replay.time_s, 1e3 * replay.disturbance_Nm, color=BLUE, lw=1.0)
     axes.set_ylabel("torque\n[mN m]")
 
@@ -194,12 +193,12 @@ def _height(axes: Axes, log: ReplayedLog) -> None:
 
 def _legend(figure: Figure, log: ReplayedLog) -> None:
     handles: list[Patch | Line2D] = [Line2D([], [], color=VERMILION, lw=1.4, label="recorded")]
-    if _known(log.track.reference_rad):
-        handles.append(Line2D([], [], color=GREY, lw=1.2, ls="--", label="wanted"))
-    if log.replay is not None and _known(log.replay.theta_rad):
-        how = "closed loop" if log.replay.by == "controller" else "logged pulses"
-        label = f"simulated, {'does not follow the log' if log.replay.missed else how}"
+    if _has_values(log.track.reference_rad):
+        handles.append(Line2D([], [], color=GREY, lw=1.2, ls="--", label="reference"))
+    if log.replay is not None and _has_values(log.replay.theta_rad):
+        source = "closed loop" if log.replay.by == "controller" else "logged pulses"
+        label = f"simulated, {'deviates from the log' if log.replay.missed else source}"
         handles.append(Line2D([], [], color=BLUE, lw=1.4, label=label))
-    if log.stretches:
-        handles.append(Patch(facecolor=OVER, lw=0.0, label="a rotor is over a surface"))
+    if log.intervals:
+        handles.append(Patch(facecolor=OVER, lw=0.0, label="rotor over a surface"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)

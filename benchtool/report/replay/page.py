@@ -1,4 +1,4 @@
-"""Report pages of a recording: a log with its simulated run, or the channels of a stand."""
+"""Report pages of a recording: log with simulated run, or test stand channels."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ def _has_samples(recorded: ReplaySource) -> bool:
 
 @figure(
     page="replay.stand",
-    title="Every sample: {0.name}",
-    caption="Every sample of the recording, as it was imported.",
+    title="Samples: {0.name}",
+    caption="Samples of the recording after import.",
     when=_has_samples,
     height_in=lambda recorded: samples_height(recorded.recording),
 )
 def samples(figure: Figure, recorded: ReplaySource) -> None:
-    """Draw the signals of a recording one above the other."""
+    """Draw the signals of a recording as stacked panels."""
     draw_samples(figure, recorded.recording)
 
 
-def _known(recorded: ReplaySource) -> NDArray[np.bool_]:
+def _has_thrust_and_speed(recorded: ReplaySource) -> NDArray[np.bool_]:
     recording = recorded.recording
     if "thrust_N" not in recording or "rpm1" not in recording:
         return np.zeros(len(recording), bool)
@@ -52,13 +52,13 @@ def _known(recorded: ReplaySource) -> NDArray[np.bool_]:
 @figure(
     page="replay.stand",
     title="Thrust against speed of rotor 1: {0.name}",
-    caption="Thrust against rotor speed, sample by sample; no plate stands in the file.",
-    when=lambda recorded: bool(_known(recorded).any()),
+    caption="Thrust against rotor speed per sample; the file contains no plate distance.",
+    when=lambda recorded: bool(_has_thrust_and_speed(recorded).any()),
     height_in=4.4,
 )
 def thrust(figure: Figure, recorded: ReplaySource) -> None:
     """Draw thrust against rotor speed."""
-    axes, rows = figure.subplots(), _known(recorded)
+    axes, rows = figure.subplots(), _has_thrust_and_speed(recorded)
     rpm = from_si(recorded.recording.to_si("rpm1")[rows], "rpm")
     thrust_N = recorded.recording.to_si("thrust_N")[rows]
     axes.plot(rpm, thrust_N, "s", ms=4.2, color=BLACK, label="samples of the recording")
@@ -70,34 +70,36 @@ def thrust(figure: Figure, recorded: ReplaySource) -> None:
 def _quantities(recorded: ReplaySource) -> Block | None:
     if recorded.is_run:
         return None
-    found = derive_quantities(
+    quantities = derive_quantities(
         recorded.recording, recording_circumstances(recorded.facts, str(recorded.path))
     )
-    return origins_table(found) if found else None
+    return origins_table(quantities) if quantities else None
 
 
 def _nothing_drawn(recorded: ReplaySource) -> Block | None:
-    if _has_samples(recorded) or _known(recorded).any():
+    if _has_samples(recorded) or _has_thrust_and_speed(recorded).any():
         return None
-    return Paragraph("It holds neither thrust nor attitude; its channels are below.")
+    return Paragraph("The recording contains neither thrust nor attitude; see the channels below.")
 
 
 def _ranges(recorded: ReplaySource) -> Block:
     rows = []
     for channel in recorded.recording.channels:
         values = recorded.recording.column(channel.name)
-        known = values[np.isfinite(values)]
+        finite = values[np.isfinite(values)]
         numbers = ["–"] * 3
-        if known.size:
-            numbers = [format_number(of(known), ".5g") for of in (np.min, np.median, np.max)]
+        if finite.size:
+            numbers = [
+                format_number(statistic(finite), ".5g") for statistic in (np.min, np.median, np.max)
+            ]
         unit = "µs" if channel.unit == "pwm_us" else display_unit(channel.unit)
-        rows.append((channel.name, unit, str(known.size), *numbers))
-    heads = ("channel", "unit", "values", "least", "median", "greatest")
-    return Table("What each channel holds.", heads, rows, text_columns=2)
+        rows.append((channel.name, unit, str(finite.size), *numbers))
+    heads = ("channel", "unit", "values", "minimum", "median", "maximum")
+    return Table("Range of each channel.", heads, rows, text_columns=2)
 
 
 def stand_summary(recorded: ReplaySource) -> str:
-    """Say in a sentence or two what a recording without attitude holds."""
+    """Return a summary of a recording without attitude."""
     recording = recorded.recording
     duration = ""
     if "time_s" in recording and np.isfinite(recording.to_si("time_s")).any():
@@ -105,8 +107,10 @@ def stand_summary(recorded: ReplaySource) -> str:
     rows, channels = pluralize(len(recording), "row"), pluralize(len(recording.names), "channel")
     summary = f"{recorded.name}: {rows} of {channels}{duration}."
     if "thrust_N" in recording and np.isfinite(thrust := recording.to_si("thrust_N")).any():
-        least, most = (format_number(of(thrust), ".4g") for of in (np.nanmin, np.nanmax))
-        summary += f" Thrust from {least} to {most} N."
+        minimum, maximum = (
+            format_number(statistic(thrust), ".4g") for statistic in (np.nanmin, np.nanmax)
+        )
+        summary += f" Thrust from {minimum} to {maximum} N."
     return summary
 
 
@@ -122,30 +126,30 @@ STAND = Page(
 
 
 def recording_page(path: Path, replay_inputs: ReplayInputs, commands: Sequence[str] = ()) -> Report:
-    """Return the report page of a recording; with a model, its simulated run beside it."""
+    """Return the report page of a recording; with a model, it includes a simulated run."""
     recorded = read_recorded(path)
     if not {"theta_rad", "time_s"} <= set(recorded.recording.names):
         replay_inputs.refuse_controller("this recording has no attitude")
         return STAND.report(recorded, commands)
     track = pitch_track(recorded.recording, replay_inputs.motors)
-    replay, lacks = None, list[str]()
+    replay, missing = None, list[str]()
     if replay_inputs.model:
         rig = rig_for_data([str(recorded.path)], replay_inputs.model, replay_inputs.rig)
-        replay, lacks = run_replay(track, replay_inputs, recorded.provenance, rig)
-    log = ReplayedLog(recorded, track, replay_inputs, replay, [*lacks, *track.remarks])
+        replay, missing = run_replay(track, replay_inputs, recorded.provenance, rig)
+    log = ReplayedLog(recorded, track, replay_inputs, replay, [*missing, *track.remarks])
     return REPLAY.report(log, commands)
 
 
 def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
-    """Return pitch errors (n,) from reference or median of log and simulated run: deg."""
-    wanted = track.reference_rad
-    if not np.isfinite(wanted).any():
-        wanted = np.full(len(track), np.nanmedian(track.theta_rad))
-    recorded = np.degrees(track.theta_rad - wanted)
+    """Return pitch errors (n,) of log and simulated run from reference or median: deg."""
+    target_rad = track.reference_rad
+    if not np.isfinite(target_rad).any():
+        target_rad = np.full(len(track), np.nanmedian(track.theta_rad))
+    recorded = np.degrees(track.theta_rad - target_rad)
     if replay is None:
         return recorded, np.full(len(track), np.nan)
     theta = on_log_clock(track, replay.time_s, replay.theta_rad)
-    return recorded, np.degrees(theta - wanted)
+    return recorded, np.degrees(theta - target_rad)
 
 
 def _rms(values: Array) -> float:
@@ -159,36 +163,38 @@ def _peak(values: Array) -> float:
 
 
 def _rms_and_peak(errors: Array) -> tuple[str, ...]:
-    # Adding 0 takes the sign off a zero.
-    return tuple(format_number(round(of(errors), 2) + 0.0, ".2f") for of in (_rms, _peak))
+    # Adding 0 removes the sign of a zero.
+    return tuple(
+        format_number(round(statistic(errors), 2) + 0.0, ".2f") for statistic in (_rms, _peak)
+    )
 
 
 def visits_table(log: ReplayedLog) -> Table | None:
-    """List pitch errors in each green stretch and outside; simulated ones that follow the log."""
+    """Return a table of pitch errors per surface interval and outside."""
     track = log.track
     if not track.visits:
         return None
     recorded, simulated = errors_deg(log.track, log.replay)
-    beside = log.replay is not None and not log.replay.missed
-    stretches = [
-        (f"{begin:.2f} … {end:.2f}", log.rotors(first, last), np.arange(first, last + 1))
-        for (begin, end), (first, last) in zip(log.stretches, track.visits, strict=True)
+    is_simulated = log.replay is not None and not log.replay.missed
+    inside = [
+        (f"{start_s:.2f} … {end_s:.2f}", log.rotors(first, last), np.arange(first, last + 1))
+        for (start_s, end_s), (first, last) in zip(log.intervals, track.visits, strict=True)
     ]
-    outside = ("outside of them", "none", np.flatnonzero(track.any_over <= 0.0))
+    outside = ("outside", "none", np.flatnonzero(track.any_over <= 0.0))
     rows = [
         (
             span,
             rotors,
             *_rms_and_peak(recorded[part]),
-            *(_rms_and_peak(simulated[part]) if beside else ()),
+            *(_rms_and_peak(simulated[part]) if is_simulated else ()),
         )
-        for span, rotors, part in (*stretches, outside)
+        for span, rotors, part in (*inside, outside)
     ]
-    wanted = "reference" if np.isfinite(track.reference_rad).any() else "log's median"
-    heads = ("time [s]", "rotors over it", "RMS", "largest")
+    baseline = "reference" if np.isfinite(track.reference_rad).any() else "median of the log"
+    heads = ("time [s]", "rotors over surface", "RMS", "largest")
     return Table(
-        f"Pitch minus {wanted}, in degrees, positive nose down.",
-        (*heads, *(("simulated RMS", "simulated largest") if beside else ())),
+        f"Pitch minus {baseline}, in degrees, positive nose down.",
+        (*heads, *(("simulated RMS", "simulated largest") if is_simulated else ())),
         rows,
         text_columns=2,
     )
@@ -204,47 +210,46 @@ def _sentence(log: ReplayedLog) -> str:
     recorded, simulated = errors_deg(log.track, log.replay)
     inside = track.any_over > 0.0
     duration_s = len(track) / track.rate_Hz
-    words = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {_rms(recorded):.2f}°"
+    text = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {_rms(recorded):.2f}°"
     if inside.any():
-        words += (
-            f"; over a surface in {len(track.visits)} "
-            f"stretch{'es' if len(track.visits) > 1 else ''} ({inside.sum() / track.rate_Hz:.4g} "
-            f"s), there {_rms(recorded[inside]):.2f}° and at most "
+        text += (
+            f"; over a surface in {pluralize(len(track.visits), 'interval')} "
+            f"({inside.sum() / track.rate_Hz:.4g} s): RMS {_rms(recorded[inside]):.2f}°, maximum "
             f"{format_number(_peak(recorded[inside]), '+.2f')}°"
         )
     if replay is not None and replay.missed:
-        words += f". A run simulated with {replay.model} does not follow the log and is no result"
+        text += f". The run simulated with {replay.model} deviates from the log and is not valid"
     elif replay is not None and np.isfinite(simulated).any():
         part = inside if inside.any() else np.ones(len(track), bool)
-        there = " there" if inside.any() else ""
-        words += f". Simulated with {replay.model}: {_rms(simulated[part]):.2f}°{there}"
-    return words + "."
+        scope = " over the surface" if inside.any() else ""
+        text += f". Simulated with {replay.model}: {_rms(simulated[part]):.2f}°{scope}"
+    return text + "."
 
 
 def _highlights(log: ReplayedLog) -> dict[str, str]:
     replay = log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
     inside = log.track.any_over > 0.0
-    shown = {"RMS pitch error": f"{_rms(recorded):.2f}°"}
+    tiles = {"RMS pitch error": f"{_rms(recorded):.2f}°"}
     if inside.any():
-        shown = {
+        tiles = {
             "RMS pitch error, over a surface": f"{_rms(recorded[inside]):.2f}°",
             "elsewhere": f"{_rms(recorded[~inside]):.2f}°",
         }
     if replay is not None and replay.missed:
-        shown["simulated run"] = "does not follow the log"
+        tiles["simulated run"] = "deviates from the log"
     elif replay is not None:
         part = inside if inside.any() else np.ones(len(inside), bool)
-        name = "simulated RMS error" + (", over it" if inside.any() else "")
-        shown[name] = f"{_rms(simulated[part]):.2f}°"
+        name = "simulated RMS error" + (", over a surface" if inside.any() else "")
+        tiles[name] = f"{_rms(simulated[part]):.2f}°"
         if replay.by == "pulses":
-            shown["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
-    return shown
+            tiles["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
+    return tiles
 
 
 NO_BUDGET = Paragraph(
-    "Nothing is fitted from a pitch recording on this page, so it has no uncertainty budget. "
-    "benchtool explain fits what a model lacks to it and states its standard uncertainty."
+    "This page contains no fit and no uncertainty budget. benchtool explain estimates missing "
+    "effects from a pitch recording with standard uncertainties."
 )
 REPLAY = Page(
     "replay",

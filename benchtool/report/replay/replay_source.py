@@ -1,4 +1,4 @@
-"""A recording with the files beside it, and the sections of a page on where it comes from."""
+"""Recording with its metadata files, and page sections on its provenance."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from benchtool.data.derived import add_shared_errors, recording_circumstances
 from benchtool.data.formats.formats import import_file
 from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.read import read_pitch
-from benchtool.data.run.recording_file import FORMAT, read_recording
-from benchtool.data.run.recording_file import metadata_path as facts_beside
+from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_metadata import read_recording_facts
 from benchtool.explain.pitch.replay import provenance_of_run
@@ -31,19 +30,19 @@ from benchtool.report.run_facts import (
     version_facts,
 )
 
-PLAN = "The plan of the experiment (plan.toml)."
+PLAN = "Plan of the experiment (plan.toml)."
 MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ReplaySource:
-    """Hold a recording with all that is written beside it."""
+    """Recording with its metadata."""
 
     path: Path
     recording: Recording
-    facts: Mapping[str, Any]  # metadata of a run, or the JSON beside a file
+    facts: Mapping[str, Any]  # metadata of a run, or of the JSON file of a recording
     provenance: Mapping[str, str]  # controller, gains and so on
-    plan_text: str  # empty for a file
+    plan_text: str  # "" for a file
     sha256: str
 
     @property
@@ -55,7 +54,7 @@ class ReplaySource:
         return self.recording.simulated
 
     def with_quantities(self) -> Recording:
-        """Return the recording with what follows from it; a pitch run as it is."""
+        """Return the recording with derived quantities; a pitch run unchanged."""
         if self.is_run:
             return self.recording
         return add_shared_errors(
@@ -68,7 +67,7 @@ class ReplaySource:
 
 
 def read_recorded(path: Path) -> ReplaySource:
-    """Return a pitch run, a recording file with what stands beside it, or another maker's log."""
+    """Read a pitch run, a recording file with its metadata, or a log of another program."""
     if path.is_dir():
         run = Run.open(path)
         facts, recording, plan_text = run.metadata, read_pitch(path), run.plan_text
@@ -76,14 +75,14 @@ def read_recorded(path: Path) -> ReplaySource:
         sha256 = data_hash(path)
     else:
         if not path.exists():
-            raise FileFormatError(str(path), "there is no such file or run folder; check the path")
-        own = path.suffix.lower() == ".mcap"  # it says itself what stands beside others
-        if own or facts_beside(path).exists():
-            facts = {} if own else read_recording_facts(facts_beside(path), FORMAT)
+            raise FileFormatError(str(path), "file or run folder not found; check the path")
+        is_mcap = path.suffix.lower() == ".mcap"  # contains its metadata
+        if is_mcap or metadata_path(path).exists():
+            facts = {} if is_mcap else read_recording_facts(metadata_path(path), FORMAT)
             recording = read_recording(path)
         else:
-            read = import_file(path)
-            facts, recording = import_metadata(read, ImportOptions()), read.recording
+            imported = import_file(path)
+            facts, recording = import_metadata(imported, ImportOptions()), imported.recording
         provenance, plan_text, sha256 = recording.provenance, "", file_hash(path)
     return ReplaySource(
         path=path,
@@ -96,7 +95,7 @@ def read_recorded(path: Path) -> ReplaySource:
 
 
 def sections_behind(recorded: ReplaySource) -> list[Section]:
-    """Return the sections on what stands behind a recording: rig, air, repairs, hashes."""
+    """Return the provenance sections of a recording: rig, air, repairs, hashes."""
     facts, recording = recorded.facts, recorded.recording
     if recorded.is_run:
         conditions = run_state_table(facts) | air_facts(facts) | calibration_facts(facts)
@@ -111,10 +110,10 @@ def sections_behind(recorded: ReplaySource) -> list[Section]:
             Section("Experiment", [Listing(PLAN, recorded.plan_text)]),
             Section("Software and data", [FactTable(hashes)]),
         ]
-    stated = {key: value for key, value in recording.provenance.items() if value}
-    if "file" in stated:
-        stated["file"] = Path(stated["file"]).name
-    listed = {key: stated[key] for key in MODELLED if key in stated} | stated
+    provenance = {key: value for key, value in recording.provenance.items() if value}
+    if "file" in provenance:
+        provenance["file"] = Path(provenance["file"]).name
+    listed = {key: provenance[key] for key in MODELLED if key in provenance} | provenance
     listed |= {
         "read as": str(facts.get("imported_as", "a recording of benchtool")),
         "rows": str(len(recording)),
@@ -133,7 +132,7 @@ def sections_behind(recorded: ReplaySource) -> list[Section]:
 
 
 def _made_with(recorded: ReplaySource) -> dict[str, str]:
-    """Return what recorded a file, and what benchtool did: import it, or make it."""
+    """Return the software that recorded a file and that imported, simulated or wrote it."""
     facts = recorded.facts
     (listed,) = version_facts(facts).values()
     if listed == MISSING_VALUE and "software" in facts:
@@ -158,14 +157,14 @@ def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -
     if tally := facts.get("tally"):
         blocks.append(
             Paragraph(
-                f"{tally['total']} {tally['unit']}s in the file: {tally['kept']} kept, "
-                f"{tally['refused']} refused, {tally['not_needed']} of kinds that no recording "
-                f"needs."
+                f"{tally['total']} {tally['unit']}s in the file: {tally['kept']} used, "
+                f"{tally['refused']} rejected, {tally['not_needed']} of types without use in a "
+                f"recording."
             )
         )
     rows = [
         (item["kind"], item["what"], item.get("channel") or "–", item["words"]) for item in findings
     ]
-    caption = "What was repaired, doubted, refused or found missing while importing."
-    heads = ("kind", "what", "channel", "words")
+    caption = "Findings of the import: repairs, doubts, rejected and missing data."
+    heads = ("kind", "finding", "channel", "text")
     return [*blocks, Table(caption, heads, rows, text_columns=4)]
