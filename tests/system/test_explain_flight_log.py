@@ -72,7 +72,7 @@ def test_friction_is_named_from_two_flight_logs(tmp_path, monkeypatch, capsys):
     ) == 0  # fmt: skip
     said = capsys.readouterr().out
     assert "learn.csv: rows are not even in time: resampled at 250 Hz" in said
-    assert "the plate is taken to be parked" in said
+    assert "the plate is assumed to be parked" in said
     found = json.loads(Path("found.json").read_text("utf-8"))
     assert found["verdict"] == "effect", found["sentence"]
     (effect,) = found["effects"]

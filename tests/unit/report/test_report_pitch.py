@@ -127,7 +127,7 @@ def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
     page = page_text([log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12))
     check_self_contained(page)
     text, facts = words_of(page), facts_of(page)
-    assert "open loop: the plant under the logged pulses" in text
+    assert "open loop: plant driven by logged pulses" in text
     track = pitch_track(read_recording(log))
     run, _ = run_replay(track, ReplayInputs(model=MODEL, plate_z_m=0.12), {})
     recorded, simulated = errors_deg(track, run)
