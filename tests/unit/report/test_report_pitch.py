@@ -148,7 +148,7 @@ def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log):
     with pytest.raises(InputError, match=r"does not say which rig .* name it with --rig"):
         page_text([log], ReplayInputs(model=MODEL, plate_z_m=0.12))
     text = words_of(page_text([log], ReplayInputs(model=MODEL, rig="pquad")))
-    assert "Nothing tells how far below the rotors the surface was" in text
+    assert "A simulated run needs the distance to the surface" in text
     with pytest.raises(InputError, match="4 rotors, but rig 'beam'"):
         page_text([log], ReplayInputs(model="pitch_beam", rig="beam", plate_z_m=0.12))
     with pytest.raises(InputError, match="the recording has: 1, 2, 3, 4"):
@@ -179,7 +179,7 @@ def test_how_far_a_run_may_be_from_its_log(flown):
     )
     away = 2.0 * mean - track.theta_rad  # the same swing the opposite way: two swings away
     assert swing > LEAST_RAD
-    assert "a line at its mean is nearer" in tracking_error(track, track.time_s, away, "pulses")
+    assert "the error of a constant" in tracking_error(track, track.time_s, away, "pulses")
     farther = mean + 1.2 * (away - mean)
     assert "the opposite motion" in tracking_error(track, track.time_s, farther, "controller")
     # A log that stands still: noise alone parts a run from it.
@@ -192,7 +192,7 @@ def test_how_far_a_run_may_be_from_its_log(flown):
     jump = np.zeros(len(track))
     jump[100:103] = np.radians(12.0)
     never = replace(still, reference_rad=np.zeros(len(track)))
-    assert "goes over 12°" in tracking_error(never, track.time_s, jump, "pulses")
+    assert "its range is 12°" in tracking_error(never, track.time_s, jump, "pulses")
     # A miss over the surface counts, however long the rest is.
     long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
     bad = np.where(long.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
