@@ -29,7 +29,7 @@ NONE = "nothing beyond tolerance"
 
 ESC_MODE = (  # for an unnamed effect between pulse width and speed
     "speed at a pulse width depends on pulse width, plate and supply, which pulse widths near to "
-    "and far from the plate separate; record the ESC mode as well: a governor holds the speed "
+    "and far from the plate separate; record the ESC's mode as well: a governor holds the speed "
     "against plate and supply, otherwise the ESC sets a voltage and the speed varies"
 )
 
