@@ -21,15 +21,15 @@ def page() -> str:
     """Return the page."""
     parts = [HEAD]
     for name, entries in groupby(all_figures(), key=lambda entry: entry.page):
-        rows = "\n".join(f"| `{entry.name}` | {shown(entry)} |" for entry in entries)
+        rows = "\n".join(f"| `{entry.name}` | {describe(entry)} |" for entry in entries)
         parts.append(f"## {name}\n\n| figure | shows |\n|---|---|\n{rows}\n")
     return "\n".join(parts)
 
 
-def shown(entry: FigureEntry) -> str:
-    """Return the first line of what the figure's function says of itself, else its caption."""
-    said = entry.draw.__doc__ or entry.caption
-    return said.strip().splitlines()[0] if isinstance(said, str) else entry.name
+def describe(entry: FigureEntry) -> str:
+    """Return the first line of the docstring of the figure function, else its caption."""
+    text = entry.draw.__doc__ or entry.caption
+    return text.strip().splitlines()[0] if isinstance(text, str) else entry.name
 
 
 if __name__ == "__main__":
