@@ -32,7 +32,6 @@ MAX_LIMIT_SHARE = 0.9  # of the limits on thrust and speed, in a proposed sweep;
 # Candidates of a design: distances (below NEAR_Z_OVER_R only if a sweep was as near: laws are least
 # certain there), lateral positions (inner discs relative to the plate's edge), pulse levels,
 # repeats, and minutes between tares (0 for one at the start); assumed.
-
 Z_OVER_R = (0.5, 0.6, 0.72, 0.9, 1.2, 1.7, 2.5, 4.0, 6.0)
 NEAR_Z_OVER_R = 0.6
 LATERAL_OVER_R = 2.0
@@ -40,7 +39,6 @@ EDGE_OVER_R = (-0.4, 0.0, 0.4)
 LEVELS = 4
 REPEATS = (2, 4, 6, 8, 12, 16, 24)
 TARE_MINUTES = (0.0, 4.0, 2.0)
-
 MINUTES = 15.0  # maximum duration of a proposed sweep; assumed
 
 
