@@ -69,10 +69,10 @@ class SweepEvidence:
         names = {effect.name for effect in (*candidates("sweep"), *extra)}
         effects = effect_parameters(self.model, names, "sweep")
         self.parameters = (*effects, *self._owner_parameters())
-        self._model_at = {name: index for index, name in enumerate(self.model.parameters)}
+        self._model_index = {name: index for index, name in enumerate(self.model.parameters)}
         self._index = {parameter.name: index for index, parameter in enumerate(self.parameters)}
         # All parameters are free, because a model drops neutral fixed effects.
-        free = (p.name for p in self.parameters if p.name in self._model_at)
+        free = (p.name for p in self.parameters if p.name in self._model_index)
         self._free_model = self.model.with_free(*free)
         self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
         self.whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
@@ -103,9 +103,9 @@ class SweepEvidence:
         """Return the model's values (n_parameters,), each a number or (n_sets, 1)."""
         values: list[object] = list(self.model.parameters.values_array())
         for parameter, row in zip(self.parameters, scaled.T, strict=True):
-            if parameter.name in self._model_at:
+            if parameter.name in self._model_index:
                 column = (parameter.start + parameter.scale * row)[:, None]
-                values[self._model_at[parameter.name]] = column
+                values[self._model_index[parameter.name]] = column
         return values
 
     def supply(self, log: SweepLog, scaled: Array) -> Array:

@@ -76,7 +76,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
     is_tare = kinds == word_to_code("kind", "tare")
     conditions = _neutralize_tares(conditions, is_tare)
     thrust = recording.to_si("thrust_N")
-    se, assumed = _errors(recording, rig)
+    se, assumptions = _errors(recording, rig)
     is_complete = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
     n_points = int((is_complete & ~is_tare).sum())
     if n_points < MIN_POINTS:
@@ -95,7 +95,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
         name=label,
         remarks=(
             *repairs,
-            *assumed,
+            *assumptions,
             *_list_missing(
                 recording, complete, is_tare[is_complete], power, int((~is_complete).sum())
             ),
