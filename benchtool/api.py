@@ -20,8 +20,8 @@ from benchtool.core.rig import Propeller, Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.catalogue.query import runs
-from benchtool.data.columns import concatenate_frames, frame, frame_of_rows
-from benchtool.data.derived import add_shared_errors, run_circumstances, with_quantities
+from benchtool.data.columns import concatenate_frames, rows_to_frame, to_frame
+from benchtool.data.derived import add_quantities, load_run_context, with_quantities
 from benchtool.data.propeller_file import load_propeller
 from benchtool.data.run.read import is_run
 from benchtool.explain.answer import ExplainResult
@@ -42,7 +42,7 @@ from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
 from benchtool.report.replay.page import STAND
 from benchtool.report.replay.replay_source import ReplaySource, read_recorded
-from benchtool.report.report_file import kind_of
+from benchtool.report.report_file import detect_kind
 from benchtool.report.result import Data, Found, Result, estimate_row, saved_paths
 from benchtool.report.style import look as figure_style
 from benchtool.report.sweep.page import SWEEP
@@ -87,7 +87,7 @@ def read(path: str | Path) -> Result[SweepRun] | Result[ReplaySource]:
         FileFormatError: missing path or unknown content.
     """
     path = Path(path)
-    if is_run(path) and kind_of(path) == "sweep":
+    if is_run(path) and detect_kind(path) == "sweep":
         return _sweep(path)
     replay = read_recorded(path)
     n_rows = len(replay.recording)
@@ -95,18 +95,18 @@ def read(path: str | Path) -> Result[SweepRun] | Result[ReplaySource]:
     return Result(
         found=replay, path=path, _page=STAND,
         _summary=lambda source: f"{source.name}: {n_rows} rows of {names}",
-        _tables={"samples": lambda source: frame(source.with_quantities())},
+        _tables={"samples": lambda source: to_frame(source.with_quantities())},
     )  # fmt: skip
 
 
 def _sweep(path: Path) -> Result[SweepRun]:
     tables: dict[str, Callable[[SweepRun], pd.DataFrame]] = {
-        "points": lambda run: frame(add_shared_errors(run.points, run_circumstances(path))),
-        "settings": lambda run: frame(with_quantities(run.settings, run.quantities)),
+        "points": lambda run: to_frame(add_quantities(run.points, load_run_context(path))),
+        "settings": lambda run: to_frame(with_quantities(run.settings, run.quantities)),
     }
     run = read_sweep_run(path)
     if (samples := run.samples) is not None:
-        tables["samples"] = lambda run: frame(samples)
+        tables["samples"] = lambda run: to_frame(samples)
     return Result(
         found=run, path=path, _page=SWEEP, _summary=lambda run: str(SWEEP.summary(run)),  # type: ignore[operator]
         _tables=tables,
@@ -188,8 +188,8 @@ def motor(
         found=fit_motor(saved_paths(runs), mass_kg, *_stand(rig, propeller), rotors, extrapolate),
         _page=MOTOR, _summary=motor_lines,
         _tables={
-            "constants": lambda found: frame_of_rows([estimate_row(e) for e in found.estimates]),
-            "points": lambda found: frame(found.points.recording),
+            "constants": lambda found: rows_to_frame([estimate_row(e) for e in found.estimates]),
+            "points": lambda found: to_frame(found.points.recording),
         },
     )  # fmt: skip
 
@@ -264,7 +264,7 @@ def compare(
         [Path(path) for path in saved_paths(data)], over, at_thrust_N
     )
     tables: dict[str, Callable[[comparing.RunComparison], pd.DataFrame]] = {
-        "best": lambda comparison: frame_of_rows(comparing.best_rows(comparison)),
+        "best": lambda comparison: rows_to_frame(comparing.best_rows(comparison)),
         "curves": lambda comparison: concatenate_frames(comparison.tables()),
     }
     if not comparison.found:

@@ -9,7 +9,7 @@ from pathlib import Path
 from time import monotonic
 
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.data.columns import frame, frame_of_rows
+from benchtool.data.columns import rows_to_frame, to_frame
 from benchtool.explain.answer import ExplainResult, Request, answer_request, read_request
 from benchtool.explain.engine.hypotheses import Bootstrap
 from benchtool.explain.engine.judgement import Progress
@@ -34,10 +34,10 @@ from benchtool.report.result import (
 )
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
-from benchtool.simulate.flight.study import FlownCase, name_of, recording_of
+from benchtool.simulate.flight.inputs import build_setup as flight_setup_of
+from benchtool.simulate.flight.study import FlownCase, build_recording, controller_label
 from benchtool.simulate.pitch.inputs import PitchInputs
-from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
+from benchtool.simulate.pitch.inputs import build_setup as pitch_setup_of
 from benchtool.simulate.user_controller import Controllers, split_controllers
 
 
@@ -68,8 +68,8 @@ def fit_result(
         _summary=sentence,
         _tables={
             "estimates": estimates_frame,
-            "points": lambda output: frame(output.data.points),
-            "ratio": lambda output: frame_of_rows(ratio_rows(output)),
+            "points": lambda output: to_frame(output.data.points),
+            "ratio": lambda output: rows_to_frame(ratio_rows(output)),
         },
         _write=lambda folder, output, commands: [write_fit(folder, output, commands)],
     )
@@ -84,8 +84,8 @@ def pool_result(
         _page=pooling.POOL,
         _summary=pooling.summary,
         _tables={
-            "rigs": lambda fits: frame_of_rows(pooling.rigs_rows(fits)),
-            "differences": lambda fits: frame_of_rows(pooling.differences_rows(fits)),
+            "rigs": lambda fits: rows_to_frame(pooling.rigs_rows(fits)),
+            "differences": lambda fits: rows_to_frame(pooling.differences_rows(fits)),
         },
         _write=pooling.write_pool,
     )
@@ -159,20 +159,22 @@ def pitch_result(
     names, user_controllers = split_controllers(
         inputs.controllers if controllers is None else controllers, PITCH_CONTROLLERS, permit
     )
-    inputs.study.refuse_campaign()
+    inputs.study.check_no_campaign()
     inputs = replace(inputs, controllers=names or ("pid",))
     setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
-    study = pitch_report.pitch_study(setup, inputs.study.seed, user_controllers, only_own=not names)
+    study = pitch_report.pitch_study(
+        setup, inputs.study.seed, user_controllers, only_user_controllers=not names
+    )
     rig = setup.bench.model.rig
     return Result(
         found=study,
         _page=pitch_report.PITCH,
         _summary=lambda study: "\n".join(pitch_report.report_lines(study)),
         _tables={
-            run.controller: partial(lambda run, _: frame(run.recording(rig)), run)
+            run.controller: partial(lambda run, _: to_frame(run.recording(rig)), run)
             for run in study.runs
         }
-        | {"visits": lambda study: frame_of_rows(pitch_report.visit_rows(study))},
+        | {"visits": lambda study: rows_to_frame(pitch_report.visit_rows(study))},
         _write=lambda folder, study, _: pitch_report.write_study(study, folder),
     )
 
@@ -192,16 +194,18 @@ def flight_result(
     names, user_controllers = split_controllers(
         default if controllers is None else controllers, FLIGHT_CONTROLLERS, permit
     )
-    inputs.study.refuse_campaign()
+    inputs.study.check_no_campaign()
     setup = flight_setup_of(inputs, inputs.study.gain_set(), permit)
-    flights = flight_report.fly_each(setup.flown("pid", inputs.study.seed), names, user_controllers)
-    titles = ["oge", *(name_of(flight) for flight in flights[1:])]
+    flights = flight_report.fly_each(
+        setup.build_case("pid", inputs.study.seed), names, user_controllers
+    )
+    titles = ["oge", *(controller_label(flight) for flight in flights[1:])]
     return Result(
         found=flights,
         _page=flight_report.FLIGHT,
         _summary=lambda cases: "\n".join(flight_report.report_lines(cases)),
         _tables={
-            title: partial(lambda case, _: frame(recording_of(case.flight)), case)
+            title: partial(lambda case, _: to_frame(build_recording(case.flight)), case)
             for title, case in zip(titles, flights, strict=True)
         },
         _write=lambda folder, cases, _: flight_report.write_flights(folder, cases),

@@ -10,11 +10,11 @@ from typing import Any
 from benchtool.acquire.check_plan import PlanExtremes
 from benchtool.acquire.plan import Plan
 from benchtool.bench.bench import DeviceInfo
-from benchtool.bench.limit_check import unmonitored_limits
-from benchtool.bench.standstill import unmeasured_rotors
+from benchtool.bench.limit_check import format_unmonitored_limits
+from benchtool.bench.standstill import format_unmeasured_rotors
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.data.run.state import recall_latest, store_state
+from benchtool.data.run.state import load_state, store_state
 
 CONFIRMATION = "ARM"  # typed by the operator
 
@@ -36,8 +36,8 @@ def arming_warnings(identity: DeviceInfo, rig: Rig) -> tuple[str, ...]:
     """Return warnings about missing measurements and limits of a bench."""
     texts = (
         identity.facts.get("warning"),
-        unmeasured_rotors(identity, rig),
-        "" if identity.simulated else unmonitored_limits(identity.channels, rig.n_rotors),
+        format_unmeasured_rotors(identity, rig),
+        "" if identity.simulated else format_unmonitored_limits(identity.channels, rig.n_rotors),
     )
     return tuple(warning for warning in texts if warning)
 
@@ -50,7 +50,7 @@ def require_unattended(identity: DeviceInfo, rig: Rig, today: date) -> None:
     """
     if identity.simulated:
         return
-    checked = recall_latest("checked", identity.device_id)
+    checked = load_state("checked", identity.device_id)
     if checked is not None and checked.get("device_id") != identity.device_id:
         checked = None
     if checked is not None and checked.get("date") == today.isoformat():

@@ -193,7 +193,7 @@ class Slope:
     se_per_s: float
     mean: float
 
-    def settled(self, tolerance_per_s: float) -> bool:
+    def is_settled(self, tolerance_per_s: float) -> bool:
         """Return True if the slope is within tolerance (fraction of the mean per second).
 
         A slope below twice its standard error counts as settled, since it is not significant.
@@ -233,5 +233,5 @@ def is_settled(
     last = time_s >= time_s[-1] - window_s
     present = [channel[last] for channel in channels if not np.isnan(channel).all()]
     return bool(present) and all(
-        fit_slope(time_s[last], channel).settled(tolerance_per_s) for channel in present
+        fit_slope(time_s[last], channel).is_settled(tolerance_per_s) for channel in present
     )

@@ -203,12 +203,12 @@ class ReportsOutputs(Protocol):
 
 
 def detect_motor_map(
-    bench: Bench, rig: Rig, rotor_of: Callable[[int], int], report: Callable[[str], None]
+    bench: Bench, rig: Rig, ask_rotor: Callable[[int], int], report: Callable[[str], None]
 ) -> MotorMap:
     """Turn each motor alone at low throttle and detect its output and ESC.
 
     Args:
-        rotor_of: returns the rotor (from 0) that a motor (from 1) turned; called at standstill,
+        ask_rotor: returns the rotor (from 0) that a motor (from 1) turned; called at standstill,
             once per rotor.
 
     Raises:
@@ -235,7 +235,7 @@ def detect_motor_map(
         output, esc = _find_output(device, motor, low_us), _find_esc(device)
         bench.set_pwm(stop_us)
         read_span(bench, PAUSE_S, STEP_S)
-        rotor = rotor_of(motor)
+        rotor = ask_rotor(motor)
         name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
         esc_text = f"ESC {esc} reports its speed" if esc else "no ESC reports its speed"
         report(f"motor {motor} drives output {output}, {name}; " + esc_text)

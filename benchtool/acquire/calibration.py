@@ -23,7 +23,7 @@ from benchtool.data.calibration import (
     parse_calibration,
     read_calibration,
 )
-from benchtool.data.run.state import recall_latest, state_file
+from benchtool.data.run.state import load_state, state_file
 
 MAX_NONLINEARITY = 0.02  # residual over full scale; cells are rated 0.0005; assumed
 
@@ -324,7 +324,7 @@ def _hysteresis(force: Array, residual_N: Array) -> float | None:
     return max(gaps_N) / float(np.ptp(force)) if gaps_N else None
 
 
-def calibration_for(option: str | None, identity: DeviceInfo) -> Calibration | None:
+def find_calibration(option: str | None, identity: DeviceInfo) -> Calibration | None:
     """Return the calibration for a device: the given file, the latest one, or none."""
     if option == "none":
         return None
@@ -334,7 +334,7 @@ def calibration_for(option: str | None, identity: DeviceInfo) -> Calibration | N
             calibration, option, identity.address, identity.device_id, "--calibration none"
         )
         return calibration
-    latest = recall_latest("calibration", identity.device_id)
+    latest = load_state("calibration", identity.device_id)
     if latest is None:
         return None
     return parse_calibration(latest, str(state_file("calibration", identity.device_id)))

@@ -53,7 +53,7 @@ def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
         )
     )
     speed = np.where(pulses > p.pwm_start_us, speed, 0.0)
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         rig,
         speed_rad_s=speed,
         plate_z_m=np.array([setting.place.z_m for setting in settings]),

@@ -134,7 +134,7 @@ class _Live:
         self._parts.append(readings)
         level_s = now_s - self._start_s
         if phase == "sample" and level_s >= self._plan.sample_s:
-            self._append(recorder.joined(self._parts))
+            self._append(recorder.concatenate(self._parts))
             self._number += 1
             self._begin("sample")
         elif phase == "settle" and level_s >= self._plan.settle.window_s:
@@ -146,7 +146,7 @@ class _Live:
         self._parts, self._phase, self._start_s = [], phase, self._recorder.now_s
 
     def _has_settled(self, driven: NDArray[np.intp]) -> bool:
-        plan, samples = self._plan.settle, self._recorder.joined(self._parts)
+        plan, samples = self._plan.settle, self._recorder.concatenate(self._parts)
         names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
         channels = [samples.column(name) for name in names if name in samples]
         return is_settled(samples.column("time_s"), channels, plan.window_s, plan.slope_per_s)
@@ -170,7 +170,7 @@ class _Live:
             self._settled,
         )  # fmt: skip
         for event, text in events:
-            self._recorder.note(event, text, visit.point)
+            self._recorder.record_event(event, text, visit.point)
         self._recorder.append_point(point)
         self._recorder.sync()
         self._progress.measured(point, 0.0)

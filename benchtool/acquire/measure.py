@@ -46,7 +46,7 @@ def measure(
     tare: TareResult,
     calibration: Calibration | None,
     sensors: Mapping[str, Sensor],
-    settled: bool,
+    is_settled: bool,
     now_s: float = nan,
 ) -> tuple[Point, list[tuple[str, str]]]:
     """Return the point of a visit's samples, and its events by kind and text.
@@ -108,7 +108,7 @@ def measure(
         current_A=mean("current_A"),
         torque_Nm=mean("torque_Nm"),
         temperature_degC=mean("temperature_degC"),
-        settled=settled,
+        settled=is_settled,
         rejected={name: channel.n_rejected for name, channel in means.items()},
         suspect=any(kind == "suspect" for kind, _ in notes),
         voltage_se_V=means.get("voltage_V", none).se,

@@ -122,7 +122,7 @@ def run_to_end(
             recorder.see_standstill()
             recorder.bench.require_standstill(ends_normally=True)
             summary, text = summarise()
-            recorder.note("ended", text)
+            recorder.record_event("ended", text)
             recorder.finish("ended")
         except BaseException as error:
             reported = _stop_immediately(recorder, error, hold)
@@ -149,18 +149,18 @@ def _stop_immediately(
     is_interrupt = isinstance(error, KeyboardInterrupt)
     reason = "stopped by Ctrl-C" if is_interrupt else str(error) or type(error).__name__
     with suppress(Exception):
-        if unread := bench.take_unread():
+        if unread := bench.pop_unread():
             recorder.store(unread, "end")
     with suppress(Exception):
         # Record the deceleration and the samples buffered in the link.
         if not isinstance(error, StandstillNotConfirmed):
             recorder.see_standstill(POST_STOP_RECORDING_S)
     if not isinstance(error, StandstillNotConfirmed):
-        reason = bench.with_standstill(reason)
+        reason = bench.add_standstill_text(reason)
     with suppress(Exception):
         recorder.finish("stopped", reason)
     with suppress(Exception):
-        recorder.note("stopped", reason)
+        recorder.record_event("stopped", reason)
     return recorder.rescue(error)
 
 
@@ -185,7 +185,7 @@ def cool_down_if_needed(
         reason = _cooldown_reason(last.temperature_degC, last.voltage_V, plan)
     if not reason:
         return
-    recorder.note("rest", f"{reason}; motors at zero until it has recovered")
+    recorder.record_event("rest", f"{reason}; motors at zero until it has recovered")
     motors.zero()
     start_s = recorder.now_s
     while not _has_recovered(recorder.collect("rest", POLL_INTERVAL_S), plan):
@@ -194,7 +194,7 @@ def cool_down_if_needed(
                 f"cooldown timeout after {plan.longest_s:g} s: {reason}; cool the motors or change "
                 f"the battery, then use benchtool sweep --resume"
             )
-    recorder.note("rested", f"resumed after {recorder.now_s - start_s:.0f} s")
+    recorder.record_event("rested", f"resumed after {recorder.now_s - start_s:.0f} s")
 
 
 def _cooldown_reason(temperature: float, voltage: float, plan: CooldownPart) -> str:

@@ -68,7 +68,7 @@ def describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
 
 def describe_end(operator: Operator, bench: GuardedBench) -> None:
     """Show rotors without confirmed standstill at a normal end."""
-    if (state := bench.standstill) is not None and not state.seen:
+    if (state := bench.standstill) is not None and not state.is_confirmed:
         operator.inform(f"warning: {state.text}")
 
 

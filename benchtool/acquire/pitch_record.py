@@ -97,7 +97,7 @@ def record_pitch(
     def measure() -> None:
         if experiment.plate_z_m is not None:
             bench.move_plate(experiment.plate_z_m)
-        recorder.note("armed", f"collective {experiment.collective_us:g} us")
+        recorder.record_event("armed", f"collective {experiment.collective_us:g} us")
         motors.ramp_to(np.full(rig.n_rotors, experiment.collective_us), RAMP_UP_S, "ramp")
         _collect(recorder, summary, report_remaining)
 

@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.core.library import read_named
+from benchtool.core.library import read_library_file
 from benchtool.core.toml_text import read_strict
 
 if TYPE_CHECKING:
@@ -271,7 +271,7 @@ class Plan(Inputs):
 
 def read_plan(path: str | Path) -> Plan:
     """Return a bundled plan by name, or the plan of a TOML file."""
-    return plan_from_toml(*read_named("plan", "plans", path))
+    return plan_from_toml(*read_library_file("plan", "plans", path))
 
 
 def plan_from_toml(text: str, where: str) -> Plan:

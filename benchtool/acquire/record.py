@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.acquire.visit_order import Visit, minutes
+from benchtool.acquire.visit_order import Visit, format_duration
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.standstill import Standstill
@@ -59,7 +59,9 @@ class Recorder:
         self._zero_s = bench.now_s() - start_s
         self._writer = RunWriter(run, identity.channels, identity.n_rotors)
         for file, fragment in self._writer.fragments.items():
-            self.note("cut_line", f"the incomplete last line of {file} was removed: {fragment}")
+            self.record_event(
+                "cut_line", f"the incomplete last line of {file} was removed: {fragment}"
+            )
         self.append_point = self._writer.point
 
     @property
@@ -91,9 +93,9 @@ class Recorder:
         else:
             self._writer.check()
         for message in readings.messages:
-            self.note("device", message, point)
+            self.record_event("device", message, point)
         for text in self._progress.annotations():
-            self.note(ANNOTATION, text, point)
+            self.record_event(ANNOTATION, text, point)
         return Readings(time_s, readings.device_time_us, readings.values)
 
     def collect(self, phase: str, seconds: float, point: int = 0) -> Recording:
@@ -102,9 +104,9 @@ class Recorder:
         end_s = self.bench.now_s() + seconds
         while (remaining_s := end_s - self.bench.now_s()) > 1e-9:
             parts.append(self.read(phase, point, min(STEP_S, remaining_s)))
-        return self.joined(parts)
+        return self.concatenate(parts)
 
-    def joined(self, parts: list[Readings]) -> Recording:
+    def concatenate(self, parts: list[Readings]) -> Recording:
         """Return readings as one recording, time_s first."""
         none = np.empty((0, len(self._channels)))
         values = np.concatenate([none, *(part.values for part in parts)])
@@ -127,14 +129,16 @@ class Recorder:
             except BenchtoolError as error:
                 failed.append(error)
 
-        state = self.bench.see_standstill(store, at_least_s)
+        state = self.bench.stop_and_check_standstill(store, at_least_s)
         if state.text:
-            self.note("standstill" if state.seen else "not_seen_to_stand", state.text)
+            self.record_event(
+                "standstill" if state.is_confirmed else "not_seen_to_stand", state.text
+            )
         if failed:
             raise failed[0]
         return state
 
-    def note(self, event: str, text: str, point: int = 0) -> None:
+    def record_event(self, event: str, text: str, point: int = 0) -> None:
         """Write an event to disk and publish it."""
         entry = Event(round(self.now_s, 6), event, text, point)
         self._writer.event(entry)
@@ -214,7 +218,9 @@ class ProgressLines(RunProgress):
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
         self._visits, self._done = visits, done
-        self._write(f"{visits - done} of {visits} visits remaining, about {minutes(expected_s)}")
+        self._write(
+            f"{visits - done} of {visits} visits remaining, about {format_duration(expected_s)}"
+        )
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._done += 1
@@ -224,7 +230,7 @@ class ProgressLines(RunProgress):
         self._write(
             f"{self._done}/{self._visits}{where}"
             f"  {max(point.pwm_us):4.0f} us  {point.thrust_N:8.3f} +- {point.thrust_se_N:.3f} N"
-            f"  {'' if point.settled else 'not settled  '}{minutes(remaining_s)} left"
+            f"  {'' if point.settled else 'not settled  '}{format_duration(remaining_s)} left"
         )
 
     def happened(self, event: Event) -> None:

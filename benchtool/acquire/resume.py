@@ -34,7 +34,7 @@ class ResumeState:
     rig: Rig
     calibration: Calibration | None
     done: frozenset[int]
-    left: int
+    remaining: int
     stage: str | None = None
 
 
@@ -77,7 +77,7 @@ def close_run(run: Run) -> bool:
     if "visits" in run.metadata or run.metadata.get("experiment"):
         return run.close()
     state = load_resume_state(run)
-    return run.close(len(state.done) + state.left)
+    return run.close(len(state.done) + state.remaining)
 
 
 def prepare_resume(unfinished: ResumeState) -> SweepStart:
@@ -92,13 +92,13 @@ def prepare_resume(unfinished: ResumeState) -> SweepStart:
         ResourceExhausted: the run cannot be written.
     """
     run = unfinished.run
-    if not unfinished.left:
+    if not unfinished.remaining:
         visits = pluralize(len(unfinished.done), "visit")
         closed = "; it has now been closed" if run.close(len(unfinished.done)) else ""
         raise InputError(
             f"nothing to resume in {run.path}: all visits are measured ({visits}){closed}"
         )
-    samples = run.ready_samples(unfinished.done)
+    samples = run.prepare_samples(unfinished.done)
     if not samples.rows:
         return SweepStart(unfinished.done)
     link = run.metadata.get("link") or {}

@@ -125,7 +125,7 @@ def run_metadata(
             "limits": dict(identity.limits),
             "channels": {channel.name: channel.unit for channel in identity.channels},
             "channel_hash": identity.channel_hash,
-            "orders_protected": identity.orders_protected,
+            "orders_protected": identity.rejects_late_commands,
             "facts": dict(identity.facts),
         },
         "rig": asdict(rig),

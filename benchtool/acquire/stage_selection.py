@@ -26,7 +26,7 @@ def check_stage(option: str | None, *, plate: bool = True) -> GrblAddress | str:
     return parse_stage(option or "device")
 
 
-def stage_for(
+def select_stage(
     option: str | None,
     bench: GuardedBench,
     rig: Rig,
@@ -44,7 +44,7 @@ def stage_for(
     from benchtool.bench.stage.stage import (
         BacklashCompensatedStage,
         DeviceStage,
-        FixedStage,
+        GuardedStage,
         ManualStage,
         NoStage,
     )
@@ -66,13 +66,13 @@ def stage_for(
             f"--stage {name.partition('?')[0]}"
         )
     if isinstance(stage, str):
-        return FixedStage(ManualStage(ask, rig.plate), bench)
+        return GuardedStage(ManualStage(ask, rig.plate), bench)
 
     def listen(duration_s: float) -> None:
         """Discard samples before the start of the run."""
         bench.read(duration_s)
 
-    return BacklashCompensatedStage(FixedStage(_grbl(stage, rig, listen), bench), rig.plate)
+    return BacklashCompensatedStage(GuardedStage(_grbl(stage, rig, listen), bench), rig.plate)
 
 
 def _grbl(address: GrblAddress, rig: Rig, opening: Pause) -> PlateStage:
@@ -88,6 +88,6 @@ def _grbl(address: GrblAddress, rig: Rig, opening: Pause) -> PlateStage:
         lateral,
         rig.plate.z_min_m,
         name=f"the stage on {address.port}",
-        opening=opening,
+        homing_pause=opening,
         option=address.text,
     )

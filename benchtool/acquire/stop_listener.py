@@ -49,7 +49,7 @@ def report_standstill(bench: GuardedBench | None) -> StopReport | None:
     if bench is None:
         return StopReport(True, "no motor is driven")
     state = bench.standstill
-    if state is None or not state.seen:
+    if state is None or not state.is_confirmed:
         return None
     return StopReport(True, state.text or "no motor was driven")
 

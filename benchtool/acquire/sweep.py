@@ -27,7 +27,7 @@ from benchtool.core.errors import InputError, RunInterrupted
 from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.data.calibration import Calibration, age_text
+from benchtool.data.calibration import Calibration, format_age_warning
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
@@ -91,14 +91,14 @@ def run_sweep(
     *,
     calibration: Calibration | None = None,
     start: SweepStart | None = None,
-    waits: Callable[[], bool] = lambda: False,
+    is_paused: Callable[[], bool] = lambda: False,
 ) -> SweepSummary:
     """Run a resolved and checked plan on an open bench; end it as described in `run_to_end`.
 
     Args:
         calibration: applied to the raw counts in points.csv; samples.csv stores the device values.
-        waits: pause callback, called before every point. While it returns True, motors are at zero
-            throttle and the bench is still read.
+        is_paused: pause callback, called before every point. While it returns True, motors are at
+            zero throttle and the bench is still read.
 
     Raises:
         StandstillNotConfirmed: motors may still turn. Closing the guarded bench raises it too.
@@ -116,7 +116,7 @@ def run_sweep(
         )
     safe_progress = SafeProgress(progress)
     start = start or SweepStart()
-    sweep = _Sweep(bench, stage, plan, rig, run, safe_progress, calibration, start, waits)
+    sweep = _Sweep(bench, stage, plan, rig, run, safe_progress, calibration, start, is_paused)
     return run_to_end(
         sweep.recorder, sweep.motors, sweep.measure_points, sweep.summarise, stage.hold
     )
@@ -158,8 +158,8 @@ class _Sweep:
         remaining_s = expected_duration_s(self.plan, self.rig, remaining)
         self.progress.started(len(visits), len(visits) - len(remaining), remaining_s)
         self._write_plate_metadata()
-        if calibration_age := age_text(self.run.metadata):
-            self.recorder.note("calibration_old", calibration_age)
+        if calibration_age := format_age_warning(self.run.metadata):
+            self.recorder.record_event("calibration_old", calibration_age)
         for index, visit in enumerate(remaining):
             point = self._measure_with_pauses(visit)
             self.recorder.append_point(point)
@@ -175,7 +175,7 @@ class _Sweep:
             self.progress.measured(point, remaining_s)
             if point.kind == "anchor":
                 if drift := format_drift(self._first_anchor, point, self.plan.tare.drift_N):
-                    self.recorder.note("drift", drift, visit.point)
+                    self.recorder.record_event("drift", drift, visit.point)
                     self._tare = None
                 self._first_anchor = self._first_anchor or point
 
@@ -195,12 +195,12 @@ class _Sweep:
         if not self.is_paused():
             return
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "rest")
-        self.recorder.note("paused", f"{reason}; motors at zero")
+        self.recorder.record_event("paused", f"{reason}; motors at zero")
         pause_start_s = self.recorder.now_s
         while self.is_paused():
             self.recorder.read("rest")
         pause_s = self.recorder.now_s - pause_start_s
-        self.recorder.note("went_on", f"resumed after {pause_s:.0f} s")
+        self.recorder.record_event("went_on", f"resumed after {pause_s:.0f} s")
 
     def _measure_point(self, visit: Visit) -> Point:
         """Return the point of a visit; kind "failed" if no attempt had good samples."""
@@ -220,7 +220,7 @@ class _Sweep:
         )
         ramp_end_s = self.recorder.now_s
         for attempt in range(1, MAX_ATTEMPTS + 1):
-            watch = VisitWatch(checks, self.recorder.joined, ramp_end_s)
+            watch = VisitWatch(checks, self.recorder.concatenate, ramp_end_s)
             settled = self._wait_until_settled(visit, watch)
             samples = self._read_samples(visit, watch)
             problem = watch.problem
@@ -229,12 +229,14 @@ class _Sweep:
             for channel_name in watch.remarks.keys() - self._reported_channels:
                 self._reported_channels.add(channel_name)  # optional channel: one event per run
                 text = f"point {visit.point}: {watch.remarks[channel_name]}"
-                self.recorder.note("frozen", text, visit.point)
+                self.recorder.record_event("frozen", text, visit.point)
             if problem is None:
                 break
             event, reason = problem
             outcome = "measured again" if attempt < MAX_ATTEMPTS else "marked as failed"
-            self.recorder.note(event, f"point {visit.point}: {reason}; {outcome}", visit.point)
+            self.recorder.record_event(
+                event, f"point {visit.point}: {reason}; {outcome}", visit.point
+            )
         point, events = measure(
             samples,
             visit,
@@ -249,11 +251,11 @@ class _Sweep:
             self._n_failed += 1
             return replace(point, kind="failed", settled=False)
         for event, text in events:
-            self.recorder.note(event, text, visit.point)
+            self.recorder.record_event(event, text, visit.point)
         self._last_values = _find_last_values(samples, checks.rates_Hz)
         if not isnan(self._plate_stage_z_m):  # nan without a stage
-            position_error = self._plate_check.crept(
-                self._plate_stage_z_m, point.plate_read_z_m, self.stage.measures_to_m
+            position_error = self._plate_check.check_position(
+                self._plate_stage_z_m, point.plate_read_z_m, self.stage.position_uncertainty_m
             )
             if position_error:
                 raise position_error
@@ -279,17 +281,17 @@ class _Sweep:
     def _write_plate_metadata(self) -> None:
         """Write the stage and the source of the plate distance to the metadata."""
         is_manual = self.stage.facts["stage"] == "hand"
-        metadata = dict(self.stage.facts) | {"measured": self._plate_check.measured}
+        metadata = dict(self.stage.facts) | {"measured": self._plate_check.is_measured}
         metadata |= {"used": self.plan.plate.used, "tolerance_m": self._plate_check.tolerance_m}
         self.run.update_metadata(plate=metadata)
         if remark := metadata.get("remark"):
-            self.recorder.note("plate", str(remark))
+            self.recorder.record_event("plate", str(remark))
         if metadata["stage"] == "none":
-            self.recorder.note("plate", "no plate is moved: throttle alone is visited")
-        elif not self._plate_check.measured:
+            self.recorder.record_event("plate", "no plate is moved: throttle alone is visited")
+        elif not self._plate_check.is_measured:
             source = "typed by the operator" if is_manual else "commanded"
             text = f"no channel reads where the plate stands: distances are {source}, not measured"
-            self.recorder.note("plate", text)
+            self.recorder.record_event("plate", text)
 
     def _tare_if_due(self) -> None:
         interval_s = 60.0 * self.plan.tare.every_minutes
@@ -334,13 +336,13 @@ class _Sweep:
         last_check_s = start_s
         while True:
             readings.append(recorder.read("settle", visit.point))
-            if watch.take(readings[-1]):
+            if watch.update(readings[-1]):
                 return False
             now_s = self.bench.now_s()
             is_check_due = now_s - last_check_s >= SETTLING_CHECK_INTERVAL_S
             if is_check_due and now_s - start_s >= settle.window_s:
                 last_check_s = now_s
-                samples = recorder.joined(readings)
+                samples = recorder.concatenate(readings)
                 channels = [samples.column(name) for name in channel_names if name in samples]
                 if is_settled(
                     samples.column("time_s"), channels, settle.window_s, settle.slope_per_s
@@ -351,7 +353,7 @@ class _Sweep:
                     f"point {visit.point} has not settled within {settle.timeout_s:g} s; measured "
                     f"anyway"
                 )
-                recorder.note("settle_timeout", text, visit.point)
+                recorder.record_event("settle_timeout", text, visit.point)
                 return False
 
     def _read_samples(self, visit: Visit, watch: VisitWatch) -> Recording:
@@ -360,8 +362,8 @@ class _Sweep:
         end_s = self.bench.now_s() + self.plan.sample_s
         while watch.problem is None and (remaining_s := end_s - self.bench.now_s()) > 1e-9:
             readings.append(self.recorder.read("sample", visit.point, min(STEP_S, remaining_s)))
-            watch.take(readings[-1])
-        return self.recorder.joined(readings)
+            watch.update(readings[-1])
+        return self.recorder.concatenate(readings)
 
     def summarise(self) -> tuple[SweepSummary, str]:
         """Return the summary and the text of the final event.

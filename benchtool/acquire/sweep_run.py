@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.acquire.arming import arming_prompt
-from benchtool.acquire.calibration import calibration_for
+from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs, resolve_rig
 from benchtool.acquire.operator import POLL_INTERVAL_S, Operator, arm, close_stopped, describe_bench
@@ -20,10 +20,15 @@ from benchtool.acquire.resume import (
     require_same_device,
 )
 from benchtool.acquire.run_creation import new_run
-from benchtool.acquire.stage_selection import check_stage, stage_for
+from benchtool.acquire.stage_selection import check_stage, select_stage
 from benchtool.acquire.stop_listener import accept_stops
 from benchtool.acquire.sweep import SweepStart, run_sweep
-from benchtool.acquire.visit_order import expected_duration_s, minutes, plan_settings, plan_visits
+from benchtool.acquire.visit_order import (
+    expected_duration_s,
+    format_duration,
+    plan_settings,
+    plan_visits,
+)
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
@@ -37,17 +42,17 @@ from benchtool.data.calibration import read_calibration
 from benchtool.data.run.run import Run, check_not_existing
 
 
-def base_inputs(given: Mapping[str, Any], source: Source) -> SweepInputs:
+def base_inputs(values: Mapping[str, Any], source: Source) -> SweepInputs:
     """Return the base inputs with the plan of a file, or the default plan."""
-    if given.get("resume") is not None:
-        clash = [item.display_name(source) for item in items(Plan) if item.name in given]
+    if values.get("resume") is not None:
+        clash = [item.display_name(source) for item in items(Plan) if item.name in values]
         if clash := (clash or [item.display_name(source) for item in items(SweepInputs)
-                               if item.key == "plan_file" and "plan" in given]):  # fmt: skip
+                               if item.key == "plan_file" and "plan" in values]):  # fmt: skip
             resume = "--resume" if source == "option" else "resume"
             raise InputError(
                 f"{clash[0]} and {resume} are both given; a resumed run keeps its plan"
             )
-    return SweepInputs(plan=read_plan(given["plan"]) if "plan" in given else Plan())
+    return SweepInputs(plan=read_plan(values["plan"]) if "plan" in values else Plan())
 
 
 def run_sweep_to_folder(
@@ -71,7 +76,7 @@ def run_sweep_to_folder(
         check_name("run", resolved.name, ascii_only=True)
         return record_sweep(replace(inputs, plan=resolved), rig, operator, permit)
     resume_state = load_resume_state(Run.open(inputs.resume))
-    if not resume_state.left and not inputs.dry_run:
+    if not resume_state.remaining and not inputs.dry_run:
         prepare_resume(resume_state)  # closes a complete run and raises
     inputs = replace(
         inputs,
@@ -141,7 +146,7 @@ def plan_text(
         f"{pluralize(len(remaining), 'visit')}{parts}\n"
         f"within limits: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
         f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N\n"
-        f"expected duration {minutes(expected_duration_s(plan, rig, remaining))}"
+        f"expected duration {format_duration(expected_duration_s(plan, rig, remaining))}"
     )
 
 
@@ -173,13 +178,15 @@ def _sweep(
                 calibration = (
                     resume_state.calibration
                     if resume_state
-                    else calibration_for(inputs.calibration, identity)
+                    else find_calibration(inputs.calibration, identity)
                 )
-                stage = stage_for(
+                stage = select_stage(
                     inputs.stage,
                     bench,
                     rig,
-                    lambda text: operator.answer(text, lambda: bench.listen(POLL_INTERVAL_S)),
+                    lambda text: operator.answer(
+                        text, lambda: bench.read_and_buffer(POLL_INTERVAL_S)
+                    ),
                     plate=plan.plate.used,
                 )
                 source = f"calibration {calibration.id}" if calibration else "the device only"
@@ -204,7 +211,7 @@ def _sweep(
                     operator.inform(f"run {run.path}")
                     radius_m = rig.propulsion.radius_m if plan.plate.used else None
                     has_started = True
-                    closing.begin()
+                    closing.ignore_signals()
                     with operator.display(radius_m) as display:
                         summary = run_sweep(
                             bench,

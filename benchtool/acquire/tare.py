@@ -52,7 +52,7 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> TareRe
         samples = recorder.collect("tare", plan.seconds)
         offset = average(samples.column("thrust_N"), estimate_quantum("thrust_N", rig.sensors))
         if text := offset.rejection("thrust_N"):
-            recorder.note("suspect" if offset.suspect else "outliers", f"tare: {text}")
+            recorder.record_event("suspect" if offset.suspect else "outliers", f"tare: {text}")
         if offset.n == 0:
             raise BenchError(
                 f"no load cell value within {plan.seconds:g} s after the tare; check the wiring"
@@ -60,11 +60,11 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> TareRe
         if abs(offset.mean) <= plan.residual_N:
             counts = average(samples.column("thrust_raw")).mean if "thrust_raw" in samples else nan
             middle_s = float(samples.column("time_s").mean())
-            recorder.note("tare", f"tared; remaining offset {offset.mean * 1000.0:+.1f} mN")
+            recorder.record_event("tare", f"tared; remaining offset {offset.mean * 1000.0:+.1f} mN")
             values_Hz = np.isfinite(samples.values).sum(axis=0) / plan.seconds
             rates_Hz = dict(zip(samples.names, values_Hz.tolist(), strict=True))
             return TareResult(middle_s, offset, counts, rates_Hz)
-        recorder.note(
+        recorder.record_event(
             "tare_residual",
             f"tare {attempt} of {MAX_ATTEMPTS}: remaining offset {offset.mean:+.4g} N, limit "
             f"{plan.residual_N:.4g} N",

@@ -24,7 +24,7 @@ MAX_DELAY_PERIODS = 3.0  # maximum age of a value in periods of its channel; ass
 
 def required_samples(name: str) -> bool:
     """Return True for a channel that a point requires."""
-    return CHECKS.get(channel_family(name), ChannelChecks()).needed
+    return CHECKS.get(channel_family(name), ChannelChecks()).is_required
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +116,7 @@ class VisitChecks:
                     f"but noise {sensor.noise:g} at resolution {sensor.quantum:g} is expected; "
                     f"check its sensor, or correct sensors.{channel_family(name)} of the rig"
                 )
-        if checks.follows and number == self.before.get(name):
+        if checks.follows_pulse_width and number == self.before.get(name):
             return "the same as at the previous pulses; check its sensor and wiring"
         return ""
 
@@ -172,7 +172,7 @@ class VisitWatch:
         self.problem: tuple[str, str] | None = None
         self.remarks: dict[str, str] = {}
 
-    def take(self, readings: Readings) -> bool:
+    def update(self, readings: Readings) -> bool:
         """Add readings; return True if the visit has a problem."""
         if not len(readings):
             return False

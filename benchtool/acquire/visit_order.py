@@ -46,7 +46,7 @@ class Visit:
     setting: Setting
     repeat: int
 
-    def words(self, radius_m: float | None) -> str:
+    def description(self, radius_m: float | None) -> str:
         """Return a description with the distance in rotor radii; None: test without a plate."""
         position = self.setting.place
         if radius_m is None:
@@ -181,7 +181,7 @@ def expected_duration_s(
     return total_s + tares * tare_s
 
 
-def minutes(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a duration as text: 1 h 05 min, 3 min 20 s."""
     whole = max(0, round(seconds))
     if whole >= 3600:

@@ -38,12 +38,12 @@ class Endpoint:
     """One end of a link, for `benchtool ports PORT`.
 
     Attributes:
-        kind: "serial" (`place` is its port), "listens" (on a local UDP port), "sends" (to a remote
-            UDP port), "connects" (TCP).
+        kind: "serial" (`location` is its port), "listens" (on a local UDP port), "sends" (to a
+            remote UDP port), "connects" (TCP).
     """
 
     kind: Literal["serial", "listens", "sends", "connects"]
-    place: str
+    location: str
     port: int = 0
 
 
@@ -110,7 +110,7 @@ class Address:
         """Raise if options contradict each other."""
 
     @property
-    def ends(self) -> tuple[Endpoint, ...]:
+    def endpoints(self) -> tuple[Endpoint, ...]:
         """Ends of the link; empty if there is no link."""
         return ()
 
@@ -148,7 +148,7 @@ class SerialAddress(Address):
     baud: Baud = 2_000_000
 
     @property
-    def ends(self) -> tuple[Endpoint, ...]:
+    def endpoints(self) -> tuple[Endpoint, ...]:
         return (Endpoint("serial", self.port),)
 
 
@@ -165,7 +165,7 @@ class TcpAddress(Address):
         return parse_host_and_port(location, text, cls.EXAMPLE)
 
     @property
-    def ends(self) -> tuple[Endpoint, ...]:
+    def endpoints(self) -> tuple[Endpoint, ...]:
         return (Endpoint("connects", self.host, self.port),)
 
 
@@ -208,7 +208,7 @@ class MavlinkAddress(Address):
         return parse_port_and_baud(self.cell, self.text) if self.cell else None
 
     @property
-    def ends(self) -> tuple[Endpoint, ...]:
+    def endpoints(self) -> tuple[Endpoint, ...]:
         if self.link == "serial":
             return (Endpoint("serial", self.serial_port),)
         kinds: dict[str, Any] = {"udpin": "listens", "udpout": "sends", "tcp": "connects"}

@@ -39,7 +39,7 @@ class DeviceInfo:
         longest_delay_s: longest delay of a command so far, bench time, if commands carry no age: a
             command may arrive this long after a stop. 0 if the device rejects late commands.
         speed: bench seconds per wall second, above 1 for a virtual bench that runs faster.
-        orders_protected: the device rejects late commands, for example after a stop.
+        rejects_late_commands: the device rejects late commands, for example after a stop.
         channel_hash: CRC of channel names and units, repeated by the device when it is armed; empty
             if the device reports none.
         facts: further metadata stored with a run; for display only.
@@ -64,7 +64,7 @@ class DeviceInfo:
     outputs_measured: bool = False
     longest_delay_s: float = 0.0
     speed: float = 1.0
-    orders_protected: bool = False
+    rejects_late_commands: bool = False
     channel_hash: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
 

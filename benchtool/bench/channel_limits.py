@@ -22,17 +22,17 @@ class ChannelChecks:
     Attributes:
         limits: returns the lowest and highest allowed reading; without it the guard checks nothing.
         advice: remedy for a reading outside the limits.
-        silence: multiple of the guard's `stale_s` allowed without a new value.
-        needed: a point whose channel is short, late or frozen is measured again; other channels
+        silence_factor: multiple of the guard's `stale_s` allowed without a new value.
+        is_required: a point whose channel is short, late or frozen is repeated; other channels
             only cause an event.
-        follows: it changes with the pulse widths and with the other such channels.
+        follows_pulse_width: it changes with the pulse widths and with the other such channels.
     """
 
     limits: Callable[[Limits], tuple[float, float]] | None = None
     advice: str = ""
-    silence: float = SLOW_CHANNEL_RATE_HZ
-    needed: bool = False
-    follows: bool = False
+    silence_factor: float = SLOW_CHANNEL_RATE_HZ
+    is_required: bool = False
+    follows_pulse_width: bool = False
 
 
 def _thrust(limits: Limits) -> tuple[float, float]:
@@ -44,24 +44,24 @@ CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the 
     "thrust_N": ChannelChecks(
         _thrust,
         "lower the plan's pwm or raise limits.thrust_N within the load cell's rating",
-        silence=1.0,
-        needed=True,
-        follows=True,
+        silence_factor=1.0,
+        is_required=True,
+        follows_pulse_width=True,
     ),
-    "thrust_raw": ChannelChecks(needed=True, follows=True),
+    "thrust_raw": ChannelChecks(is_required=True, follows_pulse_width=True),
     "rpm": ChannelChecks(
         lambda limits: (-inf, limits.rpm),
         "lower the plan's pwm or raise limits.rpm",
-        silence=1.0,
-        needed=True,
-        follows=True,
+        silence_factor=1.0,
+        is_required=True,
+        follows_pulse_width=True,
     ),
-    "torque_Nm": ChannelChecks(follows=True),
+    "torque_Nm": ChannelChecks(follows_pulse_width=True),
     "voltage_V": ChannelChecks(lambda limits: (limits.voltage_min_V, inf), "charge the battery"),
     "current_A": ChannelChecks(
         lambda limits: (-inf, limits.current_A),
         "lower the plan's pwm or raise limits.current_A",
-        follows=True,
+        follows_pulse_width=True,
     ),
     "temperature_degC": ChannelChecks(
         lambda limits: (-inf, limits.temperature_degC),

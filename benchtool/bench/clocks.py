@@ -40,7 +40,7 @@ class DeviceClock:
         self._last_device_s = 0.0
         self._newest: tuple[float, float] | None = None  # newest device time, its offset: s
 
-    def learn(self, device_time_us: int, arrived_s: float) -> None:
+    def update(self, device_time_us: int, arrived_s: float) -> None:
         """Update the offset from a line with stamp `device_time_us` (unwrapped).
 
         Args:
@@ -98,7 +98,7 @@ class HostGapDetector:
     def begin(self, now_s: float) -> None:
         self._last_s, self.longest_s = now_s, 0.0
 
-    def note(self, now_s: float) -> None:
+    def update(self, now_s: float) -> None:
         self.longest_s = max(self.longest_s, now_s - self._last_s)
         self._last_s = now_s
 
@@ -121,7 +121,7 @@ class HostPauseMonitor:
         """Set the expected end of a wait, given in wall time or in bench time."""
         self._due_s = now_s + wall_s * self._speed + bench_s
 
-    def late(self, now_s: float) -> HostSuspended | None:
+    def find_late_error(self, now_s: float) -> HostSuspended | None:
         """Return an error if the host is late by more than the limit, else None."""
         late_s = (now_s - self._due_s) / self._speed
         return HostSuspended(late_s, self._limit_s) if late_s > self._limit_s else None
@@ -147,7 +147,7 @@ class ReadingAgeMonitor:
         self._since_s: float | None = None
         self._age_s = 0.0
 
-    def note(self, time_s: Array, now_s: float) -> None:
+    def update(self, time_s: Array, now_s: float) -> None:
         """Record the times (m,): s of readings that are read now."""
         if not len(time_s):
             return
@@ -158,7 +158,7 @@ class ReadingAgeMonitor:
             self._since_s = now_s
 
     @property
-    def late(self) -> ReadingsLate | None:
+    def late_error(self) -> ReadingsLate | None:
         """The error of the last readings if they were late, else None."""
         if self._since_s is None:
             return None

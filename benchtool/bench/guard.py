@@ -93,9 +93,9 @@ class GuardedBench(MotorStateBench):
         """
         if self._limit_check is not None and self._monitor is not None:
             self._monitor.expect_loop()
-            self._limit_check.expect_loop(self.now_s(), armed_else=self.identity.armed_by_operator)
+            self._limit_check.expect_loop(self.now_s(), rc_arming=self.identity.armed_by_operator)
 
-    def tighten(self, limits: Limits) -> None:
+    def tighten_limits(self, limits: Limits) -> None:
         """Apply narrower limits from now on, up to the rig's limits.
 
         Raises:
@@ -110,7 +110,7 @@ class GuardedBench(MotorStateBench):
                 )
         self._limits = limits
         if self._limit_check is not None:
-            self._limit_check.tighten(limits)
+            self._limit_check.tighten_limits(limits)
 
     def close(self) -> None:
         self._limit_check = self._monitor = None
@@ -152,7 +152,7 @@ class GuardedBench(MotorStateBench):
         self._expect()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        self.ready_for_move(z_m, x_m, tilt_rad)
+        self.check_ready_for_move(z_m, x_m, tilt_rad)
         try:
             with self.interruptible():
                 self.bench.move_plate(z_m, x_m, tilt_rad)
@@ -161,7 +161,9 @@ class GuardedBench(MotorStateBench):
             self._stop_once(error)
             raise
 
-    def confirm_plate(self, target_m: float, stage_m: float, more_m: float = 0.0) -> None:
+    def confirm_plate(
+        self, target_m: float, stage_m: float, extra_tolerance_m: float = 0.0
+    ) -> None:
         """Compare target, stage position and plate reading (if there is one) after a move.
 
         `move_plate` includes this check; call it after moving a separate stage.
@@ -171,12 +173,12 @@ class GuardedBench(MotorStateBench):
         """
         if self._plate_check is None:
             return
-        problem = wait_for_plate(self, self._plate_check, target_m, stage_m, more_m)
+        problem = wait_for_plate(self, self._plate_check, target_m, stage_m, extra_tolerance_m)
         if problem is not None:
             self._stop_once(problem)
             raise problem
 
-    def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+    def check_ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         """Check that the plate may move: at idle throttle only, never below the minimum distance.
 
         Waits for rotors that still turn; the next `read` returns the samples of the wait.
@@ -190,7 +192,7 @@ class GuardedBench(MotorStateBench):
         check_travel(self._rig, z_m, x_m, tilt_rad)
         wait_for_idle(self, self._rig)
         if self._plate_check is not None:
-            self._plate_check.departs()
+            self._plate_check.record_departure()
 
     def tare(self) -> None:
         """Tare the load cell; rejected unless every motor is commanded to stop."""
@@ -209,7 +211,7 @@ class GuardedBench(MotorStateBench):
         """Return the received samples; all are within their limits.
 
         Raises:
-            LimitExceeded: a reading exceeded its limit, and zero was commanded. `take_unread`
+            LimitExceeded: a reading exceeded its limit, and zero was commanded. `pop_unread`
                 returns the samples that show it.
             ReadingsLate: the same for readings that stay late.
         """
@@ -232,24 +234,26 @@ class GuardedBench(MotorStateBench):
         self._end_if_paused(readings=readings)
         self._expect()
         assert self._monitor is not None
-        self._monitor.take(readings.time_s, readings.values)
-        self._limit_check.commanded(self._pwm_us, self._commanded_s)
+        self._monitor.update(readings.time_s, readings.values)
+        self._limit_check.record_command(self._pwm_us, self._commanded_s)
         now_s = self.now_s()
-        self._reading_age.note(readings.time_s, now_s)
+        self._reading_age.update(readings.time_s, now_s)
         # No reading is newer than now, whatever its time stamp.
         sampled_s = np.minimum(readings.time_s, now_s)
-        violation = self._limit_check.breach(sampled_s, readings.values, self._reading_age.late)
+        violation = self._limit_check.find_violation(
+            sampled_s, readings.values, self._reading_age.late_error
+        )
         if violation is None and self._reading_age.stays_late(now_s):
-            violation = self._reading_age.late
+            violation = self._reading_age.late_error
         if violation is not None:
             self._stop_once(violation)
             self._unread.append(readings)
             raise violation
         if self._plate_check is not None:
-            self._plate_check.note(readings.values)
+            self._plate_check.update(readings.values)
         return readings
 
-    def listen(self, timeout_s: float) -> Readings:
+    def read_and_buffer(self, timeout_s: float) -> Readings:
         """Read and check as `read` does, and buffer the samples for the next `read`.
 
         For waits such as an operator's answer.
@@ -274,12 +278,12 @@ class GuardedBench(MotorStateBench):
         self._signals.request(reason)
         send_halt(self.bench)
 
-    def take_unread(self) -> Readings | None:
+    def pop_unread(self) -> Readings | None:
         """Return and clear the unread samples, such as those that exceeded a limit."""
         unread, self._unread = self._unread, []
         return concatenate_readings(unread) if unread else None
 
-    def ramp_down(self, take: Callable[[Readings], None] | None = None) -> None:
+    def ramp_down(self, on_readings: Callable[[Readings], None] | None = None) -> None:
         """Ramp every motor to zero within a second while reading."""
         start_us = self._pwm_us
         stop_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
@@ -289,8 +293,8 @@ class GuardedBench(MotorStateBench):
                 step_end_s = self.now_s() + RAMP_S / RAMP_STEPS
                 while (left_s := step_end_s - self.now_s()) > 1e-9:
                     readings = self.read(left_s)
-                    if take is not None:
-                        take(readings)
+                    if on_readings is not None:
+                        on_readings(readings)
         self.stop()
 
     def __enter__(self) -> Self:
@@ -333,7 +337,9 @@ class GuardedBench(MotorStateBench):
         Raises:
             HostSuspended: replaces any error that the device reported because of the pause.
         """
-        pause_error = self._host_pause.late(self.now_s()) if self._host_pause is not None else None
+        pause_error = (
+            self._host_pause.find_late_error(self.now_s()) if self._host_pause is not None else None
+        )
         if pause_error is None:
             return
         self._expect()

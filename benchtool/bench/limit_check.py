@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.channel_limits import CHECKS
-from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
+from benchtool.bench.plate_check import PLATE_CHANNEL, plate_tolerance_m
 from benchtool.bench.rpm_tracking import GAP_S, HostPulseTracking, LoopPulseTracking
 from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, channel_family
@@ -54,7 +54,7 @@ class LimitCheck:
             names.index(f"rpm{i + 1}") for i in range(rig.n_rotors) if f"rpm{i + 1}" in names
         ]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
-        self._plate = names.index(CHANNEL) if CHANNEL in names else -1
+        self._plate = names.index(PLATE_CHANNEL) if PLATE_CHANNEL in names else -1
         self._min_plate_m = rig.plate.z_min_m - plate_tolerance_m(rig)
         self._turning = False
         self._stop_us = rig.propulsion.pwm_stop_us
@@ -82,7 +82,7 @@ class LimitCheck:
         self._stale_s = np.array([item.stale_s for item in watched], float)
         self._last_value_s: Array = np.full(len(watched), now_s)
 
-    def tighten(self, limits: Limits) -> None:
+    def tighten_limits(self, limits: Limits) -> None:
         """Apply other limits from now on, on the same channels."""
         channels = _find_watched(self._names, limits, self._rotor_stale_s)
         new = {channel.index: channel for channel in channels}
@@ -90,19 +90,19 @@ class LimitCheck:
         self._low = np.array([channel.low for channel in self._watched], float)
         self._high = np.array([channel.high for channel in self._watched], float)
 
-    def commanded(self, pwm_us: Array, now_s: float) -> None:
+    def record_command(self, pwm_us: Array, now_s: float) -> None:
         """Set the commanded pulse width of every motor (n_rotors,): us, for comparison with rpm."""
         self._turning = bool((pwm_us > self._stop_us).any())
-        self._host.commanded(pwm_us, now_s)
+        self._host.record_command(pwm_us, now_s)
 
-    def expect_loop(self, now_s: float, *, armed_else: bool) -> None:
+    def expect_loop(self, now_s: float, *, rc_arming: bool) -> None:
         """Compare speeds with the pulse widths that the bench reports, set by its control loop.
 
         The host's commands are used if the stream lacks the pulse width of a rotor. Missing values
         of these channels end the run as missing speeds do, because speeds are compared with them.
 
         Args:
-            armed_else: the motors may be started without the host, for example by a transmitter,
+            rc_arming: the motors may be started without the host, for example by a transmitter,
                 so they may turn before the host's first command.
         """
         if self._loop is not None or len(self._pwm) < self._n_rotors:
@@ -111,9 +111,9 @@ class LimitCheck:
         pulses = [_WatchedChannel(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm]
         self._set_watched([*self._watched, *pulses], now_s)
         self._loop = LoopPulseTracking(self._rig.propulsion, self._n_rotors, now_s)
-        self._rc_arming = armed_else
+        self._rc_arming = rc_arming
 
-    def breach(
+    def find_violation(
         self, time_s: Array, values: Array, late: ReadingsLate | None = None
     ) -> BenchError | None:
         """Return the first violation in samples (m,), (m, c), nan without a value, or None.
@@ -133,7 +133,7 @@ class LimitCheck:
             too_near_m = plate_m[plate_m < self._min_plate_m]
             if len(too_near_m):
                 return LimitExceeded(
-                    CHANNEL,
+                    PLATE_CHANNEL,
                     float(too_near_m[0]),
                     self._rig.plate.z_min_m,
                     "the plate is inside the rig's least gap while motors turn; move it away by "
@@ -176,11 +176,11 @@ class LimitCheck:
         which is stricter than no check.
         """
         if self._loop is None:
-            return self._host.mismatch(rpm[-1], self._last_s)
+            return self._host.find_mismatch(rpm[-1], self._last_s)
         pwm_us, self._last_us = _forward_fill(values[:, self._pwm], self._last_us)
-        error = self._loop.mismatch(pwm_us, rpm, self._last_s)
+        error = self._loop.find_mismatch(pwm_us, rpm, self._last_s)
         if error is None and self._host.at_zero and (self._host.has_driven or not self._rc_arming):
-            error = self._host.mismatch(rpm[-1], self._last_s)
+            error = self._host.find_mismatch(rpm[-1], self._last_s)
         return error
 
     def _check_frozen(self, squares: Array, thrust_N: Array) -> LimitExceeded | None:
@@ -242,7 +242,7 @@ class LimitCheck:
         return LimitExceeded(watched.name, value, limit, watched.advice)
 
 
-def unmonitored_limits(channels: Sequence[Channel], n_rotors: int) -> str:
+def format_unmonitored_limits(channels: Sequence[Channel], n_rotors: int) -> str:
     """Return in a sentence which limits of a rig no channel of the bench monitors, or ""."""
     names = {channel.name for channel in channels}
     limited = [kind for kind, checks in CHECKS.items() if checks.limits]
@@ -260,7 +260,7 @@ def _find_watched(names: Sequence[str], limits: Limits, stale_s: float) -> list[
         checks = CHECKS.get(channel_family(name))
         if checks and checks.limits:
             low, high = checks.limits(limits)
-            timeout_s = checks.silence * stale_s
+            timeout_s = checks.silence_factor * stale_s
             channels.append(_WatchedChannel(index, name, checks.advice, low, high, timeout_s))
     return channels
 

@@ -22,7 +22,7 @@ class MotorStateBench:
     def __init__(self, bench: Bench, rig: Rig) -> None:
         self.bench = bench
         self.reason: str | None = None
-        self.troubles: list[str] = []
+        self.cleanup_errors: list[str] = []
         self._rig = rig
         self._monitor: StandstillMonitor | None = None
         self._standstill: Standstill | None = None
@@ -62,8 +62,8 @@ class MotorStateBench:
         self._record_command(self._zero_us())
         self.bench.stop()
 
-    def see_standstill(
-        self, take: Callable[[Readings], object] | None = None, at_least_s: float = 0.0
+    def stop_and_check_standstill(
+        self, on_readings: Callable[[Readings], object] | None = None, min_duration_s: float = 0.0
     ) -> Standstill:
         """Command zero and read until standstill is confirmed or times out; never raises.
 
@@ -75,8 +75,10 @@ class MotorStateBench:
             self._record_command(self._zero_us())
             self._run_and_collect_error(self.bench.stop, "commanding zero")
         if (delay_s := self.identity.longest_delay_s) > 0.0:
-            at_least_s = max(at_least_s, delay_s + STANDSTILL_TIMEOUT_S)
-        self._standstill = wait_for_standstill(self.bench, self._monitor, take, at_least_s)
+            min_duration_s = max(min_duration_s, delay_s + STANDSTILL_TIMEOUT_S)
+        self._standstill = wait_for_standstill(
+            self.bench, self._monitor, on_readings, min_duration_s
+        )
         return self._standstill
 
     def require_standstill(self, ends_normally: bool = False) -> None:
@@ -89,9 +91,9 @@ class MotorStateBench:
             StandstillNotConfirmed: contains the readings and the reason of the end of the run.
         """
         state = self._standstill
-        if state is None or state.seen or (ends_normally and state.only_unmeasured):
+        if state is None or state.is_confirmed or (ends_normally and state.is_only_unmeasured):
             return
-        error = StandstillNotConfirmed(self.with_standstill(self.reason or ""), state.rpm)
+        error = StandstillNotConfirmed(self.add_standstill_text(self.reason or ""), state.rpm)
         self._stop_once(error)
         raise error
 
@@ -107,15 +109,19 @@ class MotorStateBench:
             return
         now_s = self.now_s()
         state = self._monitor.state()
-        if now_s - self._monitor.zero_s < SPIN_DOWN_S or state.seen or state.only_unmeasured:
+        if (
+            now_s - self._monitor.zero_s < SPIN_DOWN_S
+            or state.is_confirmed
+            or state.is_only_unmeasured
+        ):
             return
         self._standstill = state
         self.require_standstill()
 
-    def with_standstill(self, reason: str) -> str:
+    def add_standstill_text(self, reason: str) -> str:
         """Return why a run ended, preceded by the rotors without confirmed standstill."""
         state = self._standstill
-        if state is None or state.seen:
+        if state is None or state.is_confirmed:
             return reason
         return f"{state.text}; the run ended because: {reason}" if reason else state.text
 
@@ -130,7 +136,7 @@ class MotorStateBench:
         if self._monitor is None:
             return
         if self._standstill is None:
-            self.see_standstill()
+            self.stop_and_check_standstill()
         if isinstance(error, StandstillNotConfirmed):
             return
         try:
@@ -154,7 +160,7 @@ class MotorStateBench:
     def _record_command(self, pulses_us: Array) -> None:
         self._pwm_us, self._commanded_s = pulses_us, self.now_s()
         if self._monitor is not None:
-            self._monitor.commanded(pulses_us, self._commanded_s)
+            self._monitor.record_command(pulses_us, self._commanded_s)
         if self._turning:
             self._standstill = None
 
@@ -163,7 +169,7 @@ class MotorStateBench:
         try:
             action()
         except Exception as error:  # noqa: BLE001 -- nothing may skip the remaining cleanup
-            self.troubles.append(f"{description} failed: {_error_text(error)}")
+            self.cleanup_errors.append(f"{description} failed: {_error_text(error)}")
 
     def _record_reason(self, reason: str) -> None:
         if self.reason is None:
@@ -184,9 +190,9 @@ FAILURES = 5  # failed reads in a row that end the check; each one commands zero
 
 def wait_for_standstill(
     bench: Bench,
-    watch: StandstillMonitor,
-    take: Callable[[Readings], object] | None = None,
-    at_least_s: float = 0.0,
+    monitor: StandstillMonitor,
+    on_readings: Callable[[Readings], object] | None = None,
+    min_duration_s: float = 0.0,
 ) -> Standstill:
     """Read after zero was commanded until standstill of every driven rotor is confirmed.
 
@@ -195,21 +201,21 @@ def wait_for_standstill(
 
     Args:
         bench: the driver, not its guard, whose reads would raise the reason of the stop.
-        watch: monitor that has received all commands and readings so far.
-        take: callback for every block that is read.
-        at_least_s: shortest duration of reading.
+        monitor: monitor that has received all commands and readings so far.
+        on_readings: callback for every block that is read.
+        min_duration_s: shortest duration of reading.
     """
     start_s = last_command_s = bench.now_s()
     failures = 0
     while failures < FAILURES:
         now_s = bench.now_s()
-        state = watch.state()
+        state = monitor.state()
         elapsed_s = now_s - start_s
-        is_finished = state.seen or state.only_unmeasured or elapsed_s >= SPIN_DOWN_S
-        left_s = at_least_s - elapsed_s
+        is_finished = state.is_confirmed or state.is_only_unmeasured or elapsed_s >= SPIN_DOWN_S
+        left_s = min_duration_s - elapsed_s
         if is_finished and left_s <= 1e-9:
             break
-        if not state.seen and now_s - last_command_s >= REPEAT_INTERVAL_S:
+        if not state.is_confirmed and now_s - last_command_s >= REPEAT_INTERVAL_S:
             last_command_s = now_s
             _command_zero(bench)
         try:
@@ -221,11 +227,11 @@ def wait_for_standstill(
             _command_zero(bench)
             continue
         failures = 0
-        watch.take(readings.time_s, readings.values)
-        if take is not None:
+        monitor.update(readings.time_s, readings.values)
+        if on_readings is not None:
             with suppress(Exception):
-                take(readings)
-    return watch.state()
+                on_readings(readings)
+    return monitor.state()
 
 
 def _command_zero(bench: Bench) -> None:

@@ -21,14 +21,14 @@ from benchtool.core.rig import Rig, Sensor
 if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
 
-CHANNEL = "plate_z_m"
+PLATE_CHANNEL = "plate_z_m"
 MIN_TOLERANCE_M = 0.001  # a change of 1 mm changes thrust by less than 2 %; assumed
 NOISE_MULTIPLE = 4.0  # standard deviations of the sensor allowed for one reading
 
 
 def plate_tolerance_m(rig: Rig) -> float:
     """Return the tolerance of a position reading: backlash, quantum and noise."""
-    sensor = rig.sensors.get(CHANNEL, Sensor())
+    sensor = rig.sensors.get(PLATE_CHANNEL, Sensor())
     return MIN_TOLERANCE_M + rig.plate.backlash_m + sensor.quantum + NOISE_MULTIPLE * sensor.noise
 
 
@@ -41,88 +41,92 @@ class PlateCheck:
 
     def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:
         names = [channel.name for channel in channels]
-        self.measured = CHANNEL in names
+        self.is_measured = PLATE_CHANNEL in names
         self.read_m = nan
         self.tolerance_m = plate_tolerance_m(rig)
-        self._column = names.index(CHANNEL) if self.measured else -1
+        self._column = names.index(PLATE_CHANNEL) if self.is_measured else -1
         self._rig = rig
         self._before_m = nan
 
-    def note(self, values: NDArray[np.float64]) -> None:
+    def update(self, values: NDArray[np.float64]) -> None:
         """Update the last reading from samples (m, c), in channel order."""
-        if self.measured:
+        if self.is_measured:
             present = values[np.isfinite(values[:, self._column]), self._column]
             if len(present):
                 self.read_m = float(present[-1])
 
-    def departs(self) -> None:
+    def record_departure(self) -> None:
         """Record the position before a move."""
         self._before_m = self.read_m
 
-    def arrives(self) -> None:
+    def record_arrival(self) -> None:
         """Discard earlier readings: the stage reports that the plate has arrived."""
         self.read_m = nan
 
-    def problem(self, target_m: float, stage_m: float, more_m: float = 0.0) -> StageError | None:
+    def find_error(
+        self, target_m: float, stage_m: float, extra_tolerance_m: float = 0.0
+    ) -> StageError | None:
         """Return an error if target, stage and reading disagree after a move, else None.
 
         Args:
             target_m: commanded position.
             stage_m: position that the stage reports.
-            more_m: added to the tolerance, for a position that an operator measured and compared
+            extra_tolerance_m: added to the tolerance, for a position measured by an operator and compared
                 with the target.
         """
-        allowed_m = self.tolerance_m + more_m
+        allowed_m = self.tolerance_m + extra_tolerance_m
         after = f"after the move to {target_m:.4g} m"
         limit = f"tolerance {1e3 * allowed_m:.1f} mm"
-        is_off = more_m == 0.0 and not abs(stage_m - target_m) <= allowed_m
-        if not self.measured and is_off:
+        is_off = extra_tolerance_m == 0.0 and not abs(stage_m - target_m) <= allowed_m
+        if not self.is_measured and is_off:
             return StageError(
                 f"the stage reports {stage_m:.4f} m {after}, {limit}; check the axes, zero_mm and "
                 f"direction of --stage"
             )
-        if not self.measured:
+        if not self.is_measured:
             return None
         min_gap_m = self._rig.plate.z_min_m
         if not isfinite(self.read_m):
             return StageError(
-                f"{CHANNEL} brought no reading {after}, so the plate's position is not known; "
+                f"{PLATE_CHANNEL} has no reading {after}, so the plate position is unknown; "
                 f"check the position sensor and its cable"
             )
         if self.read_m < min_gap_m - self.tolerance_m:
             return StageError(
-                f"{CHANNEL} reads {self.read_m:.4f} m {after}, inside the least gap of "
+                f"{PLATE_CHANNEL} reads {self.read_m:.4f} m {after}, inside the least gap of "
                 f"{min_gap_m:g} m of rig {self._rig.name!r}; move the plate away by hand, then "
                 f"check stage and sensor"
             )
-        positions_m = (stage_m,) if more_m else (stage_m, target_m)
+        positions_m = (stage_m,) if extra_tolerance_m else (stage_m, target_m)
         if not is_off and all(abs(self.read_m - other_m) <= allowed_m for other_m in positions_m):
             return None
         stage = "" if stage_m == target_m else f", the stage reports {stage_m:.4f} m"
         if abs(self.read_m - self._before_m) <= allowed_m < abs(target_m - self._before_m):
             return StageError(
-                f"{CHANNEL} still reads {self.read_m:.4f} m {after}{stage}, {limit}: the plate did "
-                f"not move or its position channel is frozen; check both before motors turn"
+                f"{PLATE_CHANNEL} still reads {self.read_m:.4f} m {after}{stage}, {limit}: plate "
+                f"did not move or its position channel is frozen; check both before motors turn"
             )
         return StageError(
-            f"{CHANNEL} reads {self.read_m:.4f} m {after}{stage}, {limit}; home the stage and "
-            f"measure the distance by hand, then correct axis, zero, sensor or the rig's "
-            f"sensors.{CHANNEL} (noise, quantum)"
+            f"{PLATE_CHANNEL} reads {self.read_m:.4f} m {after}{stage}, {limit}; home the stage "
+            f"and measure the distance by hand, then correct axis, zero, sensor or the rig's "
+            f"sensors.{PLATE_CHANNEL} (noise, quantum)"
         )
 
-    def crept(self, stage_m: float, mean_m: float, more_m: float = 0.0) -> StageError | None:
+    def check_position(
+        self, stage_m: float, mean_m: float, extra_tolerance_m: float = 0.0
+    ) -> StageError | None:
         """Return an error if the mean reading of a point differs from the stage position."""
-        if not self.measured or abs(mean_m - stage_m) <= self.tolerance_m + more_m:
+        if not self.is_measured or abs(mean_m - stage_m) <= self.tolerance_m + extra_tolerance_m:
             return None
         if not isfinite(mean_m):
             return StageError(
-                f"{CHANNEL} brought no reading during the point at {stage_m:.4g} m; check the "
+                f"{PLATE_CHANNEL} has no reading during the point at {stage_m:.4g} m; check the "
                 f"position sensor and its cable"
             )
         return StageError(
-            f"the plate moved while motors turned: {CHANNEL} reads {mean_m:.4f} m on average at "
-            f"{stage_m:.4f} m, tolerance {1e3 * (self.tolerance_m + more_m):.1f} mm; check the "
-            f"mount of the plate"
+            f"the plate moved while motors turned: {PLATE_CHANNEL} reads {mean_m:.4f} m on average "
+            f"at {stage_m:.4f} m, tolerance {1e3 * (self.tolerance_m + extra_tolerance_m):.1f} mm; "
+            f"check the mount of the plate"
         )
 
 
@@ -168,7 +172,7 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
         return
     deadline_s = bench.now_s() + SPIN_DOWN_S
     while True:
-        rpm = bench.listen(POLL_INTERVAL_S).values[:, columns]
+        rpm = bench.read_and_buffer(POLL_INTERVAL_S).values[:, columns]
         complete = np.flatnonzero(np.isfinite(rpm).all(axis=1))
         if len(complete) and (rpm[complete[-1]] <= limit_rpm).all():
             return
@@ -182,14 +186,18 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
 
 
 def wait_for_plate(
-    bench: GuardedBench, plate: PlateCheck, target_m: float, stage_m: float, more_m: float
+    bench: GuardedBench,
+    plate: PlateCheck,
+    target_m: float,
+    stage_m: float,
+    extra_tolerance_m: float,
 ) -> StageError | None:
     """Read until the plate reading agrees with target and stage; return an error at timeout."""
-    plate.arrives()
+    plate.record_arrival()
     deadline_s = bench.now_s() + PLATE_TIMEOUT_S
     while True:
-        if plate.measured:
-            bench.listen(POLL_INTERVAL_S)
-        problem = plate.problem(target_m, stage_m, more_m)
-        if problem is None or not plate.measured or bench.now_s() > deadline_s:
+        if plate.is_measured:
+            bench.read_and_buffer(POLL_INTERVAL_S)
+        problem = plate.find_error(target_m, stage_m, extra_tolerance_m)
+        if problem is None or not plate.is_measured or bench.now_s() > deadline_s:
             return problem

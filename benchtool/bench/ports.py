@@ -121,7 +121,7 @@ class HostEnvironment:
     Attributes:
         system: "Linux", "Darwin" or "Windows".
         port: as typed by the user; empty if none was given.
-        may_open: this user has read and write permission.
+        can_open: this user has read and write permission.
         groups_on_file: groups that the user has after the next login.
     """
 
@@ -129,12 +129,12 @@ class HostEnvironment:
     port: str = ""
     ports: tuple[Port, ...] = ()
     exists: bool | None = None
-    may_open: bool | None = None
+    can_open: bool | None = None
     group: str | None = None
     user: str = ""
     groups: frozenset[str] = frozenset()
     groups_on_file: frozenset[str] = frozenset()
-    holders: tuple[PortOwner, ...] | None = None
+    owners: tuple[PortOwner, ...] | None = None
 
     @property
     def is_listed(self) -> bool:
@@ -158,12 +158,12 @@ def probe_environment(port: str = "") -> HostEnvironment:
         port=port,
         ports=serial_ports(),
         exists=exists,
-        may_open=os.access(port, os.R_OK | os.W_OK) if exists else None,
+        can_open=os.access(port, os.R_OK | os.W_OK) if exists else None,
         group=group,
         user=user,
         groups=frozenset(session_groups),
         groups_on_file=frozenset(groups_on_file),
-        holders=port_owners(port) if system == "Linux" and exists else None,
+        owners=port_owners(port) if system == "Linux" and exists else None,
     )
 
 
@@ -198,7 +198,7 @@ class PortFinding(NamedTuple):
     fix: str = ""
 
 
-def findings(host: HostEnvironment) -> tuple[PortFinding, ...]:
+def diagnose_port(host: HostEnvironment) -> tuple[PortFinding, ...]:
     """Return the result for each cause that concerns the port."""
     causes = (_find_presence(host), _find_permission(host), _find_other_users(host))
     return tuple(finding for finding in causes if finding is not None)
@@ -231,7 +231,7 @@ def _find_permission(host: HostEnvironment) -> PortFinding | None:
         return PortFinding(name, "not checked", "Windows lets every user open a free port")
     if not host.port or not host.exists:
         return None
-    if host.may_open:
+    if host.can_open:
         return PortFinding(name, "ok", f"{host.user} may open {host.port}")
     group = host.group or "dialout"
     if group in host.groups_on_file and group not in host.groups:
@@ -246,14 +246,14 @@ def _find_other_users(host: HostEnvironment) -> PortFinding | None:
     name = "other users"
     if not host.port:
         return None
-    if host.holders is None:
+    if host.owners is None:
         sentence = f"{host.system} does not report which program has a port open"
         fix = "close terminal programs, the Arduino serial monitor, slicers"
         return PortFinding(name, "not checked", sentence, fix)
-    listed = " and ".join(f"{holder.name} (pid {holder.pid})" for holder in host.holders)
-    if len(host.holders) == 1 and host.holders[0].is_terminal:
+    listed = " and ".join(f"{holder.name} (pid {holder.pid})" for holder in host.owners)
+    if len(host.owners) == 1 and host.owners[0].is_terminal:
         return PortFinding(name, "ok", f"the virtual bench behind it is {listed}")
-    if host.holders:
+    if host.owners:
         sentence = f"{host.port} is open in {listed}"
         return PortFinding(name, "problem", sentence, "end that program")
     return PortFinding(name, "ok", "no program of this user has it open")
@@ -263,23 +263,23 @@ def parse_serial_port(text: str) -> str | None:
     """Return the serial port of a port name or an address, or None for a network address."""
     if text.partition(":")[0] not in DRIVERS:
         return text.partition("?")[0]
-    ends = parse_address(text).ends
+    ends = parse_address(text).endpoints
     if not ends:
         raise InputError(f"{text!r} has no port to check; give a serial port or a network address")
-    return ends[0].place if ends[0].kind == "serial" else None
+    return ends[0].location if ends[0].kind == "serial" else None
 
 
-def network_findings(text: str) -> tuple[PortFinding, ...]:
+def diagnose_network(text: str) -> tuple[PortFinding, ...]:
     """Return the result for each end of a network address."""
-    return tuple(_network_finding(end) for end in parse_address(text).ends)
+    return tuple(_network_finding(end) for end in parse_address(text).endpoints)
 
 
 def _network_finding(end: Endpoint) -> PortFinding:
     name = "listening" if end.kind == "listens" else "other end"
     link = (
-        TcpSocket(end.place, end.port)
+        TcpSocket(end.location, end.port)
         if end.kind == "connects"
-        else UdpSocket(end.place, end.port, end.kind == "listens")
+        else UdpSocket(end.location, end.port, end.kind == "listens")
     )
     try:
         link.open()

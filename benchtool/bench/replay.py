@@ -45,7 +45,7 @@ class ReplayBench(ContextBench):
         self._open = False
 
     @classmethod
-    def of_run(cls, address: str, run: Path) -> ReplayBench:
+    def from_run(cls, address: str, run: Path) -> ReplayBench:
         """Return a bench from `samples.csv` of a run folder, or from a file in that format."""
         path = run / "samples.csv" if os.path.isdir(run) else run
         names, table = _read_samples(path, follow=path is run)
@@ -109,7 +109,7 @@ class ReplayBench(ContextBench):
 
 def open_replay(address: ReplayAddress) -> ReplayBench:
     """Return the bench of a recorded run, not opened yet."""
-    return ReplayBench.of_run(address.text, Path(address.run))
+    return ReplayBench.from_run(address.text, Path(address.run))
 
 
 def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:

@@ -36,7 +36,7 @@ class HostPulseTracking:
         stop_us = self._propulsion.pwm_stop_us
         return self._pwm_us is None or bool((self._pwm_us <= stop_us).all())
 
-    def commanded(self, pwm_us: Array, now_s: float) -> None:
+    def record_command(self, pwm_us: Array, now_s: float) -> None:
         """Set the commanded pulse width of every motor (n_rotors,): us."""
         if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
             return
@@ -46,7 +46,7 @@ class HostPulseTracking:
         self._max_rpm = TOO_FAST * rpm + RPM_TOLERANCE
         self.has_driven |= not self.at_zero
 
-    def mismatch(self, rpm: Array, now_s: float) -> LimitExceeded | None:
+    def find_mismatch(self, rpm: Array, now_s: float) -> LimitExceeded | None:
         """Return an error when a motor's last rpm (n_rotors,) has not followed its pulse by now."""
         since_s = now_s - self._commanded_s
         if self._pwm_us is None or since_s < TOO_SLOW_S:
@@ -80,7 +80,7 @@ class LoopPulseTracking:
         self._not_slow_s: Array = np.full(n_rotors, start_s)
         self._not_fast_s: Array = np.full(n_rotors, start_s)
 
-    def mismatch(self, pwm_us: Array, rpm: Array, now_s: float) -> LimitExceeded | None:
+    def find_mismatch(self, pwm_us: Array, rpm: Array, now_s: float) -> LimitExceeded | None:
         """Return an error if a motor has not followed its reported pulse widths.
 
         Args:

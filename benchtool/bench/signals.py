@@ -105,7 +105,7 @@ class ClosingSignals(_SignalHandlers):
     """Context manager that ignores signals while a run is closed.
 
     Enter it before the guarded bench, whose own handlers replace these while it is open. Before
-    `begin` the previous handlers are called. After `begin` signals are ignored; one that arrives
+    `ignore_signals` the previous handlers are called, then signals are ignored; one that arrives
     `SHUTDOWN_TIMEOUT_S` or more after the first ignored signal raises KeyboardInterrupt.
     """
 
@@ -115,7 +115,7 @@ class ClosingSignals(_SignalHandlers):
         self._ignores_signals = False
         self._first_signal_s: float | None = None
 
-    def begin(self) -> None:
+    def ignore_signals(self) -> None:
         """Ignore signals from now on, until the run is closed."""
         self._ignores_signals = True
 

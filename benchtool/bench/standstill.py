@@ -43,16 +43,16 @@ class Standstill:
     """Standstill check since zero was commanded.
 
     Attributes:
-        seen: standstill of every driven rotor is confirmed.
+        is_confirmed: standstill of every driven rotor is confirmed.
         unmeasured: driven rotors (from 1) without a channel that could confirm it.
-        only_unmeasured: every rotor with a channel is confirmed, the others are not.
+        is_only_unmeasured: every rotor with a channel is confirmed, the others are not.
         rpm: highest speed above the threshold; nan if there is none.
         text: result as a sentence; empty if no motor was driven.
     """
 
-    seen: bool
+    is_confirmed: bool
     unmeasured: tuple[int, ...]
-    only_unmeasured: bool
+    is_only_unmeasured: bool
     rpm: float
     text: str
 
@@ -86,7 +86,7 @@ class StandstillMonitor:
         """Expect the speeds of the pulse widths that the bench reports."""
         self._reported_columns = self._pwm_columns
 
-    def commanded(self, pulses_us: Array, now_s: float) -> None:
+    def record_command(self, pulses_us: Array, now_s: float) -> None:
         """Record the command of every motor (n_rotors,): us, before it is sent."""
         stop_us = self._propulsion.pwm_stop_us
         for rotor, before_us, pulse_us in zip(
@@ -99,7 +99,7 @@ class StandstillMonitor:
                 self.zero_s = now_s
         self._pulses_us = np.array(pulses_us)
 
-    def take(self, time_s: Array, values: Array) -> None:
+    def update(self, time_s: Array, values: Array) -> None:
         """Update the check with samples (m,), (m, c); nan where a channel had no new value."""
         if not len(time_s):
             return
@@ -173,9 +173,9 @@ class StandstillMonitor:
             )
         is_unconfirmed = bool(turning or silent)
         return Standstill(
-            seen=not is_unconfirmed and not unmeasured,
+            is_confirmed=not is_unconfirmed and not unmeasured,
             unmeasured=tuple(unmeasured),
-            only_unmeasured=bool(unmeasured) and not is_unconfirmed,
+            is_only_unmeasured=bool(unmeasured) and not is_unconfirmed,
             rpm=fastest_rpm,
             text="; ".join(parts),
         )
@@ -256,7 +256,7 @@ class _RotorState:
             self.speed_responds = False
 
 
-def unmeasured_rotors(identity: DeviceInfo, rig: Rig) -> str:
+def format_unmeasured_rotors(identity: DeviceInfo, rig: Rig) -> str:
     """Return the rotors whose standstill cannot be confirmed as a sentence, or ""."""
     names = {channel.name for channel in identity.channels}
     unmeasured = [

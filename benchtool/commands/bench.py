@@ -13,7 +13,7 @@ from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.simulate.user_controller import controller_class
+from benchtool.simulate.user_controller import load_controller_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -158,7 +158,7 @@ def _build_pitch_server(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], wrap: WrapFirmware
 ) -> tuple[BenchServer, str]:
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.pitch.setup import changed_job
+    from benchtool.simulate.pitch.setup import apply_job_changes
     from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant
 
     controller = inputs.controller
@@ -173,9 +173,9 @@ def _build_pitch_server(
         user_controller=(
             None
             if controller in PITCH_CONTROLLERS
-            else controller_class(controller, PITCH_CONTROLLERS, announce_code)
+            else load_controller_class(controller, PITCH_CONTROLLERS, announce_code)
         ),
-        change=lambda job: changed_job(job, inputs.settings),
+        change=lambda job: apply_job_changes(job, inputs.settings),
         permit=announce_code,
     )
     server = device_server(

@@ -85,14 +85,14 @@ def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
     from benchtool.acquire.recalibrate import recalibrate
     from benchtool.data.calibration import parse_calibration, read_calibration
     from benchtool.data.run.run import Run
-    from benchtool.data.run.state import recall_latest
+    from benchtool.data.run.state import load_state
 
     run = Run.open(path)
     if file is not None:
         calibration = read_calibration(file)
     else:
         device_id = str(run.metadata.get("device_id", ""))
-        if (latest := recall_latest("calibration", device_id)) is None:
+        if (latest := load_state("calibration", device_id)) is None:
             raise CalibrationError(
                 f"no stored calibration for device {device_id!r}; add --calibration FILE"
             )

@@ -54,7 +54,7 @@ def fit(inputs: FitArguments) -> None:
     import sys
 
     from benchtool.commands.terminal.show_fit import print_fit, progress_status
-    from benchtool.fit.diagnose import refusal
+    from benchtool.fit.diagnose import find_error
     from benchtool.report.fit.stored_fit import to_stored_fit
     from benchtool.results import fit_result
 
@@ -72,7 +72,7 @@ def fit(inputs: FitArguments) -> None:
         has_model = (inputs.out / "model.toml").is_file()
         model = "model.toml" if has_model else "no model (the fit failed)"
         print(f"written: {page}, result.json, {model} and figures in the same folder")
-    if problem := refusal(result.found.results):
+    if problem := find_error(result.found.results):
         raise problem
 
 
@@ -84,7 +84,7 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
     """Fit several runs separately; print and write the fits."""
     from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
     from benchtool.commands.terminal.show_fit import print_fit, print_runs
-    from benchtool.fit.diagnose import refusal
+    from benchtool.fit.diagnose import find_error
     from benchtool.fit.fit_data import recipe_model
     from benchtool.report.fit.stored_fit import stored_from
 
@@ -131,7 +131,7 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
         if len(folders) > 1 and not inputs.run_filters:
             print(f"compare the rigs with: {shlex.join(['benchtool', 'pool', *folders])}")
     raise_first(outcomes)
-    for problem in filter(None, (refusal(stored_fit.results) for stored_fit in fits.values())):
+    for problem in filter(None, (find_error(stored_fit.results) for stored_fit in fits.values())):
         raise problem
 
 

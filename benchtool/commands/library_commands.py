@@ -55,12 +55,12 @@ def _show(
         list_all: returns one line per entry of the library.
         describe: returns the lines of one entry; raises for an invalid file.
     """
-    from benchtool.core.library import read_named
+    from benchtool.core.library import read_library_file
 
     lines = describe(inputs.name) if inputs.name else list_all()
     if inputs.name and inputs.toml:
         list(lines)  # raises for an invalid file
-        print(read_named(kind, f"{kind}s", inputs.name)[0], end="")
+        print(read_library_file(kind, f"{kind}s", inputs.name)[0], end="")
         return
     for line in lines:
         print(line)

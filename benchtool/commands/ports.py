@@ -62,14 +62,16 @@ def _list_ports(inputs: PortsInputs) -> None:
 
 def _diagnose_port(address: str) -> None:
     from benchtool.bench.ports import (
-        findings,
-        network_findings,
+        diagnose_network,
+        diagnose_port,
         parse_serial_port,
         probe_environment,
     )
 
     port = parse_serial_port(address)
-    diagnosis = network_findings(address) if port is None else findings(probe_environment(port))
+    diagnosis = (
+        diagnose_network(address) if port is None else diagnose_port(probe_environment(port))
+    )
     for finding in diagnosis:
         print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
         if finding.fix:

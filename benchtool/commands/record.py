@@ -76,7 +76,7 @@ def record_experiment(inputs: RecordInputs, rig: Rig) -> Run | None:
     from benchtool.bench.drivers import open_bench
     from benchtool.data.run.run import check_not_existing
 
-    experiment = experiment_of(inputs, rig)
+    experiment = build_experiment(inputs, rig)
     expected = check_experiment(experiment, rig)
     if inputs.out is not None:
         check_not_existing(inputs.out)
@@ -90,7 +90,7 @@ def record_experiment(inputs: RecordInputs, rig: Rig) -> Run | None:
     return run
 
 
-def experiment_of(inputs: RecordInputs, rig: Rig) -> PitchExperiment:
+def build_experiment(inputs: RecordInputs, rig: Rig) -> PitchExperiment:
     """Return the pitch experiment of the options."""
     from math import radians
 
@@ -134,7 +134,7 @@ def _record(
                 folder = (inputs.runs, inputs.name, inputs.out)
                 run = new_pitch_run(folder, experiment, rig, device, operator=inputs.operator)
                 print(f"run {run.path}", flush=True)
-                signals.begin()
+                signals.ignore_signals()
                 summary = record_pitch(bench, rig, experiment, run)
             describe_end(TERMINAL, bench)
         except BaseException:

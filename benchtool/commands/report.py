@@ -90,7 +90,7 @@ def report(inputs: ReportInputs) -> None:
         paths,
         out,
         comparison=comparison,
-        beside=overlay,
+        replay_inputs=overlay,
         commands=[shlex.join(["benchtool", *sys.argv[1:]])],
         replace=inputs.overwrite,
     )

@@ -110,11 +110,11 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     """
     import tomli_w
 
-    from benchtool.core.library import read_named
+    from benchtool.core.library import read_library_file
     from benchtool.core.parsed_text import parse_toml
 
     fields = {item.key: item for item in items(NewRigInputs)}
-    data = parse_toml(*read_named("rig", "rigs", inputs.like)) if inputs.like else {}
+    data = parse_toml(*read_library_file("rig", "rigs", inputs.like)) if inputs.like else {}
     data |= {"name": name, "title": name}
     is_sweep, is_pitch = inputs.purpose == "sweep", inputs.purpose == "pitch"
     source = inputs.source

@@ -125,11 +125,11 @@ class TagInputs(Inputs):
 @command_from_inputs(TagInputs)
 def tag(inputs: TagInputs) -> None:
     """Add, remove or show tags of runs and fits."""
-    from benchtool.data.run.labels import check_labels, label
+    from benchtool.data.run.labels import check_labels, update_labels
 
     check_labels(inputs.runs, inputs.add, inputs.remove)
     for path in inputs.runs:
-        labels = label(path, inputs.add, inputs.remove)
+        labels = update_labels(path, inputs.add, inputs.remove)
         print(f"{path}: {', '.join(labels.tags) or 'no tag'}")
 
 
@@ -147,10 +147,10 @@ def note(inputs: NoteInputs) -> None:
     import getpass
     from datetime import datetime
 
-    from benchtool.data.run.labels import label
+    from benchtool.data.run.labels import update_labels
 
     text = f"{datetime.now().astimezone():%Y-%m-%d %H:%M} {getpass.getuser()}: {inputs.text}"
-    label(inputs.run, note=text)
+    update_labels(inputs.run, note=text)
     print(f"{inputs.run}: {text}")
 
 
@@ -261,10 +261,10 @@ def merge(inputs: MergeInputs) -> None:
     """Merge runs of one rig and propeller into a new run folder."""
     from benchtool.core.plural import pluralize
     from benchtool.data.run.merge import merge_runs
-    from benchtool.data.run.read import parts_of
+    from benchtool.data.run.read import find_parts
 
     run = merge_runs(inputs.runs, inputs.out)
-    print(f"written: {inputs.out}, from {pluralize(len(parts_of(run.path)), 'run')}")
+    print(f"written: {inputs.out}, from {pluralize(len(find_parts(run.path)), 'run')}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

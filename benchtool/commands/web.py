@@ -44,7 +44,7 @@ def web(inputs: WebInputs) -> None:
             redirect_files.append(server.open_page(address))
 
     try:
-        server.serve(inputs.runs, inputs.host, inputs.port, announce, wants_token=inputs.token)
+        server.serve(inputs.runs, inputs.host, inputs.port, announce, requires_token=inputs.token)
     finally:
         for file in redirect_files:
             if file is not None:

@@ -49,7 +49,7 @@ class ErrorSource:
     parameter: str = ""
     scatter: str = ""
 
-    def of(self, rows: NDArray[np.intp]) -> ErrorSource:
+    def select(self, rows: NDArray[np.intp]) -> ErrorSource:
         """Return the source for a subset of the observations."""
         return replace(self, columns=self.columns[rows])
 
@@ -136,7 +136,7 @@ class Whitening:
         self.shared: Array = self._directions * size
 
     @property
-    def own(self) -> Whitening:
+    def independent(self) -> Whitening:
         """Whitening with the independent errors only."""
         return Whitening(self.sigma, np.empty((len(self.sigma), 0)))
 

@@ -90,26 +90,26 @@ class UnknownChoice(InputError):
     Args:
         kind: noun in the singular ("unit", "key in [limits] of plan.toml").
         name: the name as given.
-        known: accepted names.
+        choices: accepted names.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
         from difflib import get_close_matches
 
         self.kind = kind
         self.name = name
-        self.known = tuple(sorted(known))
+        self.choices = tuple(sorted(choices))
         name = name[: 4 * MAX_LISTED]
         # A parameter may also be given by the part after its dot.
-        parts = {full.rpartition(".")[2].casefold(): full for full in self.known if "." in full}
-        folded = parts | {full.casefold(): full for full in self.known}
+        parts = {full.rpartition(".")[2].casefold(): full for full in self.choices if "." in full}
+        folded = parts | {full.casefold(): full for full in self.choices}
         folded = {short: full for short, full in folded.items() if len(short) > 1}
         close = get_close_matches(name.casefold(), folded, n=1)
         longer = [text for text in sorted(folded, key=len) if text.startswith(name.casefold())]
         close = close or longer[: len(name) > 1]
         hint = f"did you mean {folded[close[0]]!r}? " if close else ""
         label = name if len(name) <= MAX_LISTED else f"{name[:MAX_LISTED]}..."
-        super().__init__(f"unknown {kind} {label!r}; {hint}known: {_listed(self.known)}")
+        super().__init__(f"unknown {kind} {label!r}; {hint}known: {_listed(self.choices)}")
 
 
 class FileFormatError(InputError):
@@ -134,23 +134,25 @@ class MissingColumn(InputError):
     Args:
         where: the file.
         column: name in the map.
-        known: columns of the file.
+        columns: columns of the file.
         mapped_by: file of the map, if known.
     """
 
-    def __init__(self, where: str, column: str, known: Iterable[str], mapped_by: str = "") -> None:
+    def __init__(
+        self, where: str, column: str, columns: Iterable[str], mapped_by: str = ""
+    ) -> None:
         self.where = where
         self.column = column
-        self.known = tuple(known)
+        self.columns = tuple(columns)
         of = f" of {mapped_by}" if mapped_by else ""
-        listed = _listed([name for name in self.known if name])
+        listed = _listed([name for name in self.columns if name])
         super().__init__(
             f"[columns]{of} names {column!r}, which {where} lacks; its columns are {listed}"
         )
 
-    def of(self, mapped_by: str) -> MissingColumn:
+    def with_map_file(self, mapped_by: str) -> MissingColumn:
         """Return the error with the file of the map."""
-        return MissingColumn(self.where, self.column, self.known, mapped_by)
+        return MissingColumn(self.where, self.column, self.columns, mapped_by)
 
 
 class DataWarning(UserWarning):

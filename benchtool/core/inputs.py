@@ -292,7 +292,11 @@ def _walk(cls: Any, prefix: str, parent_group: str = "") -> Iterator[InputField]
 
 
 def build_inputs(
-    cls: type[T], given: Mapping[str, Any], *, source: Source = "keyword", base: T | None = None
+    cls: type[T],
+    values_by_name: Mapping[str, Any],
+    *,
+    source: Source = "keyword",
+    base: T | None = None,
 ) -> T:
     """Return the dataclass with the given values, by name; other values from `base` or defaults.
 
@@ -305,9 +309,9 @@ def build_inputs(
         InputError: a value of the wrong type or range, two exclusive inputs, or a missing one.
     """
     by_name = {item.name: item for item in items(cls)}
-    if unknown := [name for name in given if name not in by_name]:
+    if unknown := [name for name in values_by_name if name not in by_name]:
         raise UnknownChoice("input", unknown[0], by_name)
-    present = {by_name[name]: value for name, value in given.items() if value is not None}
+    present = {by_name[name]: value for name, value in values_by_name.items() if value is not None}
     values: dict[str, Any] = {}
     for item, value in present.items():
         if other := item.metadata.instead_of:
@@ -368,17 +372,17 @@ def with_changes(inputs: Any) -> dict[str, Any]:
     }
 
 
-def to_arguments(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
+def to_arguments(cls: type[Any], values: Mapping[str, Any]) -> list[str]:
     """Return the command-line arguments of these values, positional ones first.
 
     Args:
         cls: a dataclass of inputs.
-        given: values or their texts; None and empty ones are omitted.
+        values: values or their texts; None and empty ones are omitted.
     """
     positional: list[str] = []
     options: list[str] = []
     for item in items(cls):
-        value = given.get(item.name)
+        value = values.get(item.name)
         if isinstance(value, bool):
             if value != item.default:
                 options.append(item.option if value else item.option.replace("--", "--no-", 1))

@@ -31,7 +31,7 @@ def list_names(folder: str) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in (LIBRARY / folder).glob("*.toml")))
 
 
-def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, str]:
+def read_library_file(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, str]:
     """Return (text, where) for a library name, a user-defined name, or a path ending in .toml.
 
     Raises:

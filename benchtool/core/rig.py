@@ -301,7 +301,7 @@ class Rig(FiniteTable):
         reach_m = max(abs(rotor.x_m) for rotor in self.rotors) + self.propulsion.radius_m
         return 0.5 * self.plate.size_x_m + reach_m
 
-    def place_sd_m(self, *, one_sided: bool = False) -> float:
+    def position_sd_m(self, *, one_sided: bool = False) -> float:
         """Return the standard deviation of a plate position: m.
 
         Args:

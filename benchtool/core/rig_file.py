@@ -13,7 +13,7 @@ import tomli_w
 
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
-from benchtool.core.library import list_names, read_named, user_names
+from benchtool.core.library import list_names, read_library_file, user_names
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
@@ -32,14 +32,14 @@ def rig_names() -> tuple[str, ...]:
 
 @lru_cache(maxsize=32)
 def _library_rig(name: str) -> Rig:
-    return parse_rig(*read_named("rig", "rigs", name))
+    return parse_rig(*read_library_file("rig", "rigs", name))
 
 
 def load_rig_by_name(name_or_path: str | Path) -> Rig:
     """Return a rig by name (bundled or user-defined) or by the path of its TOML file."""
     if str(name_or_path) in set(rig_names()).difference(user_names("rigs")):
         return _library_rig(str(name_or_path))
-    return parse_rig(*read_named("rig", "rigs", name_or_path))
+    return parse_rig(*read_library_file("rig", "rigs", name_or_path))
 
 
 def parse_rig(text: str, where: str) -> Rig:

@@ -8,7 +8,7 @@ from typing import Any
 
 import tomli_w
 
-from benchtool.core.library import list_names, read_named
+from benchtool.core.library import list_names, read_library_file
 from benchtool.core.schedule import Schedule
 from benchtool.core.toml_text import read_strict
 
@@ -20,7 +20,7 @@ def schedule_names() -> tuple[str, ...]:
 
 def load_schedule(name_or_path: str | Path) -> Schedule:
     """Return a bundled schedule by name, or a user-defined one by the path of its TOML file."""
-    return read_strict(Schedule, *read_named("schedule", "schedules", name_or_path))
+    return read_strict(Schedule, *read_library_file("schedule", "schedules", name_or_path))
 
 
 def schedule_to_toml(schedule: Schedule) -> str:

@@ -121,7 +121,7 @@ def read_calibration(path: Path) -> Calibration:
     return parse_calibration(read_json(path), str(path))
 
 
-def traceability(calibration: Mapping[str, Any]) -> str:
+def format_traceability(calibration: Mapping[str, Any]) -> str:
     """Return one sentence with operator, date and certificate of the calibration."""
     by = calibration.get("calibrated_by") or "an unnamed operator"
     certificate = calibration.get("certificate")
@@ -129,7 +129,7 @@ def traceability(calibration: Mapping[str, Any]) -> str:
     return f"calibration {calibration['id']}: by {by} on {calibration['date']}, {with_}"
 
 
-def age_text(metadata: Mapping[str, Any]) -> str:
+def format_age_warning(metadata: Mapping[str, Any]) -> str:
     """Return a warning if the calibration was too old when the run began, else "".
 
     Without a calibration or without readable dates in the run's metadata the result is "".

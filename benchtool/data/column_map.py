@@ -15,13 +15,13 @@ from typing import Any
 from benchtool.core.channel import require_known_channel, unit_from_name
 from benchtool.core.column_source import ColumnSource, check_channels
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
-from benchtool.core.library import read_named
+from benchtool.core.library import read_library_file
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import FileTable, build_dataclass
 from benchtool.core.units import UNITS
 from benchtool.data.repairs.foreign_units import (
     Conversion,
-    conversion,
+    find_conversion,
     parse_header_cell,
     unit_in_header,
 )
@@ -70,7 +70,7 @@ def map_column(
     scale, unit = IDENTITY, source.unit or ours
     try:
         if source.unit is not None:
-            scale = conversion(source.unit, ours)
+            scale = find_conversion(source.unit, ours)
         elif source.column is not None and source.factor == 1.0 and not source.reference:
             header_unit = parse_header_cell(source.column).unit or ""
             if (header_scale := unit_in_header(header_unit, ours)) is not None:
@@ -120,7 +120,7 @@ def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
         FileFormatError: no such file, an entry of another form, or an empty map.
         UnknownChoice: a channel or key that does not exist.
     """
-    text, where = read_named("columns file", "models", path)
+    text, where = read_library_file("columns file", "models", path)
     data = parse_toml(text, where)
     entries = data if "columns" in data else {"columns": data}
     mapping = entries["columns"]
@@ -191,7 +191,7 @@ NAMES: dict[str, str] = {  # channel by usual column name in lower case
     "vibration": "vibration_m_s2",
 }
 
-IN_RADII: dict[str, float] = {  # rotor radii per unit, by column name in lower case
+RADII_PER_UNIT: dict[str, float] = {  # rotor radii per unit, by column name in lower case
     **dict.fromkeys(("z_over_r", "z/r", "z_r", "h/r", "h_r", "h_over_r"), 1.0),
     **dict.fromkeys(("z_over_d", "z/d", "z_d", "h/d", "h_d", "h_over_d"), 2.0),
 }
@@ -232,8 +232,8 @@ def guess_columns(
     for cell in header:
         name, unit = name_and_unit(cell)
         channel = match_channel(cell.strip()) or match_channel(name)
-        if channel is None and name.lower() in IN_RADII and radius_m is not None:
-            source = ColumnSource(column=cell, factor=IN_RADII[name.lower()] * radius_m)
+        if channel is None and name.lower() in RADII_PER_UNIT and radius_m is not None:
+            source = ColumnSource(column=cell, factor=RADII_PER_UNIT[name.lower()] * radius_m)
             in_radii.setdefault("plate_z_m", source)
         if channel is None or channel in sources or (channels and channel not in channels):
             continue

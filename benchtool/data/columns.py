@@ -55,8 +55,8 @@ def is_whole(name: str) -> bool:
     return name in _WHOLE or name.endswith(REJECTED)
 
 
-LONGEST_S = 1e8  # duration of a run: 3 years; assumed
-LONGEST_US = 1e15  # uptime of a device: 30 years; assumed
+MAX_RUN_DURATION_S = 1e8  # duration of a run: 3 years; assumed
+MAX_DEVICE_TIME_US = 1e15  # uptime of a device: 30 years; assumed
 
 _PIECE = 1 << 16
 
@@ -74,9 +74,9 @@ def check_numbers(recording: Recording, where: str) -> None:
             if is_whole(name):
                 wrong |= ~((values >= 0.0) & (values < 2.0**53) & (values == np.floor(values)))
             elif name == "time_s":
-                wrong |= ~(np.abs(values) <= LONGEST_S)
+                wrong |= ~(np.abs(values) <= MAX_RUN_DURATION_S)
             elif name == "device_time_us":
-                wrong |= ~(np.abs(values) <= LONGEST_US)
+                wrong |= ~(np.abs(values) <= MAX_DEVICE_TIME_US)
             if wrong.any():
                 row = int(np.argmax(wrong))
                 raise FileFormatError(
@@ -106,7 +106,7 @@ def code_to_word(column: str, code: float) -> str:
     return WORDS[column][int(code)]
 
 
-def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
+def rows_to_frame(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     """Return rows (value by column name) as a data frame, units in `attrs`."""
     import pandas as pd
 
@@ -120,14 +120,14 @@ def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
     """Return the concatenated recordings as a data frame, with their names in column `run`."""
     import pandas as pd
 
-    parts = {name: frame(recording) for name, recording in recordings.items()}
+    parts = {name: to_frame(recording) for name, recording in recordings.items()}
     table = pd.concat(parts, names=["run"]).reset_index(level=0).reset_index(drop=True)
     units = {name: unit for part in parts.values() for name, unit in part.attrs["units"].items()}
     table.attrs["units"] = units
     return table
 
 
-def frame(recording: Recording) -> pd.DataFrame:
+def to_frame(recording: Recording) -> pd.DataFrame:
     """Return a recording as a data frame, labels instead of codes, units in `attrs`."""
     import pandas as pd
 

@@ -57,15 +57,15 @@ class CsvTable:
     repairs: tuple[str, ...]
 
 
-def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvTable:
+def read_csv_text(path: Path, *, is_own: bool = False, follow: bool = True) -> CsvTable:
     """Return the cells of a CSV file, repaired where possible.
 
     Args:
-        own: written by benchtool: a last line without line end is incomplete and dropped, even if
+        is_own: written by benchtool: a last line without line end is incomplete and dropped even if
             it looks complete.
         follow: follow a symbolic link.
     """
-    return parse_csv(read_file(path, MAX_TABLE_BYTES, follow=follow), str(path), own=own)
+    return parse_csv(read_file(path, MAX_TABLE_BYTES, follow=follow), str(path), is_own=is_own)
 
 
 def read_csv_header(path: Path) -> tuple[str, ...]:
@@ -125,10 +125,10 @@ def _tokenize(
     return _Tokens(names, delimiter, body, rows, lines, is_cut, repairs)
 
 
-def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
+def parse_csv(data: bytes, where: str, *, is_own: bool = False, whole: bool = True) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`. If not `whole`, a quote may be open."""
     header, delimiter, _, rows, lines, is_cut, tokenizer_repairs = _tokenize(
-        data, where, cells=True, own=own, whole=whole
+        data, where, cells=True, own=is_own, whole=whole
     )
     repairs = [message for _, message in tokenizer_repairs]
     while not header[-1]:
@@ -136,7 +136,7 @@ def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True)
     width = len(header)
     numbered = zip(lines.tolist(), rows or (), strict=True)
     by_line = {line: row for line, row in numbered if any(map(str.strip, row))}
-    if is_cut and by_line and (own or len(by_line[max(by_line)]) < width):
+    if is_cut and by_line and (is_own or len(by_line[max(by_line)]) < width):
         by_line.popitem()
         repairs.append("the last line was cut short and left out")
     if short := [line for line, row in by_line.items() if len(row) < width]:

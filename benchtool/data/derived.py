@@ -53,13 +53,13 @@ class MeasurementContext:
     """Known values of a bench in addition to its channels.
 
     Attributes:
-        stated: diameter, chord, air and motor, by the names of `Quantity.of`.
+        known_values: diameter, chord, air and motor, by the names of `Quantity.of`.
         scales: relative standard uncertainty of a channel's scale, with origin.
         sensors: of the rig; the fallback for standard errors missing in a recording.
         rig: of a run; None for a foreign file.
     """
 
-    stated: Mapping[str, KnownValue] = field(default_factory=dict)
+    known_values: Mapping[str, KnownValue] = field(default_factory=dict)
     scales: Mapping[str, KnownValue] = field(default_factory=dict)
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
     rig: Rig | None = None
@@ -102,7 +102,7 @@ def measurement_context(
     if calibration:
         sd, number = float(calibration["relative_sd"]), str(calibration["id"])
         scales["thrust_N"] = KnownValue(value=1.0, sd=sd, origin=f"calibration {number}")
-    return MeasurementContext(stated=values, scales=scales, sensors=sensors, rig=rig)
+    return MeasurementContext(known_values=values, scales=scales, sensors=sensors, rig=rig)
 
 
 def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, KnownValue]]:
@@ -120,7 +120,7 @@ def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, KnownValue]]:
     yield "air_degC", KnownValue(value=degC, sd=kelvin, unit="K", origin=origin)
 
 
-def run_circumstances(folder: Path) -> MeasurementContext:
+def load_run_context(folder: Path) -> MeasurementContext:
     """Return the context of a run folder; only standard air for anything else."""
     if not is_run(folder):
         return measurement_context(None, None)
@@ -129,10 +129,10 @@ def run_circumstances(folder: Path) -> MeasurementContext:
         rig = run_rig(folder, facts)
     except FileFormatError:
         return measurement_context(None, facts.get("air"))
-    return rig_circumstances(rig, facts.get("air"), facts.get("calibration"))
+    return build_rig_context(rig, facts.get("air"), facts.get("calibration"))
 
 
-def rig_circumstances(
+def build_rig_context(
     rig: Rig, air: Mapping[str, Any] | None = None, calibration: Mapping[str, Any] | None = None
 ) -> MeasurementContext:
     """Return the context of a rig; see `measurement_context`."""
@@ -140,7 +140,7 @@ def rig_circumstances(
     return measurement_context(rig.propeller or default_propeller, air, rig.motor, rig, calibration)
 
 
-def recording_circumstances(facts: Mapping[str, Any], where: str) -> MeasurementContext:
+def build_recording_context(facts: Mapping[str, Any], where: str) -> MeasurementContext:
     """Return the context of a recording file from its JSON metadata."""
     data = facts.get("propeller")
     propeller = build_dataclass(Propeller, data, f"{where}: propeller") if data else None
@@ -227,7 +227,7 @@ def derive_quantities(
     )  # fmt: skip
 
 
-def quantities_of(recording: Recording, context: MeasurementContext) -> dict[str, Array]:
+def evaluate_quantities(recording: Recording, context: MeasurementContext) -> dict[str, Array]:
     """Return every quantity (n,) of a recording's rows by name, without errors."""
     values = _evaluate(_inputs(recording, context))
     return {
@@ -241,7 +241,7 @@ def _has_finite(values: Any) -> bool:
 
 def _inputs(recording: Recording, context: MeasurementContext) -> Values:
     """Return the inputs of quantities: channels, speeds, known values."""
-    inputs: Values = {name: known_value.value for name, known_value in context.stated.items()}
+    inputs: Values = {name: known_value.value for name, known_value in context.known_values.items()}
     candidates = dict.fromkeys((*MEASURED, *(quantity.name for quantity in QUANTITIES)))
     for name in candidates:
         if name in recording and _has_finite(recording.column(name)):
@@ -318,7 +318,7 @@ def _shared_errors(
     context: MeasurementContext, inputs: Values
 ) -> Iterator[tuple[str, str, KnownValue, Any]]:
     """Yield label, input, known value and change of the input of each error shared by rows."""
-    for name, known_value in context.stated.items():
+    for name, known_value in context.known_values.items():
         if known_value.sd:
             yield LABELS.get(name, name), name, known_value, known_value.sd
     for channel, known_value in context.scales.items():
@@ -354,14 +354,14 @@ def _origin(
     channels = [
         "rpm" if name in ("speed_rad_s", "shaft_rad_s") else name
         for name in leaves
-        if name not in context.stated
+        if name not in context.known_values
     ]
     text = f"from {', '.join(dict.fromkeys(channels))}"
     sheet = [name for name in leaves if name in DATA_SHEET]
     return f"{text} and the data sheet ({', '.join(sheet)})" if sheet else text
 
 
-def add_shared_errors(recording: Recording, context: MeasurementContext) -> Recording:
+def add_quantities(recording: Recording, context: MeasurementContext) -> Recording:
     """Return a recording with every quantity that can be derived in this context."""
     return with_quantities(recording, derive_quantities(recording, context))
 

@@ -11,13 +11,15 @@ from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.data.derived import MeasurementContext, recording_circumstances
+from benchtool.data.derived import MeasurementContext, build_recording_context
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
 from benchtool.data.run.run_metadata import read_recording_facts
 
-STEADY = 0.5  # last part of a level, after thrust and speed settled, that is averaged; assumed
+AVERAGED_SHARE = (
+    0.5  # last part of a level, after thrust and speed settled, that is averaged; assumed
+)
 BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
 
 AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
@@ -32,7 +34,7 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
     """
     if metadata_path(path).is_file():
         facts = read_recording_facts(metadata_path(path), FORMAT)
-        return split_levels(read_recording(path)), recording_circumstances(
+        return split_levels(read_recording(path)), build_recording_context(
             facts, str(metadata_path(path))
         )
     if not path.exists():
@@ -48,7 +50,7 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
         **import_metadata(result, ImportOptions()),
         "provenance": dict(result.recording.provenance),
     }
-    return split_levels(result.recording), recording_circumstances(facts, str(path))
+    return split_levels(result.recording), build_recording_context(facts, str(path))
 
 
 def split_levels(recording: Recording) -> Recording:
@@ -106,7 +108,9 @@ def _number_levels(recording: Recording) -> NDArray[np.intp] | None:
         length = np.bincount(segment)[segment]
         if (mean := n / (segment[-1] + 1)) >= 3.0 and mean * step_s >= BIN_S:
             position = np.arange(n) - np.searchsorted(segment, segment)
-            return np.where(position >= np.floor(STEADY * length), segment, -1).astype(np.intp)
+            return np.where(position >= np.floor(AVERAGED_SHARE * length), segment, -1).astype(
+                np.intp
+            )
     if step_s < 0.2 * BIN_S:
         return np.asarray(np.floor((time_s - time_s.min()) / BIN_S), np.intp)
     return None

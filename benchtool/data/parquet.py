@@ -17,7 +17,7 @@ from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import atomic_writer
 from benchtool.data.columns import WORDS, find_channel
-from benchtool.data.run.sample_stream import WholeLines, codes_of, numbers_of, sample_batches
+from benchtool.data.run.sample_stream import WholeLines, encode_words, read_batches, stack_batches
 
 _BATCH_ROWS = 1 << 13
 
@@ -66,9 +66,11 @@ def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
         names = lines.names
         units = {name: find_channel(name).unit for name in names}
         with _writer(path, units, {"sha256": csv_sha256, "file": csv.name}) as writer:
-            for batch in sample_batches(lines, csv, names):
+            for batch in read_batches(lines, csv, names):
                 columns = [
-                    _encode(name, pa.array(codes_of(name, cells, csv))) if name in WORDS else cells
+                    _encode(name, pa.array(encode_words(name, cells, csv)))
+                    if name in WORDS
+                    else cells
                     for name, cells in zip(names, batch.columns, strict=True)
                 ]
                 writer.write_batch(pa.record_batch(columns, schema=writer.schema))
@@ -98,7 +100,7 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
             rows = file.metadata.num_rows
             check_decoded(rows, len(present), where)
             batches = file.iter_batches(_BATCH_ROWS, columns=present, use_threads=False)
-            values = numbers_of(batches, present, rows, path)
+            values = stack_batches(batches, present, rows, path)
     except MemoryError:
         raise
     except (pa.ArrowException, KeyError, OSError, ValueError) as error:

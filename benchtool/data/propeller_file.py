@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.library import list_names, read_named, user_names
+from benchtool.core.library import list_names, read_library_file, user_names
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Propeller
 from benchtool.core.toml_text import (
@@ -58,7 +58,7 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
 
 def read_propeller(name_or_path: str) -> tuple[Propeller, Mapping[str, str]]:
     """Return a propeller and the source of each of its numbers."""
-    text, where = read_named("propeller", FOLDER, name_or_path)
+    text, where = read_library_file("propeller", FOLDER, name_or_path)
     sources = ValueSources()
     data = unwrap_quantities(parse_toml(text, where), sources)
     require_sources(sources, where)

@@ -42,7 +42,7 @@ class RowFilter:
             )
         return cls(column.strip(), value.strip())
 
-    def holds(self, cell: str) -> bool:
+    def matches(self, cell: str) -> bool:
         """Return whether a stripped cell passes the filter."""
         try:
             return cell == self.value or float(cell) == float(self.value)
@@ -67,7 +67,7 @@ def read_table(
     """
     table = read_csv_text(Path(path))
     filters = [item if isinstance(item, RowFilter) else RowFilter.parse(item) for item in where]
-    rows = rows_where(table, filters)
+    rows = filter_rows(table, filters)
     if columns:
         chosen = [map_column(table.header, table.where, *entry) for entry in columns.items()]
         references = {column.position: column.reference for column in chosen if column.reference}
@@ -133,7 +133,7 @@ def table_columns(table: CsvTable) -> list[tuple[Channel, Array]]:
     ]
 
 
-def rows_where(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
+def filter_rows(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
     """Return the positions of the rows that pass all filters.
 
     Raises:
@@ -146,7 +146,7 @@ def rows_where(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
     for row_filter in filters:
         index = column_index(table.header, row_filter.column, table.where)
         cells = {row: table.rows[row][index].strip() for row in rows}
-        rows = [row for row, cell in cells.items() if row_filter.holds(cell)]
+        rows = [row for row, cell in cells.items() if row_filter.matches(cell)]
         if not rows:
             values = list(dict.fromkeys(cells.values()))
             shown_values = ", ".join(values[:12]) + (", ..." if len(values) > 12 else "")
@@ -167,7 +167,7 @@ def _mapped(
         return channel, np.full(len(rows), column.constant)
     if column.reference:
         cells = [table.rows[row][column.position].strip() for row in rows]
-        is_reference = RowFilter("", column.reference).holds
+        is_reference = RowFilter("", column.reference).matches
         kinds = ["reference" if is_reference(cell) else "measure" for cell in cells]
         return channel, np.array([word_to_code(column.name, kind) for kind in kinds])
     values = parse_column(table, column.position, rows, references.get(column.position, ""))

@@ -53,9 +53,9 @@ class ExplainResult:
         """True if any recording is simulated."""
         return any(source.simulated for source in self.request.sources)
 
-    def title_of(self, name: str) -> str:
+    def find_title(self, name: str) -> str:
         """Return an effect's title, or the name if it has no title ("none")."""
-        effects = {**EFFECTS, **{effect.name: effect for effect in self.request.own}}
+        effects = {**EFFECTS, **{effect.name: effect for effect in self.request.user_effects}}
         return effects[name].title if name in effects else name
 
     @property
@@ -84,7 +84,7 @@ class ExplainResult:
         return {source.name: source.sha256 for source in self.request.sources}
 
 
-class ChannelWords(NamedTuple):
+class ChannelLabel(NamedTuple):
     """Display title and unit of a channel, with a factor on stored values."""
 
     title: str
@@ -93,18 +93,18 @@ class ChannelWords(NamedTuple):
 
 
 _CHANNELS = {
-    "theta_rad": ChannelWords("pitch", "deg", degrees(1.0)),
-    "gyro_rad_s": ChannelWords("pitch rate", "deg/s", degrees(1.0)),
-    "thrust_N": ChannelWords("thrust", "N"),
-    "rpm": ChannelWords("rotor speed", "rpm"),
+    "theta_rad": ChannelLabel("pitch", "deg", degrees(1.0)),
+    "gyro_rad_s": ChannelLabel("pitch rate", "deg/s", degrees(1.0)),
+    "thrust_N": ChannelLabel("thrust", "N"),
+    "rpm": ChannelLabel("rotor speed", "rpm"),
 }
 
 
-def channel_words(channel: str, unit: str) -> ChannelWords:
+def find_channel_label(channel: str, unit: str) -> ChannelLabel:
     """Return display title, unit and factor of a channel."""
     if channel not in _CHANNELS and channel.startswith("rpm"):
-        return ChannelWords(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
-    return _CHANNELS.get(channel, ChannelWords(channel, unit))
+        return ChannelLabel(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
+    return _CHANNELS.get(channel, ChannelLabel(channel, unit))
 
 
 def answer_request(
@@ -144,7 +144,7 @@ class Request:
     effects_given: str  # source of user-defined effects, as typed; empty without
     model_sha256: str  # of the model file; empty for a library model
     effects_file: Path | None  # Python file of user-defined effects
-    own: tuple[Effect, ...]  # user-defined effects
+    user_effects: tuple[Effect, ...]  # user-defined effects
     learn: tuple[RecordingSource, ...]
     check: tuple[RecordingSource, ...]
 
@@ -160,7 +160,7 @@ class Request:
 
     def subject(self) -> Subject:
         """Return the recordings with the model; InputError if they are insufficient."""
-        model, effects = self.loaded.model, [e for e in self.own if self.kind in e.benches]
+        model, effects = self.loaded.model, [e for e in self.user_effects if self.kind in e.benches]
         if self.kind == "sweep":
             learn, check = ([s.recording for s in part] for part in (self.learn, self.check))
             return SweepSubject(model, learn, check, effects)
@@ -219,7 +219,7 @@ def read_request(
     try:
         sources, checks = read_sources(learn, check, loaded)
     except MissingColumn as error:
-        raise error.of(file.name if file is not None else model) from None
+        raise error.with_map_file(file.name if file is not None else model) from None
     return Request(
         loaded=loaded,
         model_file=file.name if file is not None else model,
@@ -228,7 +228,7 @@ def read_request(
         effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
         effects_file=effects_path,
-        own=user_defined,
+        user_effects=user_defined,
         learn=tuple(sources),
         check=tuple(checks),
     )

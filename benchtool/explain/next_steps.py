@@ -10,9 +10,9 @@ from pathlib import Path
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.core.schedule_file import schedule_to_toml
 from benchtool.explain.answer import ExplainResult, Request
-from benchtool.explain.law_search.draft import FOUND
+from benchtool.explain.law_search.draft import DRAFT_NAME
 from benchtool.explain.recordings import RecordingSource
-from benchtool.explain.updated_model import MODEL, own_names
+from benchtool.explain.updated_model import MODEL, user_effect_names
 from benchtool.physics.effects.effect import BenchKind
 
 RICHER_EXPERIMENT_HINT: dict[BenchKind, str] = {  # if most effects are unjudged
@@ -39,7 +39,7 @@ class NextStep:
 def next_file(answer: ExplainResult) -> tuple[str, str]:
     """Return name and text of the file of the next experiment; empty without a decisive one."""
     experiment = answer.verdict.next
-    if experiment is None or not experiment.decides:
+    if experiment is None or not experiment.is_decisive:
         return "", ""
     if experiment.schedule is not None:
         return "next_schedule.toml", schedule_to_toml(experiment.schedule)
@@ -50,10 +50,10 @@ def next_sentence(answer: ExplainResult) -> str:
     """Return a recommendation for the next recording; empty if none is needed."""
     experiment = answer.verdict.next
     if experiment is None:
-        is_poor = answer.verdict.mostly_blind and not answer.verdict.is_sure
+        is_poor = answer.verdict.is_mostly_unjudged and not answer.verdict.is_sure
         return RICHER_EXPERIMENT_HINT[answer.verdict.bench] if is_poor else ""
     title, reason = experiment.title, experiment.reason
-    if not experiment.decides:
+    if not experiment.is_decisive:
         title = f"{title[:1].lower()}{title[1:]}"
         return f"No possible experiment is decisive; the best one, {title}, is only {reason}."
     return f"Record next: {title}. {reason[:1].upper()}{reason[1:]}."
@@ -74,7 +74,7 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
     dependence = answer.verdict.depends
     drafted: tuple[NextStep, ...] = ()
     if dependence is not None and dependence.law is not None:
-        file = str(Path(folder) / f"{FOUND}.py")
+        file = str(Path(folder) / f"{DRAFT_NAME}.py")
         purpose = f"check {file}, name it after its cause, and explain again with it"
         with_draft = replace(request, effects_given=file)
         drafted = (NextStep(purpose, _explain_command(with_draft, request.model_given, again)),)
@@ -84,7 +84,7 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
         return drafted
     if not answer.has_model:
         return ()
-    command = _explain_command(request, new, again, with_effects=not own_names(answer))
+    command = _explain_command(request, new, again, with_effects=not user_effect_names(answer))
     explain_again = NextStep("explain again: is anything still missing?", command)
     if answer.verdict.bench == "pitch":
         arguments = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
@@ -101,7 +101,7 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
     )
 
 
-def lines(steps: Sequence[NextStep]) -> list[str]:
+def format_steps(steps: Sequence[NextStep]) -> list[str]:
     """Return steps as shell lines, each command below a comment with its purpose."""
     return [line for step in steps for line in (f"# {step.purpose}", step.command)]
 

@@ -15,7 +15,7 @@ from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_header
-from benchtool.data.run.entry import kind_of
+from benchtool.data.run.entry import detect_kind
 from benchtool.data.run.read import changed_points, is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import metadata_path, read_recording
 from benchtool.data.table import read_table
@@ -252,7 +252,7 @@ def list_recordings(folder: Path) -> list[Path]:
     """Return the recordings of a folder, else its tables, else those of its subfolders."""
     for pattern in ("*", "*/*"):
         paths = [item for item in sorted(folder.glob(pattern)) if not item.name.startswith(".")]
-        kinds = {item: kind_of(item) for item in paths}
+        kinds = {item: detect_kind(item) for item in paths}
         for accepted in (("recording", "sweep"), ("table",)):
             listed = [
                 item

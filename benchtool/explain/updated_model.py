@@ -17,10 +17,10 @@ from benchtool.physics.model_file import LoadedModel, model_to_toml
 
 MODEL = "model.toml"  # file of the new model in the folder of an answer
 NEAREST = "model_nearest.toml"  # model with the effect nearest to an unnamed one
-NOTHING = 1e-15  # largest rounding error of a zero after optimisation, in any unit; assumed
+ZERO_TOLERANCE = 1e-15  # largest rounding error of a zero after optimisation, in any unit; assumed
 
 
-def added_model(answer: ExplainResult, rig: str = "", effects_file: str = "") -> str:
+def format_added_model(answer: ExplainResult, rig: str = "", effects_file: str = "") -> str:
     """Return the text of the new model's file: the parent with the named effects.
 
     Other effects keep the parent's values. Of a class the most probable member is added.
@@ -77,7 +77,7 @@ def model_with_effects(answer: ExplainResult) -> Model:
             continue
         if dot and name not in model.parameters:
             neutral = parameter.neutral
-            if neutral is not None and isclose(parameter.value, neutral, abs_tol=NOTHING):
+            if neutral is not None and isclose(parameter.value, neutral, abs_tol=ZERO_TOLERANCE):
                 continue
             model = model.with_effect(_find_effect(answer, owner))
         value = model.parameters[name].value
@@ -88,7 +88,7 @@ def model_with_effects(answer: ExplainResult) -> Model:
     return model
 
 
-def own_names(answer: ExplainResult) -> tuple[str, ...]:
+def user_effect_names(answer: ExplainResult) -> tuple[str, ...]:
     """Return the names of added effects that are user-defined."""
     return tuple(effect.name for effect in added_effects(answer) if effect.name not in EFFECTS)
 
@@ -100,7 +100,7 @@ def added_effects(answer: ExplainResult) -> tuple[NamedEffect, ...]:
 
 
 def _find_effect(answer: ExplainResult, name: str) -> Effect:
-    user_effects = {effect.name: effect for effect in answer.request.own}
+    user_effects = {effect.name: effect for effect in answer.request.user_effects}
     return user_effects.get(name) or EFFECTS[name]
 
 

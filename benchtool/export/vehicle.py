@@ -269,7 +269,7 @@ class Vehicle:
 
     def factor(self, z_m: Array) -> Array:
         """Return the thrust ratio (n,), level, with equal speeds and full coverage."""
-        conditions = Conditions.of(
+        conditions = Conditions.build(
             self.rig,
             speed_rad_s=np.full((self.rig.n_rotors, len(z_m)), 0.5 * self.speed_max.value),
             plate_z_m=np.asarray(z_m, float),

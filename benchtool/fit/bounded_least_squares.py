@@ -29,7 +29,7 @@ class BoundedRegion:
     upper: Array  # (n,)
     penalty: Array  # (n,) p of a quadratic penalty (p_i x_i)^2: 1 / prior width; 0 for none
 
-    def clipped(self, values: Array) -> Array:
+    def clip(self, values: Array) -> Array:
         """Return the nearest point within the bounds."""
         clipped_values: Array = np.clip(values, self.lower, self.upper)
         return clipped_values
@@ -48,7 +48,7 @@ class BoundedRegion:
 class Linearisation:
     """Linear model of residuals at a point, without penalties."""
 
-    at: Array  # (n,) the point
+    point: Array  # (n,) the point
     cost: float  # sum of squares there
     gradient: Array  # (n,) J^T r
     curvature: Array  # (n, n) J^T J
@@ -57,7 +57,7 @@ class Linearisation:
     def of(cls, at: Array, rows: Array, jacobian: Array) -> Linearisation:
         """Return the linearisation for residuals (n_rows,) and their Jacobian (n_rows, n)."""
         return cls(
-            at=np.array(at),
+            point=np.array(at),
             cost=float(rows @ rows),
             gradient=jacobian.T @ rows,
             curvature=jacobian.T @ jacobian,
@@ -67,12 +67,12 @@ class Linearisation:
         """Return the minimum of the linear model within a region, and its cost."""
         weights = region.penalty**2
         curvature = self.curvature + np.diag(weights)
-        gradient = self.gradient + weights * self.at
+        gradient = self.gradient + weights * self.point
         factor = _root(curvature)
         target = np.linalg.solve(factor.T, -gradient)
-        low, high = region.lower - self.at, region.upper - self.at
+        low, high = region.lower - self.point, region.upper - self.point
         free = high - low > 1e-9
-        move = np.clip(np.zeros(len(self.at)), low, high)
+        move = np.clip(np.zeros(len(self.point)), low, high)
         if free.any():
             fixed = factor[:, ~free] @ move[~free]
             solution = lsq_linear(
@@ -80,14 +80,14 @@ class Linearisation:
             )
             move[free] = np.clip(solution.x, low[free], high[free])
         change = 2.0 * gradient @ move + move @ curvature @ move
-        return self.at + move, float(self.cost + region.penalty_cost(self.at) + change)
+        return self.point + move, float(self.cost + region.penalty_cost(self.point) + change)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MinimizationResult:
     """Result of a bounded search."""
 
-    at: Array  # (n,) the point
+    values: Array  # (n,) the point
     cost: float  # sum of squares there, penalties included
     converged: bool  # the last step gained less than the minimum gain
 
@@ -104,14 +104,14 @@ class BoundedSearch:
 
     Args:
         costs: sums of squares of parameter sets (n_sets, n).
-        linearised: linearisation at a point (n,).
+        linearise: linearisation at a point (n,).
     """
 
     def __init__(
         self, costs: Callable[[Array], Array], linearised: Callable[[Array], Linearisation]
     ) -> None:
         self._costs = costs
-        self.linearised = linearised
+        self.linearise = linearised
 
     @classmethod
     def of(cls, residuals: Residuals, limits: tuple[Array, Array]) -> BoundedSearch:
@@ -121,39 +121,41 @@ class BoundedSearch:
             rows = residuals(sets)
             return np.asarray(np.einsum("ij,ij->j", rows, rows), float)
 
-        return cls(costs, lambda at: Linearisation.of(at, *slopes(residuals, at, limits[1])))
+        return cls(
+            costs, lambda at: Linearisation.of(at, *finite_differences(residuals, at, limits[1]))
+        )
 
-    def minimum(
+    def minimize(
         self,
         start: Array,
         region: BoundedRegion,
         *,
-        known: Linearisation | None = None,
-        most_steps: int = 12,
-        enough: float = 0.1,
-        above: float = np.inf,
+        linearisation: Linearisation | None = None,
+        max_steps: int = 12,
+        min_gain: float = 0.1,
+        max_cost: float = np.inf,
     ) -> MinimizationResult:
         """Return the local minimum of a region for a start point.
 
         Args:
             start: (n,) initial values; clipped to the region.
             region: bounds and penalties.
-            known: linearisation of the first step; its point may lie outside the region.
-            most_steps: maximum number of linearisations.
-            enough: stop when a step reduces the sum of squares by less than this.
-            above: stop when the predicted cost, with `PREDICTED_DECREASE_FACTOR` times the
+            linearisation: linearisation of the first step; its point may lie outside the region.
+            max_steps: maximum number of linearisations.
+            min_gain: stop when a step reduces the sum of squares by less than this.
+            max_cost: stop when the predicted cost, with `PREDICTED_DECREASE_FACTOR` times the
                 predicted gain, stays above this.
         """
-        local = known if known is not None else self.linearised(region.clipped(start))
-        penalty_cost = float(region.penalty_cost(local.at))
-        best = MinimizationResult(local.at, local.cost + penalty_cost, False)
-        if not region.contains(local.at):
-            best = MinimizationResult(local.at, np.inf, False)
-        for step in range(1, most_steps + 1):
+        local = linearisation if linearisation is not None else self.linearise(region.clip(start))
+        penalty_cost = float(region.penalty_cost(local.point))
+        best = MinimizationResult(local.point, local.cost + penalty_cost, False)
+        if not region.contains(local.point):
+            best = MinimizationResult(local.point, np.inf, False)
+        for step in range(1, max_steps + 1):
             target, predicted_cost = local.step(region)
-            if best.cost - PREDICTED_DECREASE_FACTOR * (best.cost - predicted_cost) > above:
+            if best.cost - PREDICTED_DECREASE_FACTOR * (best.cost - predicted_cost) > max_cost:
                 return best
-            inside = region.clipped(local.at)
+            inside = region.clip(local.point)
             sets = np.array([inside + length * (target - inside) for length in STEP_LENGTHS])
             costs = self._costs(sets)
             costs = np.where(np.isfinite(costs), costs, np.inf) + region.penalty_cost(sets)
@@ -161,14 +163,14 @@ class BoundedSearch:
             gain = best.cost - float(costs[best_index])
             if gain > 0.0:
                 best = MinimizationResult(sets[best_index], float(costs[best_index]), False)
-            if not gain > enough:
-                return MinimizationResult(best.at, best.cost, bool(np.isfinite(best.cost)))
-            if step < most_steps:
-                local = self.linearised(best.at)
+            if not gain > min_gain:
+                return MinimizationResult(best.values, best.cost, bool(np.isfinite(best.cost)))
+            if step < max_steps:
+                local = self.linearise(best.values)
         return best
 
 
-def slopes(residuals: Residuals, at: Array, upper: Array) -> tuple[Array, Array]:
+def finite_differences(residuals: Residuals, at: Array, upper: Array) -> tuple[Array, Array]:
     """Return residuals (n_rows,) and their Jacobian (n_rows, n); no step exceeds `upper`."""
     steps = np.where(at + STEP <= upper, STEP, -STEP)
     rows = residuals(np.vstack([at, at + np.diag(steps)]))

@@ -40,7 +40,7 @@ class Score:
     parameters: int  # number of free parameters
 
     @property
-    def clearly_behind(self) -> bool:
+    def is_clearly_behind(self) -> bool:
         """True if the loss against the best exceeds twice its standard error."""
         return self.behind_best > 2.0 * self.behind_best_se
 
@@ -62,7 +62,7 @@ class Comparison:
         if not others:
             return sentence
         parts = [
-            f"{score.model} is {'clearly' if score.clearly_behind else 'not clearly'} behind "
+            f"{score.model} is {'clearly' if score.is_clearly_behind else 'not clearly'} behind "
             f"({score.behind_best:.1f} ± {score.behind_best_se:.1f} in log score)"
             for score in others
         ]

@@ -20,11 +20,11 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.compare import predictive_density
-from benchtool.fit.diagnose import refusal, with_diagnosis
+from benchtool.fit.diagnose import find_error, with_diagnosis
 from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem
-from benchtool.physics.bases import with_blades_of_rig
+from benchtool.physics.bases import with_rig_blades
 from benchtool.physics.catalogue import thrust_laws
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.effects.effect import Effect
@@ -156,7 +156,7 @@ def _fit_law(
         whole = fit_least_squares(problem)
     except EstimationError as error:
         return replace(trial, refused=str(error))
-    rejection = refusal((with_diagnosis(problem, whole),))
+    rejection = find_error((with_diagnosis(problem, whole),))
     reason = "" if rejection is None else whole.outcome.message
     if isinstance(rejection, ModelRejected):
         reason = f"rejected by chi2/dof {whole.chi2_per_dof:.3g}"
@@ -235,7 +235,7 @@ def with_law(
         if other.hooks.response is not None:  # blade response applies to laws at equal power only
             model = model.without(other.name)
     model = model.with_fixed("R_m", model.rig.propulsion.radius_m).with_law(effect)
-    model = with_blades_of_rig(model)
+    model = with_rig_blades(model)
     return model.with_free(*(f"{effect.name}.{name}" for name in law.compared))
 
 

@@ -8,7 +8,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_names
 from benchtool.data.atomic import data_hash
-from benchtool.data.run.run_rig import differences, load_rig_for_data, with_blades_of
+from benchtool.data.run.run_rig import fill_missing_parts, find_differences, load_rig_for_data
 from benchtool.physics.model_file import model_names
 
 
@@ -24,12 +24,12 @@ def rig_for_data(data: Sequence[str], model: str, named: str | None = None) -> R
     recorded_rig = load_rig_for_data(data)
     if named is not None:
         named_rig = load_rig_by_name(named)
-        if recorded_rig is not None and (mismatches := differences(recorded_rig, named_rig)):
+        if recorded_rig is not None and (mismatches := find_differences(recorded_rig, named_rig)):
             raise InputError(
                 f"--rig {named} is not the rig that the data were recorded on ({mismatches[0]}); "
                 f"omit --rig"
             )
-        return named_rig if recorded_rig is None else with_blades_of(recorded_rig, named_rig)
+        return named_rig if recorded_rig is None else fill_missing_parts(recorded_rig, named_rig)
     if recorded_rig is None and data and model in model_names():
         for path in data:
             data_hash(path)  # raises for a missing file

@@ -104,7 +104,7 @@ def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
     )
 
 
-def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
+def find_error(results: Sequence[FitResult]) -> BenchtoolError | None:
     """Return the error of failed results or of a rejected model; None if they are valid.
 
     A model is rejected if the p-value of its chi2 at the stated errors is below `SIGNIFICANCE`.
@@ -120,8 +120,8 @@ def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
     if first.facts.get("verdict") != "rejected":
         return None
     return ModelRejected(
-        f"the data reject model {first.model!r}: points scatter {times_as_much(first)} as much as "
-        f"their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
+        f"the data reject model {first.model!r}: points scatter {format_scatter_ratio(first)} as "
+        f"much as their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
         f"the missing effect is known: {_remedy(first)}"
     )
 
@@ -148,7 +148,7 @@ def _verdict_messages(
 ) -> tuple[str, ...]:
     message = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
     noise_is_free = any(estimate.name.startswith("noise.") for estimate in result.estimates)
-    scatter_text = f"points scatter {times_as_much(result)} as much as their stated errors"
+    scatter_text = f"points scatter {format_scatter_ratio(result)} as much as their stated errors"
     narrow_text = (
         f"the model lacks something and the intervals are too narrow; {_remedy(result)} before "
         f"these numbers are used"
@@ -180,7 +180,7 @@ def _verdict_messages(
     return ()
 
 
-def times_as_much(result: FitResult) -> str:
+def format_scatter_ratio(result: FitResult) -> str:
     """Return the ratio of scatter to stated errors as text."""
     return f"{np.sqrt(result.chi2_per_dof):.2g} times"
 

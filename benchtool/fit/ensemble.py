@@ -111,8 +111,8 @@ def sample_until_converged(
         done = target
         chain = sampler.get_chain()[int(BURN_IN_SHARE * done) :]
         chains = chain.reshape(chain.shape[0], ENSEMBLES, walkers, chain.shape[2])
-        convergence = convergence_of(chains)
-        if convergence.reached or done >= max_steps:
+        convergence = check_convergence(chains)
+        if convergence.is_converged or done >= max_steps:
             return chains, convergence
         needed_steps = 1.05 * TAU_LENGTHS / (1.0 - BURN_IN_SHARE) * convergence.slowest_tau_steps
         target = int(min(max(needed_steps, 1.3 * done), max_steps, 4.0 * done))
@@ -206,7 +206,7 @@ def _outcome(
     problem: Problem, convergence: Convergence, steps: int, max_steps: int, draws_per_step: int
 ) -> Outcome:
     evaluations = steps * draws_per_step
-    if convergence.reached:
+    if convergence.is_converged:
         return Outcome(
             "converged",
             f"{ENSEMBLES} ensembles agree (R-hat {np.max(convergence.rhat):.4f}) over "
@@ -264,7 +264,7 @@ class Convergence:
         return bool(np.all(self.rhat < RHAT_LIMIT))
 
     @property
-    def reached(self) -> bool:
+    def is_converged(self) -> bool:
         """True if both criteria are met."""
         return self.is_long_enough and self.is_mixed
 
@@ -287,7 +287,7 @@ def split_rhat(chains: Array) -> Array:
     return np.where(np.isfinite(rhat), rhat, np.inf)
 
 
-def convergence_of(chains: Array) -> Convergence:
+def check_convergence(chains: Array) -> Convergence:
     """Return convergence diagnostics of chains (steps, ensembles, walkers, n)."""
     steps, ensembles, walkers, n = chains.shape
     with np.errstate(all="ignore"):

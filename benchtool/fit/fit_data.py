@@ -178,8 +178,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         observed = np.concatenate([ratio.value for ratio in run_ratios])
         error = np.concatenate([ratio.standard_error for ratio in run_ratios])
         sources = concatenate_sources([ratio.error_sources for ratio in run_ratios])
-        share = block_diag(*(ratio.share for ratio in run_ratios))
-        by_thrust = block_diag(*(ratio.by_thrust for ratio in run_ratios))
+        share = block_diag(*(ratio.reference_weights for ratio in run_ratios))
+        by_thrust = block_diag(*(ratio.thrust_jacobian for ratio in run_ratios))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
@@ -199,7 +199,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     z_over_R = model.z_over_R(conditions)
     nearest = recipe.min_z_over_R
     nearest = model.nearest_z_over_R if nearest is None else nearest
-    used, left_out = _select_points(observed, error, conditions.known, z_over_R, nearest)
+    used, left_out = _select_points(observed, error, conditions.is_complete, z_over_R, nearest)
     if used.any() and z_over_R[used].min() >= NO_PLATE_Z_OVER_R and model.parameters["R_m"].free:
         left_out += (
             "no point has a plate distance, so that R_m cannot be determined; fit the thrust curve "
@@ -209,7 +209,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if recipe.basis != "joint" and not has_ratios:
         parked_m = np.concatenate([_parked_m(part) for part in parts])
         # The load cell drifts between a visit and its references; the tare error is in both.
-        reference = Conditions.of(
+        reference = Conditions.build(
             model.rig,
             speed_rad_s=conditions.speed_rad_s,
             plate_z_m=parked_m,

@@ -36,7 +36,7 @@ class LawComparison:
     scores: tuple[LawScore, ...]
     distances: tuple[float, ...]  # z/R, increasing
 
-    def named(self, *verdicts: Verdict) -> list[str]:
+    def find_laws(self, *verdicts: Verdict) -> list[str]:
         """Return the names of the laws with one of these verdicts."""
         return [score.law for score in self.scores if score.verdict in verdicts]
 
@@ -45,7 +45,7 @@ class LawComparison:
         """Return one sentence: best law, rejected laws, indistinguishable laws."""
         near, far = self.distances[0], self.distances[-1]
         where = f"At these {len(self.distances)} distances (z/R {near:.3g} to {far:.3g})"
-        leading = self.named("best", "indistinguishable")
+        leading = self.find_laws("best", "indistinguishable")
         if not leading:
             nearest = self.scores[0].law
             return f"{where} the bench follows none of the laws: {nearest} comes nearest"
@@ -57,7 +57,7 @@ class LawComparison:
         else:
             summary = f"the bench follows {best}"
         verdicts: tuple[Verdict, ...] = ("behind", "refused", "not applied")
-        groups = {verdict: self.named(verdict) for verdict in verdicts}
+        groups = {verdict: self.find_laws(verdict) for verdict in verdicts}
         parts = [f"{verdict}: {_listed(laws)}" for verdict, laws in groups.items() if laws]
         return "; ".join([f"{where} {summary}", *parts])
 

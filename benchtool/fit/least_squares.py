@@ -51,7 +51,7 @@ def fit_least_squares(
         points_dof = best.points_dof(m)
         inflation = robust_inflation(best.rows[:m], points_dof, loss, is_stated=noise is None)
         factor = float(np.sqrt(inflation))
-        whitening, jacobian = problem.whitening(value, factor).own, jacobian.copy()
+        whitening, jacobian = problem.whitening(value, factor).independent, jacobian.copy()
         jacobian[:m] /= factor
     uncertainty = estimate_covariance(jacobian, best.method)
     covariance = uncertainty.covariance[:n_shape, :n_shape]

@@ -15,11 +15,11 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics import VALIDITY_Z_OVER_R
-from benchtool.physics.active_effects import acting_effects
+from benchtool.physics.active_effects import find_trend_effects
 from benchtool.physics.bases import require_motor, thrust_ratio
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
-from benchtool.physics.precomputed import Prepared
+from benchtool.physics.precomputed import PrecomputedModel
 from benchtool.physics.tolerances import with_tolerances
 
 BASES: tuple[Basis, ...] = get_args(Basis)
@@ -99,13 +99,13 @@ def problem_from_model(
         predict=_prediction(model, conditions, None if basis == "joint" else far, basis),
         observed=np.asarray(observed, float)[used],
         standard_error=np.asarray(standard_error, float)[used],
-        error_sources=tuple(source.of(used) for source in error_sources),
+        error_sources=tuple(source.select(used) for source in error_sources),
         basis=basis,
         labels=_labels(conditions, distance[used]),
         groups=plate_settings(conditions) if groups is None else groups[used],
         covariates=_varying(columns),
         facts=facts,
-        missing=partial(acting_effects, model, conditions),
+        missing=partial(find_trend_effects, model, conditions),
     )
 
 
@@ -149,8 +149,8 @@ def _prediction(
     """Return the prediction of thrust in N, or of its ratio to a reference, from shape values."""
     require_motor(model, basis)
     merge = basis in {"joint", "equal_rpm2"} or not model.is_torque_driven
-    near = Prepared(model, conditions, merge=merge)
-    far = None if reference is None else Prepared(model, reference, merge=merge)
+    near = PrecomputedModel(model, conditions, merge=merge)
+    far = None if reference is None else PrecomputedModel(model, reference, merge=merge)
     template: list[Any] = [parameter.value for parameter in model.parameters.values()]
     positions = [
         position

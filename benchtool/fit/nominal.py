@@ -12,7 +12,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.data.run.run_rig import differences
+from benchtool.data.run.run_rig import find_differences
 from benchtool.fit.result_file import read_result
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -66,7 +66,7 @@ def nominal_model(name: str, rig: Rig, permit: CodePermit = check_code_allowed) 
 
 def _fitted(path: Path, rig: Rig, permit: CodePermit) -> NominalModel:
     loaded = load_model(str(path), permit=permit)
-    if mismatches := differences(loaded.model.rig, rig):
+    if mismatches := find_differences(loaded.model.rig, rig):
         raise InputError(
             f"{path} was fitted on another rig than the run's ({mismatches[0]}); use a model that "
             f"was fitted on this rig"

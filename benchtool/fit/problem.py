@@ -274,7 +274,7 @@ class Problem:
             predict=predict,
             observed=self.observed[rows],
             standard_error=self.standard_error[rows],
-            error_sources=tuple(source.of(rows) for source in self.error_sources),
+            error_sources=tuple(source.select(rows) for source in self.error_sources),
             labels=tuple(self.label(int(i)) for i in rows),
             groups=None if self.groups is None else self.groups[rows],
             covariates={name: column[rows] for name, column in self.covariates.items()},

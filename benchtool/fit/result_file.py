@@ -14,7 +14,7 @@ from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import atomic_writer, json_ready, replace_json, replace_text
 from benchtool.data.run.entry import FIT_FILE, FIT_FORMAT
 from benchtool.data.run.entry import read_result as read_result
-from benchtool.fit.diagnose import refusal
+from benchtool.fit.diagnose import find_error
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.model_file import LoadedModel, model_to_toml
 
@@ -28,7 +28,7 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
     recipe["data"] = [Path(name).name for name in output.recipe.data]
     recipe["model"] = Path(output.recipe.model).name
     recipe["compare"] = [Path(name).name for name in output.recipe.compare]
-    problem = refusal(output.results)
+    problem = find_error(output.results)
     answer: Answer = "model rejected" if isinstance(problem, ModelRejected) else "given"
     if isinstance(problem, EstimationError):
         answer = "none"
@@ -82,7 +82,7 @@ def write_result(folder: Path, output: FitOutput) -> None:
 
 
 def _write_model(folder: Path, output: FitOutput) -> None:
-    problem = refusal(output.results)
+    problem = find_error(output.results)
     model = output.fitted
     if problem is not None:
         model = replace(model, provenance={**model.provenance, "rejected": str(problem)})

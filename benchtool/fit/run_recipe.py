@@ -13,7 +13,7 @@ from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.data.run.read import parts_of
+from benchtool.data.run.read import find_parts
 from benchtool.fit.compare import Comparison, compare
 from benchtool.fit.compare_laws import compare_laws
 from benchtool.fit.diagnose import with_diagnosis
@@ -111,7 +111,7 @@ def run_recipe(
             "--profile needs least squares with --loss linear; omit --profile, or use "
             "--method least_squares --loss linear"
         )
-    recipe = replace(recipe, data=tuple(part for path in recipe.data for part in parts_of(path)))
+    recipe = replace(recipe, data=tuple(part for path in recipe.data for part in find_parts(path)))
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
@@ -153,7 +153,7 @@ def _load_models(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model
         return [load_model(name, model.rig, permit=permit).model for name in names]
     except UnknownChoice as unknown:
         if unknown.name in names:
-            raise UnknownChoice(unknown.kind, unknown.name, (*unknown.known, LAWS)) from None
+            raise UnknownChoice(unknown.kind, unknown.name, (*unknown.choices, LAWS)) from None
         raise
 
 
@@ -253,7 +253,7 @@ def _build_problem(model: Model, near: Model, recipe: Recipe, data: FitData) -> 
         groups=None if data.groups is None else data.groups[rows],
         reference=None if data.reference is None else data.reference.select(rows),
         error_sources=tuple(
-            source.of(rows) for source in (*data.error_sources, *data.bench_errors(near))
+            source.select(rows) for source in (*data.error_sources, *data.bench_errors(near))
         ),
     )
     if "thrust_N" not in data.points:

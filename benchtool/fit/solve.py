@@ -102,7 +102,7 @@ def solve(
             if near.finished:
                 return near
         n, draws = len(initial), np.zeros(0 if loss == "linear" else whitening.shared.shape[1])
-        independent = whitening if loss == "linear" else whitening.own
+        independent = whitening if loss == "linear" else whitening.independent
         shared = np.zeros((len(first) + len(draws), len(draws)))
         if len(draws):
             shared[: len(problem)], shared[len(first) :] = whitening.shared, np.eye(len(draws))

@@ -13,7 +13,7 @@ STEP = 0.1  # change of a parameter without a tolerance, in its unit; arbitrary
 MIN_CHANGE = 1e-9  # of the maximum thrust; smaller changes are rounding errors
 
 
-def acting_effects(model: Model, conditions: Conditions, column: str) -> tuple[Effect, ...]:
+def find_trend_effects(model: Model, conditions: Conditions, column: str) -> tuple[Effect, ...]:
     """Return the effects that cause residual trends over a column under these conditions.
 
     Effects without influence are left out: body lift with a single rotor, drift in a sweep without

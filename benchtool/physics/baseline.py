@@ -46,7 +46,7 @@ def baseline_parameters(rig: Rig) -> Parameters:
             source="0: nothing added",
         ),
         "noise.place_m": positive(
-            "place_m", "m", rig.place_sd_m(), "standard deviation of repeated plate positions",
+            "place_m", "m", rig.position_sd_m(), "standard deviation of repeated plate positions",
             source=rig_source("plate.repeatability_m") or rig_source("plate.backlash_m"),
         ),
     }  # fmt: skip

@@ -27,7 +27,7 @@ POWER_STEPS = 16  # iterations for equal power, w^2.7 to w^3.3; each leaves a te
 BLADES_OF_RIG = "[blade] of the rig"  # source of parameters that are taken from the current rig
 
 
-def with_blades_of_rig(model: Model) -> Model:
+def with_rig_blades(model: Model) -> Model:
     """Return the model with the rig's blades, if it has none itself and the rig defines some.
 
     Laws at equal thrust command (nearly equal speed) are left unchanged.
@@ -96,7 +96,9 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
     return model.reading_N(near, values) / model.reading_N(far, values)
 
 
-def factor_at(model: Model, basis: str, conditions: Conditions, values: Any = None) -> Any:
+def ground_effect_ratio(
+    model: Model, basis: str, conditions: Conditions, values: Any = None
+) -> Any:
     """Return T_IGE/T_OGE of the vehicle (..., m) on a basis; the reference has no plate."""
     values = model.parameters.values_array() if values is None else values
     near, far = conditions, conditions.out_of_ground_effect()

@@ -41,7 +41,7 @@ def candidates(bench: BenchKind) -> tuple[Effect, ...]:
     return tuple(effect for effect in EFFECTS.values() if bench in effect.benches)
 
 
-def never_tried(bench: BenchKind) -> tuple[Effect, ...]:
+def non_candidates(bench: BenchKind) -> tuple[Effect, ...]:
     """Return the effects with influence on that kind of bench that no explanation may name."""
     return tuple(
         effect

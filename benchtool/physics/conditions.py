@@ -12,11 +12,11 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.physics.coverage import plate_coverages
-from benchtool.physics.effects.effect import PAST_S
+from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S
 from benchtool.physics.rotor import speed_from_pwm
 
 OUT_OF_GROUND_EFFECT_M = 1e6  # plate distance without a plate; its images vanish to rounding
-SAME_PLACE = 5e-4  # m, or rad of tilt; smaller moves are ignored, above a stage's quantum; assumed
+MIN_MOVE = 5e-4  # m, or rad of tilt; smaller moves are ignored, above a stage's quantum; assumed
 MIN_LOAD_CHANGE = 0.01  # of a sum of squared speeds; smaller changes are ignored; assumed
 
 
@@ -60,7 +60,7 @@ class Conditions:
         return int(self.plate_z_m.shape[0])
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def is_complete(self) -> NDArray[np.bool_]:
         """True for samples with finite speeds, plate position and coverage (m,)."""
         is_complete: NDArray[np.bool_] = (
             np.isfinite(self.speed_rad_s).all(axis=0)
@@ -74,7 +74,7 @@ class Conditions:
         names = (field.name for field in fields(self) if field.name != "speed_measured")
         return replace(self, **{name: getattr(self, name)[..., rows] for name in names})
 
-    def moved_by(self, offset_m: float) -> Conditions:
+    def with_plate_offset(self, offset_m: float) -> Conditions:
         """Return the conditions with an offset added to the plate distance."""
         return replace(self, plate_z_m=self.plate_z_m + offset_m)
 
@@ -88,7 +88,7 @@ class Conditions:
         )
 
     @classmethod
-    def of(
+    def build(
         cls,
         rig: Rig,
         *,
@@ -134,8 +134,8 @@ class Conditions:
             airspeed_m_s=full(airspeed_m_s),
             moved_s=np.zeros(m),
             moved_direction=np.zeros(m),
-            past_load=np.zeros((len(PAST_S), m)),
-            past_wash=np.zeros((len(PAST_S), m)),
+            past_load=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
+            past_wash=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             speed_measured=speed_measured,
         )
 
@@ -167,7 +167,7 @@ class Conditions:
         elapsed = optional("elapsed_s", zeros)
         tilt = optional("plate_tilt_deg", zeros)
         speed = _speeds(recording, rig, voltage)
-        conditions = cls.of(
+        conditions = cls.build(
             rig,
             speed_rad_s=speed,
             plate_z_m=z,
@@ -259,7 +259,7 @@ def load_directions(time_s: Array, elapsed_s: Array, plate_position: Array, load
             previous < 0
             or load[previous] == 0.0
             or elapsed_s[row] < elapsed_s[previous]
-            or np.any(np.abs(plate_position[:, row] - plate_position[:, previous]) > SAME_PLACE)
+            or np.any(np.abs(plate_position[:, row] - plate_position[:, previous]) > MIN_MOVE)
         ):
             directions[row] = 1.0
         elif abs(load[row] - load[previous]) < MIN_LOAD_CHANGE * load[row]:
@@ -290,9 +290,9 @@ def plate_moves(time_s: Array, plate_position: Array) -> tuple[Array, Array]:
     for row in order:
         if np.isfinite(plate_position[:, row]).all():
             change = plate_position[:, row] - position
-            if np.any(np.abs(change) > SAME_PLACE):
+            if np.any(np.abs(change) > MIN_MOVE):
                 move_time_s = 0.5 * (time_s[row] + time_s[previous])
-                if abs(change[0]) > SAME_PLACE:
+                if abs(change[0]) > MIN_MOVE:
                     direction = float(np.sign(change[0]))
             position = plate_position[:, row]
         since_move_s[row], directions[row], previous = time_s[row] - move_time_s, direction, row
@@ -300,7 +300,7 @@ def plate_moves(time_s: Array, plate_position: Array) -> tuple[Array, Array]:
 
 
 def past_means(time_s: Array, moved_s: Array, values: Array) -> Array:
-    """Return a quantity, low-pass filtered with each time constant of `PAST_S` (4, m).
+    """Return a quantity (4, m), low-pass filtered with each of `HISTORY_TIME_CONSTANTS_S`.
 
     The quantity is 0 while the motors are stopped for plate movements; levels at one plate
     position follow without a stop.
@@ -310,11 +310,17 @@ def past_means(time_s: Array, moved_s: Array, values: Array) -> Array:
         moved_s: (m,) time since the last plate movement.
         values: (m,) quantity of each point; 0 with all rotors stopped.
     """
-    time_constants_s, means = np.array(PAST_S), np.zeros((len(PAST_S), len(time_s)))
+    time_constants_s, means = (
+        np.array(HISTORY_TIME_CONSTANTS_S),
+        np.zeros((len(HISTORY_TIME_CONSTANTS_S), len(time_s))),
+    )
     order = np.argsort(time_s, kind="stable")
     intervals_s = np.diff(time_s[order])[np.diff(moved_s[order]) > 0.0]
     typical_s = float(np.median(intervals_s)) if len(intervals_s) else 0.0
-    state, previous_s = np.zeros(len(PAST_S)), time_s[order[0]] if len(order) else 0.0
+    state, previous_s = (
+        np.zeros(len(HISTORY_TIME_CONSTANTS_S)),
+        time_s[order[0]] if len(order) else 0.0,
+    )
     for row in order:
         interval_s = time_s[row] - previous_s
         running_s = min(interval_s, typical_s)

@@ -22,11 +22,11 @@ from benchtool.physics.expression import expression
 from benchtool.physics.fold import (
     BoundHook,
     Hook,
-    chained,
+    chain_hooks,
     multiply_hooks,
     select_function,
     sum_functions,
-    summed,
+    sum_hooks,
     unrolled,
 )
 from benchtool.physics.images import clamped_height, partial_factor, thrust_factor
@@ -86,7 +86,7 @@ def bound_hooks(
     all_effects = tuple(effects)
     ends = accumulate((len(effect.parameters) for effect in all_effects), initial=0)
     return tuple(
-        BoundHook(call, effect.makes_p, start, start + len(effect.parameters))
+        BoundHook(call, effect.build_p, start, start + len(effect.parameters))
         for effect, start in zip(all_effects, ends, strict=False)
         if (call := getattr(effect.hooks, hook)) is not None and is_selected(effect)
     )
@@ -115,28 +115,28 @@ def disc_thrust(
     """
     n = n_discs
     height, coverage = (
-        chained(bound_hooks(effects, "height")),
-        chained(bound_hooks(effects, "coverage")),
+        chain_hooks(bound_hooks(effects, "height")),
+        chain_hooks(bound_hooks(effects, "coverage")),
     )
     speed, factor = (
-        chained(bound_hooks(effects, "speed")),
+        chain_hooks(bound_hooks(effects, "speed")),
         multiply_hooks(bound_hooks(effects, "factor")),
     )
     is_below = not any(law and law.surface != "below" for law in (e.distance_law for e in effects))
-    law = summed(
+    law = sum_hooks(
         bound_hooks(effects, "denominator", lambda effect: effect.distance_law is not None)
     )
     # Images of a surface below are ignored for a law of a surface above or beside the rotors
-    others = summed(
+    others = sum_hooks(
         bound_hooks(effects, "denominator", lambda e: is_below and e.distance_law is None)
     )
     image_share = multiply_hooks(bound_hooks(effects, "image_share"))
-    response, torques = chained(bound_hooks(effects, "response")), bound_hooks(effects, "drag")
+    response, torques = chain_hooks(bound_hooks(effects, "response")), bound_hooks(effects, "drag")
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; remove one")
-    drag = chained(torques) if torques else NO_CHANGE
+    drag = chain_hooks(torques) if torques else NO_CHANGE
     weight, axial_share = wake_rule(rules.wake), tilt_rule(rules.tilt).share
-    tilt = summed(bound_hooks(effects, "tilt"))
+    tilt = sum_hooks(bound_hooks(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
     clamp = _clamp_hook(nearest) if clamped else identity_hook
     neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, clamp)

@@ -38,7 +38,7 @@ class DiscrepancyTolerances:
     gyro: float = 0.01
     law: float = 0.1
 
-    def shown_by(self, bench: BenchKind) -> dict[str, float]:
+    def relevant_on(self, bench: BenchKind) -> dict[str, float]:
         """Return the tolerances that apply to a kind of bench, by name."""
         excluded = {"sweep": _PITCH_ONLY, "pitch": _SWEEP_ONLY}[bench]
         names = (field.name for field in fields(self) if field.name not in excluded)

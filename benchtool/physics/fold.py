@@ -59,14 +59,14 @@ def unrolled(n: int, hook: Hook, start: int = 0) -> Hook:
 
 
 @cache
-def summed(hooks: tuple[BoundHook, ...]) -> Hook:
+def sum_hooks(hooks: tuple[BoundHook, ...]) -> Hook:
     """Return f(i, flow, p), the sum over hooks from left to right; 0.0 for none."""
     if not hooks:
         return expression(lambda i, flow, p: 0.0)
     hook, numbers, start, stop = hooks[-1]
     if len(hooks) == 1:
         return expression(lambda i, flow, p: hook(numbers(*p[start:stop]), i, flow))
-    before = summed(hooks[:-1])
+    before = sum_hooks(hooks[:-1])
     return expression(
         lambda i, flow, p: before(i, flow, p) + hook(numbers(*p[start:stop]), i, flow)
     )
@@ -85,12 +85,12 @@ def multiply_hooks(hooks: tuple[BoundHook, ...]) -> Hook:
 
 
 @cache
-def chained(hooks: tuple[BoundHook, ...]) -> Hook:
+def chain_hooks(hooks: tuple[BoundHook, ...]) -> Hook:
     """Return f(i, quantity, flow, p), the composition of the hooks from left to right."""
     if not hooks:
         return expression(lambda i, quantity, flow, p: quantity)
     hook, numbers, start, stop = hooks[-1]
-    before = chained(hooks[:-1])
+    before = chain_hooks(hooks[:-1])
     return expression(
         lambda i, quantity, flow, p: hook(
             numbers(*p[start:stop]), i, flow, before(i, quantity, flow, p)
@@ -121,7 +121,7 @@ def select_function(functions: tuple[Hook, ...]) -> Hook:
 
 
 @cache
-def identity(function: Hook | None) -> str:
+def source_key(function: Hook | None) -> str:
     """Return module, name and digest of the source file of a function; empty for None."""
     if function is None:
         return ""

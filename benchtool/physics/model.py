@@ -28,7 +28,7 @@ from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.laws.table import DEFAULT_LAWS
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
-from benchtool.physics.fold import Hook, chained
+from benchtool.physics.fold import Hook, chain_hooks
 from benchtool.physics.motor import speed_near_plate, torque_per_speed
 from benchtool.physics.tilt import Plane, height_over, plate_plane, tilt_rule
 from benchtool.physics.wake_rules import wake_rule
@@ -113,7 +113,7 @@ class Model:
                 model = model.without(effect.name)
         return model.with_effect(law, **values)
 
-    def with_lag_of_rig(self) -> Model:
+    def with_rig_lag(self) -> Model:
         """Return the model with the motor lag of the rig, unless it has a lag effect."""
         if any(effect.hooks.lag_s is not None for effect in self.effects):
             return self
@@ -289,7 +289,7 @@ class Model:
         values = self.parameters.values_array()
         return [
             getattr(effect.hooks, hook)(
-                effect.makes_p(*self.effect_values(effect, values)), 0, NO_FLOW
+                effect.build_p(*self.effect_values(effect, values)), 0, NO_FLOW
             )
             for effect in effects
         ]
@@ -313,7 +313,7 @@ class Model:
 
     @cached_property
     def _thrust_reading(self) -> Hook:
-        return chained(bound_hooks(self.present_effects, "thrust_reading"))
+        return chain_hooks(bound_hooks(self.present_effects, "thrust_reading"))
 
     @cached_property
     def body_images(self) -> BodyImages:
@@ -384,7 +384,7 @@ class Model:
             coverage: fraction of each disc over the plate (n_discs,).
         """
         rig, values = self.rig, self.parameters.values_array()
-        conditions = Conditions.of(
+        conditions = Conditions.build(
             rig, speed_rad_s=np.broadcast_to(speed_rad_s, rig.n_rotors), plate_tilt_rad=tilt_rad,
             plate_z_m=np.asarray(z_over_R) * rig.propulsion.radius_m,
             coverage=np.broadcast_to(coverage, rig.n_discs)[:, None],

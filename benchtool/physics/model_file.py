@@ -12,14 +12,14 @@ import tomli_w
 
 from benchtool.core.column_source import ColumnSource, check_channels
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.library import list_names, read_named
+from benchtool.core.library import list_names, read_library_file
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.toml_text import FileTable, FiniteTable, build_dataclass
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.physics.bases import blade_tables, with_blades, with_blades_of_rig
+from benchtool.physics.bases import blade_tables, with_blades, with_rig_blades
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import find_effect, user_effects
 from benchtool.physics.discrepancy import DiscrepancyTolerances
@@ -113,7 +113,7 @@ def load_model(
         rig: of the data; it has precedence over the rig of the file (`_adapt_to_rig`).
         permit: called with the file of user-defined effects before it is run.
     """
-    text, where = read_named("model", "models", name_or_path)
+    text, where = read_library_file("model", "models", name_or_path)
     if kind := _detect_other_format(text):
         raise FileFormatError(
             where,
@@ -176,7 +176,7 @@ def model_from_toml(
                 tables = blade_tables(tables, model.rig)
             tables = {f"{name}.{key}": table for key, table in tables.items()}
             model = _set_parameters(model, tables, where)
-        model = _set_parameters(with_blades_of_rig(model), baseline, where)
+        model = _set_parameters(with_rig_blades(model), baseline, where)
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise
@@ -193,9 +193,9 @@ def model_from_toml(
     )
 
 
-def stated_in(path: str | Path) -> tuple[Rig, bool]:
+def read_model_head(path: str | Path) -> tuple[Rig, bool]:
     """Return the rig of a model file, and True if the file maps columns; runs no user code."""
-    data = parse_toml(*read_named("model", "models", path))
+    data = parse_toml(*read_library_file("model", "models", path))
     head = data.get("model")
     if not isinstance(head, dict) or not isinstance(head.get("rig"), str):
         raise FileFormatError(str(path), "model.rig is missing; add it")

@@ -16,14 +16,14 @@ from benchtool.core.array_type import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import bound_hooks
 from benchtool.physics.effects.effect import Flow
-from benchtool.physics.fold import chained
+from benchtool.physics.fold import chain_hooks
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
 Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at that distance)
 
 
-class Prepared:
+class PrecomputedModel:
     """Model under fixed conditions, as a function of its free parameters.
 
     Args:
@@ -57,7 +57,7 @@ class Prepared:
         if not geometry_effects:
             self._flow = flow
         elif running and is_one_height and all(e.hooks.height for e in geometry_effects.values()):
-            self._flow, self._height = flow, chained(bound_hooks(effects, "height"))
+            self._flow, self._height = flow, chain_hooks(bound_hooks(effects, "height"))
             coverages = zip(full_flow.coverage, full_flow.active, strict=True)
             sources = [coverage * active for coverage, active in coverages]
             distances = model.rig.disc_distances_m[running[0]]

@@ -23,7 +23,7 @@ def default_tolerances(effect: Effect, rig: Rig, bench: BenchKind) -> Mapping[st
     return {name: value for name, value in {**scaled, **fixed}.items() if name in names}
 
 
-def tolerances(model: Model, bench: BenchKind = "pitch") -> Mapping[str, float]:
+def model_tolerances(model: Model, bench: BenchKind = "pitch") -> Mapping[str, float]:
     """Return all tolerances of a model by full parameter name, in the parameter's unit.
 
     Tolerances in the model file have precedence over the defaults of the effects.
@@ -42,7 +42,7 @@ def tolerances(model: Model, bench: BenchKind = "pitch") -> Mapping[str, float]:
 
 def with_tolerances(model: Model, bench: BenchKind = "pitch") -> Parameters:
     """Return the parameters of a model with their tolerances filled in."""
-    values = tolerances(model, bench)
+    values = model_tolerances(model, bench)
     return Parameters(
         (name, replace(item, tolerance=values.get(name))) for name, item in model.parameters.items()
     )

@@ -70,7 +70,9 @@ class Table:
                     f"required: {len(self.header)} cells"
                 )
 
-    def narrowed(self, columns: Sequence[int], caption: str = "", text_columns: int = 0) -> Table:
+    def select_columns(
+        self, columns: Sequence[int], caption: str = "", text_columns: int = 0
+    ) -> Table:
         return Table(
             caption or self.caption,
             [self.header[column] for column in columns],

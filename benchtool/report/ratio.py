@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
-from benchtool.physics.bases import factor_at
+from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
@@ -71,7 +71,7 @@ class Curve:
 
 def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions:
     """Return conditions of a level plate under every disc; z/R (m,), speeds (n_rotors, 1)."""
-    return Conditions.of(
+    return Conditions.build(
         rig,
         speed_rad_s=speed_rad_s,
         plate_z_m=z_over_R * rig.propulsion.radius_m,
@@ -94,7 +94,7 @@ def factor_at_distance(
 ) -> Any:
     """Return T_IGE/T_OGE (m,) at a basis, or (d, m) with draws."""
     conditions = conditions_over(model.rig, speed_rad_s, z_over_R)
-    return factor_at(model, basis, conditions, ratio_values(model, draws))
+    return ground_effect_ratio(model, basis, conditions, ratio_values(model, draws))
 
 
 def uncertainty_band(ratio_draws: Array, level: Literal[68, 95]) -> Band:

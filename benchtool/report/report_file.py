@@ -31,7 +31,7 @@ KIND_BY_FILE: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
 PAGE = "report.html"
 
 
-def kind_of(path: Path) -> Kind:
+def detect_kind(path: Path) -> Kind:
     """Return the kind of a path; FileFormatError if no report can be made of it."""
     if not path.exists():
         raise FileFormatError(str(path), f"file or folder not found; give {ACCEPTED_PATHS}")
@@ -60,29 +60,29 @@ def is_mixed(paths: Sequence[Path]) -> bool:
     """Return True for sweeps together with recordings, which need the comparison page."""
     if len(paths) < 2:
         return False
-    kinds = {kind_of(path) for path in paths}
+    kinds = {detect_kind(path) for path in paths}
     return "recording" in kinds and kinds <= {"sweep", "recording"}
 
 
 def page_text(
-    paths: Sequence[Path], beside: ReplayInputs | None = None, commands: Sequence[str] = ()
+    paths: Sequence[Path], replay_inputs: ReplayInputs | None = None, commands: Sequence[str] = ()
 ) -> str:
     """Return the report of the paths as HTML text."""
-    beside = beside or ReplayInputs()
-    kinds = [kind_of(path) for path in paths]
+    replay_inputs = replay_inputs or ReplayInputs()
+    kinds = [detect_kind(path) for path in paths]
     if len(paths) > 1 and set(kinds) != {"sweep"}:
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
         raise InputError(f"several paths must all be sweeps: {listed}")
     if kinds[0] in ("fit", "explanation"):
         return _read_page(paths[0], kinds[0])
-    return html.render_report(_build_report(paths, kinds[0], beside, commands))
+    return html.render_report(_build_report(paths, kinds[0], replay_inputs, commands))
 
 
 def write_report(
     paths: Sequence[Path],
     out: Path | None = None,
     *,
-    beside: ReplayInputs | None = None,
+    replay_inputs: ReplayInputs | None = None,
     comparison: RunComparison | None = None,
     commands: Sequence[str] = (),
     replace: bool = False,
@@ -97,9 +97,9 @@ def write_report(
     default_target = path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
     target = out or (Path(PAGE) if len(paths) > 1 else default_target)
     has_page = (
-        comparison is None and len(paths) == 1 and kind_of(paths[0]) in ("fit", "explanation")
+        comparison is None and len(paths) == 1 and detect_kind(paths[0]) in ("fit", "explanation")
     )
-    if has_page and beside not in (None, ReplayInputs()):
+    if has_page and replay_inputs not in (None, ReplayInputs()):
         raise InputError(
             f"{paths[0]} already has a page; --model and its options are only for runs and "
             f"recordings"
@@ -111,7 +111,7 @@ def write_report(
     if comparison is not None:
         text = html.render_report(COMPARISON.report(comparison, commands))
     else:
-        text = page_text(paths, beside, commands)
+        text = page_text(paths, replay_inputs, commands)
     write_whole(target, text.encode("utf-8"))
     return target
 
@@ -121,7 +121,7 @@ def _build_report(
 ) -> Report:
     if kind != "sweep":
         return recording_page(paths[0], replay_inputs, commands)
-    replay_inputs.refuse_controller("a sweep has no controller")
+    replay_inputs.check_unused("a sweep has no controller")
     first = read_sweep_run(paths[0])
     model = None
     if replay_inputs.model:

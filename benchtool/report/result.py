@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate
-from benchtool.data.columns import frame_of_rows
+from benchtool.data.columns import rows_to_frame
 from benchtool.explain.answer import ExplainResult
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import Page, render_figures
@@ -123,7 +123,7 @@ def saved_paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
 
 def estimates_frame(output: FitOutput) -> pd.DataFrame:
     """Return estimates and derived values of all methods."""
-    return frame_of_rows(
+    return rows_to_frame(
         [
             {"method": result.method} | estimate_row(item)
             for result in output.results
@@ -146,7 +146,7 @@ def estimate_row(item: Estimate) -> dict[str, Any]:
 def effects_frame(answer: ExplainResult) -> pd.DataFrame:
     """Return the parameters of the effects that a verdict names."""
     columns = ("value", "std", "low", "high", "tolerance", "unit")
-    return frame_of_rows(
+    return rows_to_frame(
         [
             {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
             | {name: getattr(item, name) for name in columns}
@@ -159,7 +159,7 @@ def effects_frame(answer: ExplainResult) -> pd.DataFrame:
 def gap_frame(answer: ExplainResult) -> pd.DataFrame:
     """Return the gap of each channel before and after."""
     columns = ("channel", "unit", "as_given", "before", "after", "floor")
-    return frame_of_rows(
+    return rows_to_frame(
         [{name: getattr(gap, name) for name in columns} for gap in answer.verdict.gaps]
     )
 
@@ -167,4 +167,4 @@ def gap_frame(answer: ExplainResult) -> pd.DataFrame:
 def probabilities_frame(answer: ExplainResult) -> pd.DataFrame:
     """Return all explanations with probability, most probable first."""
     ranked = sorted(answer.verdict.probabilities.items(), key=lambda pair: -pair[1])
-    return frame_of_rows([{"explanation": name, "probability": p} for name, p in ranked])
+    return rows_to_frame([{"explanation": name, "probability": p} for name, p in ranked])

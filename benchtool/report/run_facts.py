@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchtool.data.calibration import traceability
+from benchtool.data.calibration import format_traceability
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run import Run
 from benchtool.fit.uncertainty.run_budget import run_budget
@@ -113,7 +113,7 @@ def calibration_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
         "calibration": f"{cell['id']} of {cell['date']}, device {cell['device_id']}",
         "slope": f"({cell['slope_N_per_count']:.6g} ± {slope_sd:.1g}) N per count",
         "relative standard error": f"{100.0 * cell['relative_sd']:.3g} %, common to every thrust",
-        "traceable": traceability(cell),
+        "traceable": format_traceability(cell),
         "nonlinearity": f"{100.0 * cell['straightness']:.3g} % of full scale",
         "masses": f"{len(cell['masses_kg'])}, up to {max(cell['masses_kg']):g} kg, local gravity "
         f"{cell['gravity_m_s2']:g} m/s²",

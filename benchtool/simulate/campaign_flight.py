@@ -41,14 +41,14 @@ class FlightPoint(NamedTuple):
     def build_case(self, seed: int) -> FlightCase:
         """Return the case with one noise seed."""
         if self.control == OGE:
-            return replace(self.setup.flown("pid", seed), below=Environment())
-        return self.setup.flown(self.control, seed)
+            return replace(self.setup.build_case("pid", seed), below=Environment())
+        return self.setup.build_case(self.control, seed)
 
 
 def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, ...]) -> Campaign:
     """Return the campaign of flights by gain set, with flight controllers and `OGE`."""
     first = next(iter(setups.values()))
-    example = first.flown("pid")
+    example = first.build_case("pid")
     return Campaign(
         title=f"{example.title}, {first.vehicle.rig.name}",
         metadata={"flight": first.case} | first.to_metadata(),

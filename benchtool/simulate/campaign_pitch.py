@@ -14,7 +14,7 @@ from benchtool.core.schedule import Schedule
 from benchtool.simulate.campaign import Campaign, Point, Row
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.batch import simulate_many
-from benchtool.simulate.pitch.result import plate_numbers
+from benchtool.simulate.pitch.result import measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop, shared_key
 from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, with_changes
 from benchtool.simulate.pitch.simulate import extract_run
@@ -92,7 +92,7 @@ def _measure_run(schedule: Schedule, loop: PitchLoop, lane: int, _run_number: in
     measures["stopped_steps"] = float(run.stopped_steps)
     visit, end_s = schedule.plate[0] if schedule.plate else None, schedule.duration_s
     if visit is not None and visit.in_s < end_s:
-        numbers = plate_numbers(run, visit.in_s, min(visit.out_s, end_s), visit.move_s)
+        numbers = measure_plate_visit(run, visit.in_s, min(visit.out_s, end_s), visit.move_s)
         for name in ("peak", "residual", "rebound", "quiet_rms"):
             measures[f"{name}_deg"] = float(np.degrees(getattr(numbers, f"{name}_rad")))
     return measures

@@ -19,9 +19,9 @@ from benchtool.simulate.campaign_flight import flight_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.inputs import setup_of as build_flight_setup
+from benchtool.simulate.flight.inputs import build_setup as build_flight_setup
 from benchtool.simulate.pitch.inputs import PitchInputs
-from benchtool.simulate.pitch.inputs import setup_of as build_pitch_setup
+from benchtool.simulate.pitch.inputs import build_setup as build_pitch_setup
 from benchtool.tasks import TaskStore, Work, run_tasks
 
 MAX_BLOCKS = 400
@@ -30,7 +30,7 @@ MIN_BLOCK_RUNS = 50  # about 0.1 s of pitch runs; a task costs 1 ms
 Block = tuple[int, int]  # first run and end (exclusive)
 
 
-def campaign_of(
+def build_campaign(
     inputs: PitchInputs | FlightInputs, permit: CodePermit = check_code_allowed
 ) -> Campaign:
     """Return the campaign of the inputs; `permit` is called before user code of a model is run."""
@@ -101,4 +101,4 @@ def _run_block_in_worker(inputs: bytes, design: Design, block: Block) -> list[Ro
 @lru_cache(maxsize=4)
 def _load_campaign(inputs: bytes) -> Campaign:
     """Return the campaign of pickled inputs, built once per worker."""
-    return campaign_of(pickle.loads(inputs))
+    return build_campaign(pickle.loads(inputs))

@@ -126,7 +126,7 @@ class Design:
             for value in parameter.values()[1:-1]:
                 yield lowest | {parameter.name: value}
 
-    def words(self) -> dict[str, str]:
+    def to_metadata(self) -> dict[str, str]:
         """Return the design as metadata of the table file."""
         ranges = {f"vary.{v.name}": f"{v.lower:g}:{v.upper:g}:{v.count}" for v in self.varied}
         return ranges | {

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_type_hints
 from annotated_types import Ge, Gt
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.library import list_names, read_named
+from benchtool.core.library import list_names, read_library_file
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import (
     FiniteTable,
@@ -155,12 +155,12 @@ def gain_names() -> tuple[str, ...]:
     return list_names("gains")
 
 
-def gains_named(name_or_path: str | Path) -> Gains:
+def load_gains(name_or_path: str | Path) -> Gains:
     """Return a gain set by its name in the library or by the path of its TOML file."""
-    return gains_from_toml(*read_named("gain set", "gains", name_or_path))
+    return parse_gains(*read_library_file("gain set", "gains", name_or_path))
 
 
-def gains_from_toml(text: str, where: str) -> Gains:
+def parse_gains(text: str, where: str) -> Gains:
     """Return the gain set in TOML text.
 
     Raises:

@@ -11,7 +11,7 @@ from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks, disc_thrust
 from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, N_WITH_THRUST, Effect, Flow
 from benchtool.physics.expression import expression, with_fields
-from benchtool.physics.fold import chained, identity, summed
+from benchtool.physics.fold import chain_hooks, source_key, sum_hooks
 from benchtool.physics.model import Model
 from benchtool.physics.tilt import LEVEL
 
@@ -63,12 +63,12 @@ def joined_hooks(
         return Flow(*flow[:N_BEFORE_RATE], rate, thrusts, *flow[N_WITH_THRUST:])  # type: ignore[call-arg]
 
     torque, dry_friction, dry_width, dry_give = (
-        summed(bound_hooks(effects, hook))
+        sum_hooks(bound_hooks(effects, hook))
         for hook in ("torque", "dry_friction", "dry_width", "dry_give")
     )
-    reading = chained(bound_hooks(effects, "gyro_reading"))
+    reading = chain_hooks(bound_hooks(effects, "gyro_reading"))
     followed_hooks = bound_hooks(effects, "followed_speed")
-    speed_after = chained(followed_hooks)
+    speed_after = chain_hooks(followed_hooks)
 
     @expression
     def gyro(time_s: Any, pitch: Any, rate: Any, acceleration: Any, p: Any) -> Any:
@@ -156,6 +156,6 @@ def identities(effects: Sequence[Effect]) -> list[Any]:
                 f"simulations need hooks that can be imported"
             )
     return [
-        (len(effect.parameters), [identity(hook) for hook in effect_hooks])
+        (len(effect.parameters), [source_key(hook) for hook in effect_hooks])
         for effect, effect_hooks in zip(effects, hooks, strict=True)
     ]

@@ -73,7 +73,7 @@ class StudyInputs(Inputs):
             )
         return self.gains[0]
 
-    def refuse_campaign(self) -> None:
+    def check_no_campaign(self) -> None:
         if campaign_values := with_changes(self.campaign):
             option = next(
                 item.option for item in items(CampaignInputs) if item.name in campaign_values

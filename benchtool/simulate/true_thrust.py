@@ -12,7 +12,7 @@ from benchtool.core.rig import Rig
 from benchtool.physics.conditions import Conditions, plate_coverage
 from benchtool.physics.disc_thrust import bound_hooks
 from benchtool.physics.effects.effect import NO_FLOW
-from benchtool.physics.fold import chained
+from benchtool.physics.fold import chain_hooks
 from benchtool.physics.model import Model
 from benchtool.simulate.powertrain import SpeedChange
 
@@ -87,7 +87,7 @@ class TrueThrust:
         elapsed_s: Array,
         time_s: Array,
     ) -> Conditions:
-        return Conditions.of(
+        return Conditions.build(
             self._rig,
             speed_rad_s=speed_rad_s,
             plate_z_m=position.z_m,
@@ -148,7 +148,7 @@ def speed_change(truth: Model) -> SpeedChange | None:
     hooks = bound_hooks(truth.present_effects, "speed")
     if not hooks:
         return None
-    change, p = chained(hooks), truth.numbers(truth.parameters.values_array())
+    change, p = chain_hooks(hooks), truth.numbers(truth.parameters.values_array())
     positions_m = truth.rig.disc_positions_m[truth.rig.disc_of_rotor]
 
     def change_speeds(speed_rad_s: Array, voltage_V: float, time_s: float) -> Array:

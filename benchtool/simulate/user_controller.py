@@ -28,14 +28,19 @@ def split_controllers(
     if len(set(names)) < len(names) or not names:
         raise InputError(f"controllers {', '.join(names) or 'none'} are invalid; name each once")
     user_defined = [
-        (name, controller_class(entry, builtin_names, permit) if isinstance(entry, str) else entry)
+        (
+            name,
+            load_controller_class(entry, builtin_names, permit)
+            if isinstance(entry, str)
+            else entry,
+        )
         for name, entry in zip(names, entries, strict=True)
         if entry not in builtin_names
     ]
     return tuple(name for name in names if name in builtin_names), user_defined
 
 
-def make_controllers(controller: type[Any], name: str) -> Any:
+def make_controller(controller: type[Any], name: str) -> Any:
     """Return a new controller, for one run.
 
     Raises:
@@ -94,7 +99,7 @@ def _code(controller: type[Any], method: str) -> Any:
     return getattr(getattr(controller, method, None), "__code__", None)
 
 
-def controller_class(
+def load_controller_class(
     name: str, builtin_names: Iterable[str], permit: CodePermit = check_code_allowed
 ) -> type[Any]:
     """Return the class `module:Class`; modules are also looked up in the current folder.

@@ -11,9 +11,9 @@ from math import isfinite
 
 import numpy as np
 
-from benchtool.bench.mavlink.autopilots import HIL
+from benchtool.bench.mavlink.autopilots import HIL_FLAG
 from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
-from benchtool.bench.mavlink.health import ARMED
+from benchtool.bench.mavlink.health import ARMED_FLAG
 from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, dialect
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
 from benchtool.virtual import autopilot_orders as orders
@@ -313,7 +313,7 @@ class VirtualAutopilot(ServedDevice):
         testing = self.kind == "ardupilot" and self._orders.running
         self._shows_armed = self._shows_armed and testing
         armed = self._armed or self._shows_armed
-        mode = 1 | HIL | (ARMED if armed else 0)
+        mode = 1 | HIL_FLAG | (ARMED_FLAG if armed else 0)
         return self._dialect.MAVLink_heartbeat_message(
             2, orders.AUTOPILOTS[self.kind], mode, 0, 3, 3
         )

@@ -8,7 +8,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from benchtool.bench.mavlink.autopilots import LEAST_US, LONGEST_US, MOTORS_OF_FRAME
+from benchtool.bench.mavlink.autopilots import MAX_PULSE_US, MIN_PULSE_US, MOTORS_OF_FRAME
 from benchtool.bench.mavlink.messages import ACTUATOR_TEST, ESC_STATUS, MOTOR_TEST
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array_type import Array
@@ -162,7 +162,7 @@ class ArduPilotOrders(MotorOrders):
         if test.kind == 2.0:
             return min_us  # the pilot's throttle, at minimum
         whole_us = float(int(test.value)) if isfinite(test.value) else 0.0
-        return whole_us if test.kind == 1.0 and LEAST_US <= whole_us <= LONGEST_US else None
+        return whole_us if test.kind == 1.0 and MIN_PULSE_US <= whole_us <= MAX_PULSE_US else None
 
 
 class Px4Orders(MotorOrders):

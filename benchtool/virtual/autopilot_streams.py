@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import cos, isnan, nan, sin
 
-from benchtool.bench.mavlink.frames import MODULUS
+from benchtool.bench.mavlink.frames import TIME_MODULUS
 from benchtool.bench.mavlink.messages import ESC_STATUS, Message, dialect
 from benchtool.core.channel import Channel
 
@@ -84,7 +84,7 @@ class Streams:
             pulse_us = self.value(f"pwm{rotor + 1}_us")  # of the control loop on board
             outputs[output - 1] = outputs[output - 1] if isnan(pulse_us) else round(pulse_us)
         return self._dialect.MAVLink_servo_output_raw_message(
-            time_us % MODULUS, 0, *outputs[:8], *outputs[8:]
+            time_us % TIME_MODULUS, 0, *outputs[:8], *outputs[8:]
         )
 
     def _speeds(self) -> dict[int, float]:
@@ -121,4 +121,4 @@ class Streams:
 
 
 def _ms(time_us: int) -> int:
-    return time_us // 1000 % MODULUS
+    return time_us // 1000 % TIME_MODULUS

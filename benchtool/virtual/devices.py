@@ -18,8 +18,8 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import find_effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
-from benchtool.simulate.controllers.laws import pitch_controller
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.controllers.laws import build_pitch_controller
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
@@ -142,8 +142,8 @@ def pitch_plant(
         model = Model.single(rig)
     if hidden:
         model = with_hidden_effects(model, hidden)
-    control = pitch_controller("pid" if user_controller else controller, gains_named(gains))
-    job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
+    control = build_pitch_controller("pid" if user_controller else controller, load_gains(gains))
+    job = change(PitchJob(PitchBench.from_model(model), replace(control, name=controller)))
     return PitchBenchPlant(job, load_schedule(schedule), seed, rate_Hz, user_controller)
 
 

@@ -118,7 +118,7 @@ class Firmware:
                 return self._move(z_m, x_m, tilt_rad)
             case wire.RequestPlate():
                 target = self._target or (np.nan, np.nan, np.nan)
-                fields = ("" if np.isnan(v) else wire.encode_command(v) for v in target)
+                fields = ("" if np.isnan(v) else wire.format_number(v) for v in target)
                 return wire.Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
             case wire.TareDevice():
                 self._plant.tare()
@@ -161,7 +161,7 @@ class Firmware:
             self._moving = False
             assert self._target is not None
             self._events.append(
-                wire.DeviceEvent("arrived", ",".join(map(wire.encode_command, self._target)))
+                wire.DeviceEvent("arrived", ",".join(map(wire.format_number, self._target)))
             )
         return TickRows(times_us.astype(np.int64), values)
 

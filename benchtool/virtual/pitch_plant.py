@@ -21,7 +21,7 @@ from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 from benchtool.simulate.pitch.simulate import PitchController, user_controller_ticks
-from benchtool.simulate.user_controller import make_controllers
+from benchtool.simulate.user_controller import make_controller
 
 HOLD_S = 2.0  # block length of the last values of a schedule; assumed
 MAX_CATCH_RATE_RAD_S = 0.5  # levelling rate of the catch; assumed
@@ -77,12 +77,12 @@ class PitchBenchPlant:
         self._controller: PitchController = (
             _NoController()
             if user_controller is None
-            else make_controllers(user_controller, job.control.name)
+            else make_controller(user_controller, job.control.name)
         )
         self._user_ticks = None if user_controller is None else user_controller_ticks(self._loop)
         self._ticks_armed = 0
         self._visits, self._nominal_visits = (
-            [self._loop.planned(field)[0].copy() for field in fields]
+            [self._loop.schedule_view(field)[0].copy() for field in fields]
             for fields in (_VISIT, _NOMINAL_VISIT)
         )
         self._tick = 0
@@ -157,7 +157,7 @@ class PitchBenchPlant:
             nominal = self.job.nominal_model
             speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
             thrust_N = nominal.parameters["k"].value * speed_rad_s**2
-            loop.planned("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
+            loop.schedule_view("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
             return
         if self._armed:
             self._armed = False
@@ -165,7 +165,7 @@ class PitchBenchPlant:
             self._restart_controller()
             self._jump(0)
         for rotor, disc in enumerate(self.rig.disc_of_rotor):
-            loop.planned("pwm_us")[disc] = pwm_us[rotor]
+            loop.schedule_view("pwm_us")[disc] = pwm_us[rotor]
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
         """Start moving the plate under the first disc; `PARKED_M` or more is parked."""
@@ -271,8 +271,10 @@ class PitchBenchPlant:
         ):
             visiting = (visit[block] > 0.0) & self._armed
             placed_m = np.where(visiting, visit_m[block], position_m + error_m)
-            self._loop.planned(z_field)[0, block] = placed_m
-            self._loop.planned(share_field)[0, block] = np.where(visiting, visit[block], under)
+            self._loop.schedule_view(z_field)[0, block] = placed_m
+            self._loop.schedule_view(share_field)[0, block] = np.where(
+                visiting, visit[block], under
+            )
 
     def _arm(self) -> None:
         """Close the loop at the start of the schedule, with new noise at every arming."""
@@ -283,7 +285,7 @@ class PitchBenchPlant:
         loop.set_driver(BUILT_IN)
         if self._user_controller is not None:
             loop.set_driver(CALLER)
-            self._controller = make_controllers(self._user_controller, self.job.control.name)
+            self._controller = make_controller(self._user_controller, self.job.control.name)
             self._ticks_armed = 0
         self._jump(0)
         self._armed = True

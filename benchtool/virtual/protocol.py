@@ -131,7 +131,7 @@ class DeviceLink(ServedDevice):
         self._answered = b""
         self.host_since_s = now_s
         payloads = [
-            frames.parse_frame("H", (str(index), *(text.replace(",", ";") for text in line)))
+            frames.build_payload("H", (str(index), *(text.replace(",", ";") for text in line)))
             for index, line in enumerate(hello_lines(self.firmware.hello))
         ]
         whole = frames.crc16(b"".join(payload + b"\n" for payload in payloads))

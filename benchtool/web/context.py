@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from benchtool.core.errors import InputError
-from benchtool.data.catalogue.index import catalogued
+from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.client import BenchClient
@@ -254,7 +254,7 @@ class RunsListing:
             stamps = await asyncio.to_thread(self._read_stamps)
             if stamps == self._stamps:
                 return False
-            self.entries = await asyncio.to_thread(catalogued, self.folder.root)
+            self.entries = await asyncio.to_thread(load_entries, self.folder.root)
         except FileNotFoundError:  # an entry was moved meanwhile; the next refresh reads it
             return False
         self._stamps = stamps

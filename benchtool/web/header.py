@@ -7,7 +7,7 @@ from time import monotonic
 
 from nicegui import ui
 
-from benchtool.acquire.visit_order import minutes
+from benchtool.acquire.visit_order import format_duration
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import SPEED_LIMIT
 from benchtool.web.context import PageContext
@@ -130,7 +130,7 @@ def status_parts(bench: BenchClient) -> list[str]:
         if sweep.active and sweep.noun == "sweep":
             text += f", {sweep.n_measured} of {sweep.n_points} points"
         if sweep.active and sweep.remaining_s:
-            text += f", about {minutes(sweep.remaining_s)} left"
+            text += f", about {format_duration(sweep.remaining_s)} left"
         parts.append(text)
     return parts
 

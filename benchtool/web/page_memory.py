@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.data.run.state import recall_latest, store_state
+from benchtool.data.run.state import load_state, store_state
 
 MAX_MESSAGES = 200  # older messages are dropped; assumed
 MAX_TABS = 20  # form values of tabs used longer ago are dropped; assumed
@@ -51,7 +51,7 @@ class FormState:
         self._pending = False
         self._tabs: dict[str, dict[str, Any]] = {}
         with suppress(BenchtoolError):  # an unreadable file loses only form values
-            self._tabs = recall_latest("page", self._name) or {}
+            self._tabs = load_state("page", self._name) or {}
 
     def values(self, tab: str) -> dict[str, Any]:
         """Return the form values of a browser tab by field name."""

@@ -61,21 +61,21 @@ def serve(
     port: int | None,
     announce: Callable[[str], None],
     *,
-    wants_token: bool = False,
+    requires_token: bool = False,
 ) -> None:
     """Serve the page until Ctrl-C.
 
     Args:
         port: 0 means a free port, None means DEFAULT_PORT or, if taken, a free port.
         announce: called with the address of the page before the web framework is loaded.
-        wants_token: require the token from users of this machine too.
+        requires_token: require the token from users of this machine too.
 
     Raises:
         InputError: the address is not available.
     """
     listening = listen(host, port)
     port = listening.getsockname()[1]
-    access = build_access(host, wants_token=wants_token)
+    access = build_access(host, requires_token=requires_token)
     name = "127.0.0.1" if host in ALL_INTERFACES else host
     url = f"http://{f'[{name}]' if ':' in name else name}:{port}/"
     url_with_token = f"{url}?token={access.token}" if access.token else url
@@ -95,10 +95,10 @@ def serve(
         stop_endpoint.listening.close()
 
 
-def build_access(host: str, *, wants_token: bool = False) -> Access:
+def build_access(host: str, *, requires_token: bool = False) -> Access:
     """Return the access rules of a server bound to a host; loopback needs no token by default."""
     if is_loopback(host):
-        token = secrets.token_urlsafe(TOKEN_BYTES) if wants_token else None
+        token = secrets.token_urlsafe(TOKEN_BYTES) if requires_token else None
         return Access(names=LOOPBACK | {host}, token=token)
     names = {socket.gethostname().lower(), socket.getfqdn().lower(), host.lower()}
     return Access(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.data.run.runs_folder import RunsFolder, new_table, shown_name, store_table
+from benchtool.data.run.runs_folder import RunsFolder, create_table_path, store_table, upload_name
 
 if TYPE_CHECKING:
     from benchtool.commands.import_file import ImportInputs
@@ -29,11 +29,11 @@ def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportIn
 
     folder, options, file_format = RunsFolder(root), inputs.options(), detect_format(data)
     if options == ImportOptions() and (file_format is None or file_format.kind == "table"):
-        return folder.name_of(store_table(folder, name, data, date))
-    result = import_bytes(data, shown_name(name), options)
-    path = new_table(folder, name, date)
+        return folder.relative_name(store_table(folder, name, data, date))
+    result = import_bytes(data, upload_name(name), options)
+    path = create_table_path(folder, name, date)
     write_recording(path, result.recording, import_metadata(result, options))
-    return folder.name_of(path)
+    return folder.relative_name(path)
 
 
 def stand_blocks(path: Path) -> Sequence[Block]:

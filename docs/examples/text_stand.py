@@ -111,7 +111,7 @@ class TextStand(ContextBench):
             raise DeviceStopped(f"the device stopped its motor ({reason}); remove the cause")
         table, self._rows = np.array(self._rows).reshape(-1, 1 + len(CHANNELS)), []
         if len(table):
-            self._clock.learn(int(table[-1, 0]), self.now_s())
+            self._clock.update(int(table[-1, 0]), self.now_s())
         time_s = self._clock.host_time_s(table[:, 0].astype(np.int64))
         return Readings(time_s, table[:, 0], table[:, 1:])
 

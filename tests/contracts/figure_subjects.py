@@ -17,7 +17,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.columns import word_to_code
 from benchtool.explain.answer import ExplainResult
-from benchtool.explain.law_search.search import dependence
+from benchtool.explain.law_search.search import find_dependence
 from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.fit.law_scores import LawComparison, LawScore
@@ -34,7 +34,7 @@ from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.study import FlownCase, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.setup import pitch_setup
 from tests.unit.explain.found_made import LAWS, shown
 from tests.unit.explain.hand_made import answer
@@ -117,7 +117,8 @@ def log() -> ReplayedLog:
     )
     replay = Replay(
         model="pitch_pquad", rig="pquad", time_s=track.time_s, theta_rad=track.theta_rad,
-        pwm_us=track.pwm_us, disturbance_Nm=np.empty(0), words="closed loop", by="controller",
+        pwm_us=track.pwm_us, disturbance_Nm=np.empty(0), description="closed loop",
+        driven_by="controller",
     )  # fmt: skip
     return ReplayedLog(recorded, track, ReplayInputs(model="pitch_pquad"), replay)
 
@@ -143,7 +144,7 @@ def flights() -> list[FlownCase]:
 def flown(z_over_R: float | None) -> FlownCase:
     """Fly a plate under the front rotor for a second."""
     vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"))
-    case = flight_case("plate", vehicle, gains_named("s3"), z_over_R=z_over_R)
+    case = flight_case("plate", vehicle, load_gains("s3"), z_over_R=z_over_R)
     return fly_and_measure(replace(case, duration_s=1.0))
 
 
@@ -177,7 +178,7 @@ def with_law() -> ExplainResult:
     """Return an unknown that depends on rotor speed."""
     rng, made = np.random.default_rng(1), answer("unknown")
     speed = rng.uniform(0.7, 1.3, 150)
-    depends = dependence(shown(LAWS["resonance"](speed), rng, speed), 0.12)
+    depends = find_dependence(shown(LAWS["resonance"](speed), rng, speed), 0.12)
     verdict = replace(made.verdict, depends=depends)
     return replace(made, explanation=replace(made.explanation, verdict=verdict))
 

@@ -27,14 +27,14 @@ from benchtool.simulate.controllers.laws import (
     FLIGHT_CONTROLLERS,
     LAWS,
     PITCH_CONTROLLERS,
-    law_of,
-    pitch_controller,
+    build_pitch_controller,
+    find_law,
 )
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.flight import FlightCase, Goal, fly
 from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gain_names, gains_named
+from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.pitch.run import PitchJob, torque_limit_Nm
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, noisy_bench, sampled
@@ -48,7 +48,7 @@ SETS = pytest.mark.parametrize("gains", gain_names())
 def over(name: str) -> FlightCase:
     """Return a short flight towards an edge with a noisy gyro."""
     vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"), lag_s=0.02)
-    case = flight_case("over", vehicle, gains_named("s3"), control=name, gyro_noise_rad_s=0.015)
+    case = flight_case("over", vehicle, load_gains("s3"), control=name, gyro_noise_rad_s=0.015)
     return replace(case, duration_s=3.0)
 
 
@@ -70,7 +70,7 @@ class LawController:
 
 
 def through_the_seam(name: str, gains: str) -> LawController:
-    control = pitch_controller(name, gains_named(gains))
+    control = build_pitch_controller(name, load_gains(gains))
     return LawController(control.law, control.law.numbers(control, plant()))
 
 
@@ -78,7 +78,7 @@ def through_the_seam(name: str, gains: str) -> LawController:
 @SETS
 def test_the_loop_and_the_seam_give_the_same_run(name, gains):
     schedule = sampled(2.0, reference_deg=SWAY, plate=STEADY_PLATE)
-    job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
+    job = PitchJob(noisy_bench(), build_pitch_controller(name, load_gains(gains)))
     compiled = simulate_pitch(job, schedule, seed=8)
     stepped = simulate_controller(through_the_seam(name, gains), job, schedule, seed=8)
     for column in ("true_theta_rad", "torque_Nm"):
@@ -111,7 +111,7 @@ def test_it_pushes_towards_the_reference_within_what_the_mixer_can_give(name, ga
 @SETS
 def test_it_holds_the_reference_out_of_ground_effect(name, gains):
     schedule = sampled(6.0)
-    job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
+    job = PitchJob(noisy_bench(), build_pitch_controller(name, load_gains(gains)))
     run = simulate_pitch(job, schedule, seed=2)
     assert np.degrees(np.max(np.abs(run.column("true_theta_rad")))) < 0.3
 
@@ -119,7 +119,7 @@ def test_it_holds_the_reference_out_of_ground_effect(name, gains):
 @pytest.mark.parametrize("name", [n for n in FLIGHT_CONTROLLERS if not over(n).feeds_forward])
 def test_the_loop_and_the_seam_give_the_same_flight(name):
     case = over(name)
-    law = law_of(name, "free")
+    law = find_law(name, "free")
     compiled = fly(case)
     stepped = fly_user_controller(
         case, LawController(law, law.numbers(case, case.vehicle.rig.body)), name

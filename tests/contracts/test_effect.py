@@ -26,7 +26,7 @@ from benchtool.physics.effects.effect import (
     Flow,
 )
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.precomputed import Prepared
+from benchtool.physics.precomputed import PrecomputedModel
 from benchtool.physics.tolerances import default_tolerances
 from tests.contracts.moving_effects import moving_thrust_N
 
@@ -70,7 +70,7 @@ def rig():
 @pytest.fixture
 def conditions(rig):
     """Six distances, half of them with the plate over the front half only, from pulse widths."""
-    return Conditions.of(
+    return Conditions.build(
         rig,
         speed_rad_s=np.array([[560.0], [570.0], [580.0], [590.0]]),
         plate_z_m=np.array([0.1, 0.15, 0.2, 0.1, 0.3, 0.6]),
@@ -160,7 +160,7 @@ def test_damping_counts_the_tip_speed_of_the_blades_not_of_the_effective_radius(
     )
     torque = effect.hooks.torque
     assert torque is not None
-    found = torque(effect.makes_p(3.0, rig.propulsion.radius_m), 0, flow)
+    found = torque(effect.build_p(3.0, rig.propulsion.radius_m), 0, flow)
     tip_m_s = 600.0 * rig.propulsion.radius_m
     assert found == pytest.approx(-3.0 * 0.5 * 0.25**2 * 4.0 / tip_m_s)
 
@@ -223,7 +223,7 @@ def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
 
 def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float]:
     """Return all that an effect does to a hinge and its sensors, 0 where it has no hook."""
-    hooks, p = effect.hooks, effect.makes_p(*values)
+    hooks, p = effect.hooks, effect.build_p(*values)
     gyro, followed, after = hooks.gyro_reading, hooks.followed_speed, flow.speed_rad_s[0] + 1.0
     return [
         hooks.torque(p, 0, flow) if hooks.torque else 0.0,
@@ -267,7 +267,7 @@ def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name):
 
     def torque(flow: Flow, first: complex = values[0]) -> Any:
         assert effect.hooks.torque is not None
-        return effect.hooks.torque(effect.makes_p(first, *values[1:]), 0, flow)
+        return effect.hooks.torque(effect.build_p(first, *values[1:]), 0, flow)
 
     angles = np.linspace(-0.4, 0.4, 7)
     whole = torque(turning()._replace(pitch_rad=angles, cos_pitch=np.cos(angles)))
@@ -312,7 +312,7 @@ def test_scalars_arrays_and_complex_steps_agree(name, rig, conditions):
 @EACH
 def test_a_prepared_model_predicts_the_same(name, rig, conditions):
     model = acting(rig, name).with_free("k", "R_m")
-    prepared = Prepared(model, conditions)
+    prepared = PrecomputedModel(model, conditions)
     walkers = {"k": np.array([[0.9e-5], [1.1e-5]]), "R_m": np.array([[0.11], [0.13]])}
     values = [walkers.get(name, item.value) for name, item in model.parameters.items()]
     got = prepared.thrust_N(values)

@@ -15,11 +15,11 @@ from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.tilt import TILT_RULES, height_over, plate_plane
-from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.laws import build_pitch_controller
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, Goal, fly
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.lane import heights_over, plane_below
@@ -45,7 +45,7 @@ def neutral(rig: Rig, name: str) -> Model:
 def flown(model: Model) -> Flight:
     """Return a short flight with an edge under the front rotor, run without a compiler."""
     case = FlightCase(
-        name="short", vehicle=FlightVehicle(model=model), gains=gains_named("s3"), below=WALL,
+        name="short", vehicle=FlightVehicle(model=model), gains=load_gains("s3"), below=WALL,
         control="both", start_m=(0.0, 0.0, 0.2), goals=(Goal(x_m=1.0, y_m=0.5, z_m=0.25),),
         duration_s=0.12, log_Hz=250.0, gyro_noise_rad_s=0.1,
     )  # fmt: skip
@@ -63,8 +63,10 @@ def schedule() -> SampledSchedule:
 
 def hinged(model: Model) -> np.ndarray:
     """Return the log of a short pitch run, run without a compiler."""
-    control = pitch_controller("pid", gains_named("s3"))
-    bench = replace(PitchBench.of(model, covered=COVERED), model=model)  # without the rig's lag
+    control = build_pitch_controller("pid", load_gains("s3"))
+    bench = replace(
+        PitchBench.from_model(model, covered=COVERED), model=model
+    )  # without the rig's lag
     loop = PitchLoop([PitchJob(bench, control)], schedule(), 4, [0])
     loop.view("hinge.theta_rad")[:] = 0.15
     loop.loops.run.py_func(loop.arrays(), loop.plan, 0, len(loop.schedule))
@@ -114,7 +116,7 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(name, z_over_
     """The thrust factor of every disc over a plate that lies under all of them."""
     model = acting(RIG, name)
     z_m, n = z_over_R * RIG.propulsion.radius_m, RIG.n_discs
-    settled = Conditions.of(
+    settled = Conditions.build(
         RIG, speed_rad_s=np.full((n, 1), 550.0), plate_z_m=np.array([z_m]),
         coverage=np.ones((n, 1)),
     )  # fmt: skip
@@ -142,7 +144,7 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(name, z_over_
 def test_a_tilt_is_the_same_in_a_sweep_on_a_hinge_and_in_flight(rule, pitch_rad):
     """A plate that leans under a level vehicle, and a vehicle that leans over a level surface."""
     model, n, z_m = replace(FlightVehicle.of_rig(RIG).model, tilt_rule=rule), RIG.n_discs, 0.2
-    settled = Conditions.of(
+    settled = Conditions.build(
         RIG, speed_rad_s=np.full((n, 1), 550.0), plate_z_m=np.array([z_m / np.cos(pitch_rad)]),
         plate_tilt_rad=pitch_rad, coverage=np.ones((n, 1)),
     )  # fmt: skip
@@ -171,7 +173,7 @@ def test_another_law_flies_in_the_place_of_eq_2():
     expected = 1.0 / (1.0 - 0.5 * own**2)
     np.testing.assert_allclose(look_below(other, FLOOR, over).factor, expected, rtol=1e-14)
     case = FlightCase(
-        name="over", vehicle=other, gains=gains_named("s3"), below=FLOOR, start_m=over,
+        name="over", vehicle=other, gains=load_gains("s3"), below=FLOOR, start_m=over,
         duration_s=0.2,
     )  # fmt: skip
     np.testing.assert_allclose(fly(case)["factor1"], expected, rtol=1e-2)
@@ -181,7 +183,7 @@ def test_a_hidden_bias_and_a_delay_show_as_they_say():
     """A gyro that shows a rate tilts the vehicle; a late command lets it drop behind."""
     calm = replace(
         FlightCase(
-            name="calm", vehicle=FlightVehicle.of_rig(RIG), gains=gains_named("s3"),
+            name="calm", vehicle=FlightVehicle.of_rig(RIG), gains=load_gains("s3"),
             start_m=(0.0, 0.0, 1.0), goals=(Goal(x_m=0.5, z_m=1.0, from_s=0.4),), duration_s=4.0,
         ),
         log_Hz=250.0,

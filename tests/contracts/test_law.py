@@ -12,7 +12,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.physics.bases import factor_at
+from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R, DistanceLaw
@@ -48,10 +48,10 @@ def rig_of(name: str, rig: Rig = RIG) -> Rig:
 def ratio(model: Model, z_over_R: Array) -> Array:
     """Return T_IGE/T_OGE (m,) at these distances, as a sweep sees it."""
     z_m = np.asarray(z_over_R, float) * RIG.propulsion.radius_m
-    near = Conditions.of(
+    near = Conditions.build(
         model.rig, speed_rad_s=np.array([500.0]), plate_z_m=z_m, coverage=np.ones((1, 1))
     )
-    return np.asarray(factor_at(model, "equal_rpm2", near))
+    return np.asarray(ground_effect_ratio(model, "equal_rpm2", near))
 
 
 def numbers(model: Model, name: str) -> dict[str, float]:
@@ -108,9 +108,11 @@ def test_a_rig_says_where_the_surface_is_and_refuses_laws_of_another():
 
 def test_images_in_a_surface_below_do_not_act_under_a_ceiling():
     model = Model.single(rig_of("ceiling", load_rig_by_name("pquad")))
-    at = Conditions.of(model.rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=[0.06, 0.12])
+    at = Conditions.build(model.rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=[0.06, 0.12])
     full = model.with_effect("neighbour_images").with_effect("body_lift")
-    assert np.array_equal(factor_at(full, "equal_rpm2", at), factor_at(model, "equal_rpm2", at))
+    assert np.array_equal(
+        ground_effect_ratio(full, "equal_rpm2", at), ground_effect_ratio(model, "equal_rpm2", at)
+    )
 
 
 def test_hayden_at_one_radius_and_where_it_is_clipped():
@@ -174,11 +176,13 @@ def test_it_enters_the_sum_once_with_the_images_of_neighbours_and_the_body(name)
     """1/(1 - (1 - 1/G) - the rest), as eqs. (3) and (4) have it for eq. (2)."""
     rig = load_rig_by_name("pquad")
     z_m = np.array([1.2, 2.0, 4.0]) * rig.propulsion.radius_m
-    at = Conditions.of(rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=z_m)
+    at = Conditions.build(rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=z_m)
     alone = 1.0 - 1.0 / ratio(acting(name), z_m / rig.propulsion.radius_m)
     bare = Model.single(rig).with_effect("neighbour_images").with_effect("body_lift")
-    rest = 1.0 - 1.0 / factor_at(bare.without("rotor_images"), "equal_rpm2", at)
-    together = factor_at(bare.with_law(name, **numbers(acting(name), name)), "equal_rpm2", at)
+    rest = 1.0 - 1.0 / ground_effect_ratio(bare.without("rotor_images"), "equal_rpm2", at)
+    together = ground_effect_ratio(
+        bare.with_law(name, **numbers(acting(name), name)), "equal_rpm2", at
+    )
     np.testing.assert_allclose(together, 1.0 / (1.0 - alone - rest), rtol=1e-12)
 
 

@@ -13,7 +13,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.schedule_file import load_schedule
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
@@ -26,10 +26,10 @@ RATE_HZ = 250.0
 
 def flown(seed: int) -> Recording:
     model = load_model("pitch_beam").model.with_fixed("coulomb_friction.torque_Nm", FRICTION_NM)
-    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
+    control = PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ)
     schedule = replace(load_schedule("identify").with_duration(24.0), plate=())
     sampled = schedule.sampled(RATE_HZ, model.rig.propulsion.radius_m)
-    job = PitchJob(PitchBench.of(model), control)
+    job = PitchJob(PitchBench.from_model(model), control)
     return simulate_pitch(job, sampled, seed).recording(model.rig)
 
 

@@ -13,11 +13,11 @@ from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
+    build_payload,
     crc16,
     frame,
     frame_command,
     frame_fields,
-    parse_frame,
 )
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core import errors
@@ -31,7 +31,7 @@ def ack(number: int, *fields: str, time_us: int = 0) -> bytes:
 
 def hello_answer(number: int, **changes: object) -> bytes:
     lines = hello_lines(still_hello(**changes))
-    payloads = [parse_frame("H", (str(index), *line)) for index, line in enumerate(lines)]
+    payloads = [build_payload("H", (str(index), *line)) for index, line in enumerate(lines)]
     whole = crc16(b"".join(payload + b"\n" for payload in payloads))
     return b"".join(map(frame, payloads)) + ack(number, str(len(lines)), f"{whole:04X}")
 

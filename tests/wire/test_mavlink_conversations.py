@@ -24,7 +24,7 @@ class Side:
     def __init__(self, system: int, component: int) -> None:
         self._frames = MavlinkFrames(system, component)
 
-    def says(self, *messages: object) -> bytes:
+    def quadratic(self, *messages: object) -> bytes:
         return b"".join(map(self._frames.pack, messages))
 
 
@@ -54,7 +54,7 @@ def talk_on(link: ScriptedLink) -> MavlinkLink:
 
 def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkLink, ScriptedLink]:
     """Give a conversation in which system 1 was found already."""
-    link = ScriptedLink(Turn(host.says(ours()), device.says(beat())), *turns)
+    link = ScriptedLink(Turn(host.quadratic(ours()), device.quadratic(beat())), *turns)
     station = talk_on(link)
     station.find(1)
     return station, link
@@ -63,8 +63,8 @@ def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkLink, ScriptedLi
 def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked():
     host, device = Side(255, 190), Side(1, 1)
     asked = interval("SERVO_OUTPUT_RAW", 50.0)
-    opening = Turn(host.says(ours()), device.says(beat()))
-    link = ScriptedLink(opening, Turn(host.says(command(asked)), device.says(ack(asked))))
+    opening = Turn(host.quadratic(ours()), device.quadratic(beat()))
+    link = ScriptedLink(opening, Turn(host.quadratic(command(asked)), device.quadratic(ack(asked))))
     station = talk_on(link)
     assert station.find(1).autopilot == 3
     assert station.exchange(asked) == ACCEPTED
@@ -80,8 +80,8 @@ def test_an_acknowledgement_that_got_lost_is_asked_for_again():
     said = WORDS.MAVLink_statustext_message(6, b"something else", 0, 0)
     station, link = met(host=host, device=device)
     link._turns += [
-        Turn(host.says(command(turn_it)), device.says(said)),
-        Turn(host.says(command(turn_it)), device.says(ack(turn_it))),
+        Turn(host.quadratic(command(turn_it)), device.quadratic(said)),
+        Turn(host.quadratic(command(turn_it)), device.quadratic(ack(turn_it))),
     ]
     assert station.exchange(turn_it) == ACCEPTED
     link.check_finished()
@@ -92,7 +92,7 @@ def test_no_acknowledgement_at_all_is_a_lost_link():
     stop = ArduPilot().stop((1, 2))[0]
     assert stop.parameters[3] == 0.0
     station, link = met(host=host, device=device)
-    link._turns += [Turn(host.says(command(stop))) for _ in range(4)]
+    link._turns += [Turn(host.quadratic(command(stop))) for _ in range(4)]
     said = r"did not acknowledge command 209, sent 4 times in 0\.4 s"
     with pytest.raises(LinkLost, match=said):
         station.exchange(stop, (0.1,) * 4)
@@ -103,9 +103,9 @@ def test_a_message_that_it_has_not_is_denied_with_its_words():
     host, device = Side(255, 190), Side(1, 1)
     asked = interval("RAW_RPM", 20.0)
     words = WORDS.MAVLink_statustext_message(4, b"No ap_message for mavlink id (339)", 0, 0)
-    answer = device.says(beat()), device.says(ack(asked, DENIED), words)
+    answer = device.quadratic(beat()), device.quadratic(ack(asked, DENIED), words)
     link = ScriptedLink(
-        Turn(host.says(ours()), answer[0]), Turn(host.says(command(asked)), answer[1])
+        Turn(host.quadratic(ours()), answer[0]), Turn(host.quadratic(command(asked)), answer[1])
     )
     station = talk_on(link)
     station.find(1)
@@ -127,11 +127,11 @@ def test_denied_and_accepted_but_silent_are_told_apart():
     outputs = WORDS.MAVLink_servo_output_raw_message(1000, 0, *[1000] * 8)
     station, link = met(host=host, device=device)
     link._turns += [
-        Turn(host.says(command(orders[0])), device.says(ack(orders[0]))),
-        Turn(host.says(command(orders[1])), device.says(ack(orders[1]), outputs)),
-        Turn(host.says(command(orders[2])), device.says(ack(orders[2], DENIED))),
+        Turn(host.quadratic(command(orders[0])), device.quadratic(ack(orders[0]))),
+        Turn(host.quadratic(command(orders[1])), device.quadratic(ack(orders[1]), outputs)),
+        Turn(host.quadratic(command(orders[2])), device.quadratic(ack(orders[2], DENIED))),
         # A second of listening: our own heartbeat, and the outputs once more.
-        Turn(host.says(ours()), device.says(outputs)),
+        Turn(host.quadratic(ours()), device.quadratic(outputs)),
     ]
     counts = dict.fromkeys((request.name for request in wanted), 0)
 
@@ -153,9 +153,9 @@ def test_an_unknown_parameter_gets_no_answer_and_is_left_out():
     told = WORDS.MAVLink_param_value_message(b"MOT_PWM_MIN", 1000.0, 9, 900, 65535)
     station, link = met(host=host, device=device)
     link._turns += [
-        Turn(host.says(ask("MOT_PWM_MIN")), device.says(told)),
-        Turn(host.says(ask("NO_SUCH"))),
-        Turn(host.says(ask("NO_SUCH"))),
+        Turn(host.quadratic(ask("MOT_PWM_MIN")), device.quadratic(told)),
+        Turn(host.quadratic(ask("NO_SUCH"))),
+        Turn(host.quadratic(ask("NO_SUCH"))),
     ]
     assert station.read_parameters(("MOT_PWM_MIN", "NO_SUCH")) == {"MOT_PWM_MIN": 1000.0}
     link.check_finished()
@@ -166,14 +166,18 @@ def test_a_whole_number_of_px4_comes_bit_by_bit():
     # 4 as the bits of a float.
     told = WORDS.MAVLink_param_value_message(b"CA_ROTOR_COUNT", 5.605193857299268e-45, 6, 9, 1)
     station, link = met(host=host, device=device)
-    link._turns.append(Turn(host.says(ask("CA_ROTOR_COUNT")), device.says(told)))
+    link._turns.append(Turn(host.quadratic(ask("CA_ROTOR_COUNT")), device.quadratic(told)))
     assert station.read_parameters(("CA_ROTOR_COUNT",)) == {"CA_ROTOR_COUNT": 4.0}
     assert Px4().n_motors({"CA_ROTOR_COUNT": 4.0}) == 4
 
 
 def test_several_autopilots_are_listed_and_one_is_chosen():
-    beats = Side(1, 1).says(beat()) + Side(7, 1).says(beat(12)) + Side(9, 154).says(beat(8))
-    opening = Turn(Side(255, 190).says(ours()), beats)
+    beats = (
+        Side(1, 1).quadratic(beat())
+        + Side(7, 1).quadratic(beat(12))
+        + Side(9, 154).quadratic(beat(8))
+    )
+    opening = Turn(Side(255, 190).quadratic(ours()), beats)
     link = ScriptedLink(opening, *_beats_of_ours(4))
     with pytest.raises(InputError, match=r"has 2 autopilots, systems 1, 7; choose one with sys"):
         talk_on(link).find(None)
@@ -195,14 +199,14 @@ def test_several_autopilots_are_listed_and_one_is_chosen():
     ],
 )
 def test_strangers_are_told_apart(received, words):
-    link = ScriptedLink(Turn(Side(255, 190).says(ours()), received), *_beats_of_ours(6))
+    link = ScriptedLink(Turn(Side(255, 190).quadratic(ours()), received), *_beats_of_ours(6))
     with pytest.raises(ProtocolError, match=words):
         talk_on(link).find(None)
 
 
 def test_silence_names_power_and_port():
     beats = _beats_of_ours(4)
-    link = ScriptedLink(Turn(Side(255, 190).says(ours())), *beats, Turn(PROBE))
+    link = ScriptedLink(Turn(Side(255, 190).quadratic(ours())), *beats, Turn(PROBE))
     with pytest.raises(NoDevice, match="is open, but nothing came for 5 s; check power"):
         talk_on(link).find(None)
 
@@ -210,8 +214,8 @@ def test_silence_names_power_and_port():
 def _beats_of_ours(count: int) -> list[Turn]:
     """Give the heartbeats that a host sends while it waits, after its first."""
     host = Side(255, 190)
-    host.says(ours())
-    return [Turn(host.says(ours())) for _ in range(count)]
+    host.quadratic(ours())
+    return [Turn(host.quadratic(ours())) for _ in range(count)]
 
 
 def test_what_is_meant_for_another_ground_station_is_passed_over():
@@ -219,6 +223,6 @@ def test_what_is_meant_for_another_ground_station_is_passed_over():
     stop = ArduPilot().stop((1,))[0]
     other = WORDS.MAVLink_command_ack_message(209, 4, 0, 0, 250, 190)
     station, link = met(host=host, device=device)
-    link._turns.append(Turn(host.says(command(stop)), device.says(other, ack(stop))))
+    link._turns.append(Turn(host.quadratic(command(stop)), device.quadratic(other, ack(stop))))
     assert station.exchange(stop) == ACCEPTED
     link.check_finished()

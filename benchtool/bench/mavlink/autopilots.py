@@ -22,11 +22,11 @@ DETECTION_TIMEOUT_S = 0.3  # from acknowledgement to outputs; ArduPilot takes 0.
 
 # Bit of the heartbeat's base_mode (MAV_MODE_FLAG): hardware in the loop, where "all motors /
 # actuators are blocked"; set by the virtual autopilot.
-HIL = 32
+HIL_FLAG = 32
 
 VERSION_TIMEOUT_S = 0.5
 
-LEAST_US, LONGEST_US = 800.0, 2200.0  # RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM of ArduCopter
+MIN_PULSE_US, MAX_PULSE_US = 800.0, 2200.0  # RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM of ArduCopter
 UNMAPPED_WARNING = (  # of a pitch bench, whose loop turns all rotors at once
     "the address has no map=, so output 1 is assumed to drive rotor 1 and so on; otherwise pulse "
     "widths and speeds are recorded under the wrong rotors; make a map with benchtool bench map "
@@ -96,10 +96,10 @@ class ArduPilot(Autopilot):
 
     def pulses(self, values: Mapping[str, float]) -> PulseRange:
         low_us, high_us = values["MOT_PWM_MIN"], values["MOT_PWM_MAX"]
-        if not LEAST_US <= low_us < high_us <= LONGEST_US:
+        if not MIN_PULSE_US <= low_us < high_us <= MAX_PULSE_US:
             raise ProtocolError(
                 f"MOT_PWM_MIN is {low_us:g} us and MOT_PWM_MAX {high_us:g} us; allowed: "
-                f"{LEAST_US:g} to {LONGEST_US:g} us, in this order; set them on the autopilot"
+                f"{MIN_PULSE_US:g} to {MAX_PULSE_US:g} us, in this order; set them on the autopilot"
             )
         idle_us = low_us + values.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
         return PulseRange(low_us, low_us, high_us, idle_us)
@@ -243,7 +243,7 @@ def read_autopilot(
             f"system {link.system} is an autopilot of kind {heartbeat.autopilot} (MAV_AUTOPILOT), "
             f"but benchtool can turn motors of {names} only; use one of these"
         )
-    simulated = bool(heartbeat.base_mode & HIL)
+    simulated = bool(heartbeat.base_mode & HIL_FLAG)
     speedup = ("SIM_SPEEDUP",) if simulated else ()
     parameters = link.read_parameters((*pilot.parameters, *speedup), pilot.required)
     device_id, version = _read_version(link, clock)

@@ -276,19 +276,19 @@ class MavlinkBench(StreamingBench):
         if name == "STATUSTEXT":
             self._health.process_text(message, is_own)
         elif not is_own:
-            self._rows.take(message, self._device_us(arrived_s))
+            self._rows.update(message, self._device_us(arrived_s))
         elif name == "HEARTBEAT":
             self._health.process_heartbeat(message, arrived_s, self._drive.outputs_match())
         elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
             self._plate.states.append(float(message.value))
         else:
-            self._rows.take(message)
+            self._rows.update(message)
             if name in streams.OUTPUT_MESSAGES:
                 self._stamped_s = arrived_s
-                self._device_clock.learn(self._rows.time.last_us, self._bench_s(arrived_s))
+                self._device_clock.update(self._rows.time.last_us, self._bench_s(arrived_s))
                 wired = self._drive.update_outputs(self._rows.outputs_us, arrived_s)
                 if wired is not None:
-                    self._rows.wire(*wired)
+                    self._rows.assign_output(*wired)
                     self._messages.append(f"rotor {wired[0]} is driven by output {wired[1]}")
                 device_s = 1e-6 * self._rows.time.last_us
                 self._quality.arrived(arrived_s, device_s / self._speed)

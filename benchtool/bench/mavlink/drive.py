@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from benchtool.bench.mavlink import messages as mav
 from benchtool.bench.mavlink.autopilots import AutopilotInfo
-from benchtool.bench.mavlink.health import RESTARTED, Health, silence_error
+from benchtool.bench.mavlink.health import RESTARTED, Health, find_silence_error
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostSuspended, LinkLost
@@ -165,7 +165,7 @@ class RunMonitor:
         silent_s = now_s - self._link.received_s
         if silent_s > SILENCE_TIMEOUT_S:
             self._drive.stop_renewing()
-        link_error = silence_error(self._address, silent_s, self._health.silence_s(now_s))
+        link_error = find_silence_error(self._address, silent_s, self._health.silence_s(now_s))
         if link_error is not None:
             raise link_error
         text_fault = self._health.take_fault()

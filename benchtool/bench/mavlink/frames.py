@@ -213,7 +213,7 @@ class MavlinkQuality:
         }
 
 
-MODULUS = 1 << 32
+TIME_MODULUS = 1 << 32
 MAX_BACKWARD_US = 2_000_000  # a larger step back is a restart, not reordering; assumed
 
 # A larger step ahead is a restart as well, because through a wrap a step back is one ahead. A link
@@ -241,10 +241,10 @@ class BootTime:
         self._offset_us = 0
 
     def us32(self, stamp: int) -> int:
-        return self._unwrap(stamp, MODULUS, cannot_wrap=False)
+        return self._unwrap(stamp, TIME_MODULUS, cannot_wrap=False)
 
     def ms32(self, stamp: int) -> int:
-        return self._unwrap(1000 * stamp, 1000 * MODULUS)
+        return self._unwrap(1000 * stamp, 1000 * TIME_MODULUS)
 
     def us64(self, stamp: int) -> int:
         """Return the time of a 64-bit stamp; one since 1970 is replaced by the newest time."""
@@ -290,6 +290,6 @@ class CompanionTime:
         if self._boot.rebooted:
             self._boot, self._clock = BootTime(), DeviceClock()
             sent_us = self._boot.ms32(stamp_ms)
-        self._clock.learn(sent_us, 1e-6 * arrived_us)
+        self._clock.update(sent_us, 1e-6 * arrived_us)
         time_s = self._clock.host_time_s(np.array([sent_us], np.int64))[0]
         return min(round(1e6 * float(time_s)), arrived_us)

@@ -13,7 +13,7 @@ from benchtool.core.errors import LinkLost
 # Assumed: a link that loses every tenth frame misses five in a row once in a day.
 HEARTBEAT_TIMEOUT_S = 5.5
 
-ARMED = 128  # bit of the heartbeat's base_mode (MAV_MODE_FLAG): motors armed
+ARMED_FLAG = 128  # bit of the heartbeat's base_mode (MAV_MODE_FLAG): motors armed
 STALE_TIMEOUT_S = 1.0  # wall time without data after which the link is lost; assumed
 MAX_CHUNK_LENGTH = 50  # of one STATUSTEXT; longer texts come in several with the same id
 ARMING_S = 1.5  # from the first command to a heartbeat that shows armed, one per second
@@ -86,7 +86,7 @@ class Health:
                 example by lost commands, and the check of the outputs reports the fault.
         """
         self._heartbeat_s = now_s
-        self.armed = bool(message.base_mode & ARMED)
+        self.armed = bool(message.base_mode & ARMED_FLAG)
         if self._driven_since_s is None or not self._arms or not outputs_match:
             return
         self._was_armed = self._was_armed or self.armed
@@ -137,7 +137,7 @@ class Health:
             self._driven_since_s += pause_s
 
 
-def silence_error(address: str, silent_s: float, since_heartbeat_s: float) -> LinkLost | None:
+def find_silence_error(address: str, silent_s: float, since_heartbeat_s: float) -> LinkLost | None:
     """Return the error for silence of all messages, or of heartbeats; None if both are short."""
     if silent_s > STALE_TIMEOUT_S:
         return LinkLost(

@@ -188,13 +188,13 @@ class MavlinkLink(LinkEndpoint):
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
-        self.gaps.note(now_s)
+        self.gaps.update(now_s)
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
             # A ground station (6) without an autopilot, active.
             self.send(self.dialect.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
-        data = self.take(timeout_s)
-        self.gaps.note(self.clock())
+        data = self.receive(timeout_s)
+        self.gaps.update(self.clock())
         if not data:
             return False
         arrived_s = self.clock()

@@ -105,7 +105,7 @@ class MavlinkRows:
         received = {n + i for i in unknown if self._rotor_escs[i] in self.speeds_rpm}
         return np.array(sorted(self._reported | received), np.intp)
 
-    def take(self, message: Message, arrived_us: int | None = None) -> None:
+    def update(self, message: Message, arrived_us: int | None = None) -> None:
         """Process a message; messages without readings are ignored.
 
         Args:
@@ -143,7 +143,7 @@ class MavlinkRows:
             for esc, rpm in SPEEDS[name](message):
                 self._process_speed(name, esc, rpm, time_us)
 
-    def wire(self, rotor: int, output: int) -> None:
+    def assign_output(self, rotor: int, output: int) -> None:
         """Assign an output to a rotor (both from 1), identified while only that rotor turned.
 
         ESCs have the numbers of their outputs; the rotor that had this number gets the other one.

@@ -139,11 +139,11 @@ class CommandChannel(LinkEndpoint):
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
-        self._gap_detector.note(now_s)
+        self._gap_detector.update(now_s)
         if now_s - self._sent_s >= HEARTBEAT_S:
             self._send(frames.HEARTBEAT)
-        data = self.take(timeout_s)
-        self._gap_detector.note(self.clock())
+        data = self.receive(timeout_s)
+        self._gap_detector.update(self.clock())
         if not data:
             return False
         readings = self._decoder.feed(data, self.now_s())

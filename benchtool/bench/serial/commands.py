@@ -167,7 +167,7 @@ _PARSERS: dict[str, Callable[[str], float | str]] = {
 }
 
 
-def encode_command(value: float) -> str:
+def format_number(value: float) -> str:
     """Return a number in protocol format: nine significant digits, no exponent padding."""
     if not isfinite(value):
         raise InputError(f"{value} cannot be sent to a device; give a finite number")
@@ -179,7 +179,7 @@ def command_fields(command: Command) -> tuple[str, ...]:
     values = [getattr(command, field.name) for field in fields(command)]
     if isinstance(command, SetPwm):
         values = list(command.pwm_us)
-    texts = (value if isinstance(value, str) else encode_command(value) for value in values)
+    texts = (value if isinstance(value, str) else format_number(value) for value in values)
     return (_COMMAND_NAMES[type(command)], *texts)
 
 

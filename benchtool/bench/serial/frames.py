@@ -33,7 +33,7 @@ def frame(payload: bytes) -> bytes:
     return b"$%b*%04X\n" % (payload, crc16(payload))
 
 
-def parse_frame(letter: str, fields: Iterable[str]) -> bytes:
+def build_payload(letter: str, fields: Iterable[str]) -> bytes:
     """Return text fields as a payload; characters that would break the line become blanks."""
     text = ",".join((letter, *fields))
     return text.translate(_UNSAFE).encode("ascii", "replace")
@@ -41,7 +41,7 @@ def parse_frame(letter: str, fields: Iterable[str]) -> bytes:
 
 def frame_fields(letter: str, fields: Iterable[str]) -> bytes:
     """Return text fields as a line."""
-    return frame(parse_frame(letter, fields))
+    return frame(build_payload(letter, fields))
 
 
 _UNSAFE = str.maketrans({"$": " ", "*": " ", "\n": " ", "\r": " "})
@@ -131,7 +131,7 @@ class Decoder:
             table = np.concatenate(rows) if rows else np.empty((0, width))
         sorted_samples = self._order.sort(table[:, :2].astype(np.int64))
         if len(sorted_samples.rows):
-            self._clock.learn(int(sorted_samples.time_us[-1]), arrived_s)
+            self._clock.update(int(sorted_samples.time_us[-1]), arrived_s)
         return Readings(
             time_s=self._clock.host_time_s(sorted_samples.time_us),
             device_time_us=sorted_samples.time_us.astype(float),
@@ -223,7 +223,7 @@ def signed_step(new: int, old: int, modulus: int) -> int:
     return (new - old + half) % modulus - half
 
 
-class SortedMessages(NamedTuple):
+class SortedSamples(NamedTuple):
     """Samples of a block in their order.
 
     Attributes:
@@ -253,11 +253,11 @@ class SampleOrder:
         self._period_us = 0.0
         self._rejected: tuple[int, int] | None = None
 
-    def sort(self, stamps: NDArray[np.int64]) -> SortedMessages:
+    def sort(self, stamps: NDArray[np.int64]) -> SortedSamples:
         """Sort a block with stamps (m, 2): number, device time in us, both wrapped."""
         return self._sort_consecutive(stamps) or self._sort_one_by_one(stamps.tolist())
 
-    def _sort_consecutive(self, stamps: NDArray[np.int64]) -> SortedMessages | None:
+    def _sort_consecutive(self, stamps: NDArray[np.int64]) -> SortedSamples | None:
         """Return a block whose samples are consecutive; None for any other."""
         if self._newest is None or self._rejected is not None or not len(stamps):
             return None
@@ -271,9 +271,9 @@ class SampleOrder:
         self._position += len(stamps)
         self._newest = int(stamps[-1, 0]), int(stamps[-1, 1])
         self._time_us = int(time_us[-1])
-        return SortedMessages(np.arange(len(stamps)), time_us, 0, 0)
+        return SortedSamples(np.arange(len(stamps)), time_us, 0, 0)
 
-    def _sort_one_by_one(self, stamps: list[list[int]]) -> SortedMessages:
+    def _sort_one_by_one(self, stamps: list[list[int]]) -> SortedSamples:
         """Return a block with lost, repeated or reordered samples."""
         used_rows: dict[int, tuple[int, int]] = {}  # row and time by position
         returned = None if self._newest is None else self._position
@@ -310,7 +310,7 @@ class SampleOrder:
         start = returned if returned is not None else order[0] - 1 if order else self._position
         rows = np.array([used_rows[position] for position in order], np.int64).reshape(-1, 2)
         lost = self._position - start - len(order)
-        return SortedMessages(rows[:, 0], rows[:, 1], lost, repeated)
+        return SortedSamples(rows[:, 0], rows[:, 1], lost, repeated)
 
     def _count_step(self, number: int, step_us: int) -> int:
         """Return the distance of a sample from the newest one, by its number and its time."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.serial.commands import PROTOCOL_VERSION
-from benchtool.bench.serial.frames import MAX_LINE_BYTES, crc16, parse_frame
+from benchtool.bench.serial.frames import MAX_LINE_BYTES, build_payload, crc16
 from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, ProtocolError
@@ -55,7 +55,7 @@ class Hello(DeviceInfo):
             address=address,
             protocol=f"benchtool-{self.version}",
             rate_Hz=rate_Hz,
-            orders_protected=True,
+            rejects_late_commands=True,
             facts=facts,
         )
 
@@ -228,7 +228,7 @@ class HelloReader:
         lines = [line for _, line in sorted(self._indexed.items())]
         if len(answer) < 2 or answer[0] != str(len(lines)):
             return None
-        checksum = crc16(b"".join(parse_frame("H", line) + b"\n" for line in lines))
+        checksum = crc16(b"".join(build_payload("H", line) + b"\n" for line in lines))
         if answer[1] != f"{checksum:04X}":
             self._indexed.clear()
             return None

@@ -36,11 +36,11 @@ class GrblStage:
 
     Args:
         min_gap_m: least plate distance of a move, including its braking distance.
-        opening: callback during homing on opening, which takes long; a bench must be read
+        homing_pause: callback during homing on opening, which takes long; a bench must be read
             meanwhile, because its buffers would overflow.
     """
 
-    measures_to_m = 0.0
+    position_uncertainty_m = 0.0
 
     def __init__(
         self,
@@ -51,12 +51,12 @@ class GrblStage:
         min_gap_m: float = 0.0,
         clock: Callable[[], float] = time.monotonic,
         name: str = "the stage",
-        opening: Pause = _no_pause,
+        homing_pause: Pause = _no_pause,
         option: str = "grbl",
     ) -> None:
         self._link = GrblLink(transport, clock, name)
         self._clock = clock
-        self._homing_pause = opening
+        self._homing_pause = homing_pause
         self._distance = distance
         self._lateral = lateral
         self._feed_mm_min = 60e3 * feed_m_s

@@ -27,7 +27,7 @@ class PlateStage(Protocol):
         """Metadata for the run; `stage` is the value of `--stage` for the next part."""
 
     @property
-    def measures_to_m(self) -> float:
+    def position_uncertainty_m(self) -> float:
         """Uncertainty of the reported position, added to the rig's tolerance."""
 
     def open(self) -> None:
@@ -56,7 +56,7 @@ class DeviceStage:
     """Plate that the bench moves."""
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "device"})
-    measures_to_m = 0.0
+    position_uncertainty_m = 0.0
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -79,7 +79,7 @@ class NoStage:
     """Stage without a plate, or with a parked one."""
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "none"})
-    measures_to_m = 0.0
+    position_uncertainty_m = 0.0
 
     def open(self) -> None:
         """No-op; there is no stage."""
@@ -99,23 +99,23 @@ class ManualStage:
 
     Args:
         tolerance_m: largest difference of the typed from the requested distance.
-        tries: number of attempts.
+        max_attempts: number of attempts.
     """
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "hand"})
-    measures_to_m = MANUAL_TOLERANCE_M
+    position_uncertainty_m = MANUAL_TOLERANCE_M
 
     def __init__(
         self,
         ask: Callable[[str], str],
         plate: PlateDrive,
         tolerance_m: float = 0.005,
-        tries: int = 3,
+        max_attempts: int = 3,
     ) -> None:
         self._ask = ask
         self._plate = plate
         self._tolerance_m = tolerance_m
-        self._tries = tries
+        self._tries = max_attempts
 
     def open(self) -> None:
         """No-op; there is no port."""
@@ -176,8 +176,8 @@ class _StageWrapper:
         return self._stage.facts
 
     @property
-    def measures_to_m(self) -> float:
-        return self._stage.measures_to_m
+    def position_uncertainty_m(self) -> float:
+        return self._stage.position_uncertainty_m
 
     def open(self) -> None:
         self._stage.open()
@@ -189,7 +189,7 @@ class _StageWrapper:
         self._stage.close()
 
 
-class FixedStage(_StageWrapper):
+class GuardedStage(_StageWrapper):
     """Wrapper that checks with the guard before and after each move."""
 
     def __init__(self, stage: PlateStage, guard: GuardedBench) -> None:
@@ -197,9 +197,9 @@ class FixedStage(_StageWrapper):
         self._guard = guard
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
-        self._guard.ready_for_move(z_m, x_m, tilt_rad)
+        self._guard.check_ready_for_move(z_m, x_m, tilt_rad)
         reached_m = self._stage.move(z_m, x_m, tilt_rad, pause)
-        self._guard.confirm_plate(z_m, reached_m, self._stage.measures_to_m)
+        self._guard.confirm_plate(z_m, reached_m, self._stage.position_uncertainty_m)
         return reached_m
 
 

@@ -70,7 +70,7 @@ class LinkEndpoint(ABC):
     def close(self) -> None:
         self.transport.close()
 
-    def take(self, timeout_s: float) -> bytes:
+    def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received within a short wait."""
         data = self.transport.read(min(timeout_s, MAX_WAIT_S))
         if len(self.received) < MAX_STORED_BYTES:

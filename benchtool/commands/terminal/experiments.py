@@ -27,7 +27,7 @@ def open_experiment_bench(address: str, request: Request, out: Path | None) -> R
     """
     from benchtool.acquire.inputs import resolve_rig
     from benchtool.bench.drivers import open_bench
-    from benchtool.data.run.run_rig import differences
+    from benchtool.data.run.run_rig import find_differences
 
     if out is None:
         raise InputError("--bench needs a folder for the runs; add --out FOLDER")
@@ -36,7 +36,7 @@ def open_experiment_bench(address: str, request: Request, out: Path | None) -> R
     if not address.startswith("sim:"):
         return model_rig
     rig = resolve_rig(address, None)
-    if different := differences(model_rig, rig):
+    if different := find_differences(model_rig, rig):
         raise InputError(
             f"the rig of {address} differs from that of the recordings ({different[0]}); use the "
             f"bench of the recordings"
@@ -50,12 +50,12 @@ def stop_reason(
     """Return the reason to stop recording experiments; empty to continue."""
     verdict, experiment = answer.verdict, answer.verdict.next
     count = f" after {pluralize(n_recorded, 'experiment')}" if n_recorded else ""
-    if verdict.holds(inputs.until):
+    if verdict.has_probability(inputs.until):
         return f"The verdict has reached --until {inputs.until:g}{count}."
     status = f"The verdict has not reached --until {inputs.until:g}{count}"
     if experiment is None:
         return f"{status}, and there is no experiment to propose."
-    if not experiment.decides:
+    if not experiment.is_decisive:
         return f"{status}. {next_sentence(answer)}"
     if n_recorded >= inputs.most_experiments:
         return f"{status}; --most-experiments {inputs.most_experiments} is reached."

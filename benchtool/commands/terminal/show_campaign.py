@@ -18,7 +18,7 @@ from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.input_text import format_arguments
 from benchtool.core.plural import pluralize
 from benchtool.data.run.campaign import campaign_means
-from benchtool.simulate.campaign_run import campaign_of, run_campaign
+from benchtool.simulate.campaign_run import build_campaign, run_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.pitch.inputs import PitchInputs
@@ -34,7 +34,7 @@ def show_campaign(
         options: of `Design.read`.
     """
     _check_names(inputs, controllers)
-    campaign = campaign_of(inputs, announce_code)
+    campaign = build_campaign(inputs, announce_code)
     study, campaign_inputs, out = inputs.study, inputs.study.campaign, inputs.study.out
     design = Design.read(
         campaign_inputs.vary,
@@ -60,7 +60,7 @@ def show_campaign(
         flush=True,
     )
     metadata = {
-        "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
+        "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.to_metadata(),
         "set": " ".join(format_arguments(study.settings, commas=False)),
     }  # fmt: skip
     start_s = monotonic()

@@ -12,7 +12,7 @@ from rich.progress import TaskProgressColumn, TimeElapsedColumn
 
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
 from benchtool.explain.answer import ExplainResult
-from benchtool.explain.next_steps import lines, next_file, next_sentence, next_steps
+from benchtool.explain.next_steps import format_steps, next_file, next_sentence, next_steps
 from benchtool.report.answer.folder import ANSWER, PAGE
 from benchtool.report.answer.page import added_sentence, changes, where_sentence
 from benchtool.report.answer.tables import (
@@ -65,7 +65,7 @@ def print_answer(answer: ExplainResult) -> None:
     print_table(console, tolerances_table(answer))
     for name in verdict.not_judged:
         console.print_lines(
-            f"Not judged: {answer.title_of(name)} {unjudged_sentence(answer, name)}"
+            f"Not judged: {answer.find_title(name)} {unjudged_sentence(answer, name)}"
         )
     console.print_lines(*(f"! {line}" for line in answer.remarks))
     console.print_lines(f"Computing time: {answer.seconds:.1f} s.")
@@ -95,4 +95,4 @@ def print_next(answer: ExplainResult, out: Path | None, json_file: Path | None) 
         console.print_lines(f"{sentence}{location}")
     if out is None:
         print("add --out FOLDER for the report, figures, new model and next experiment")
-    console.print_lines(*lines(next_steps(answer, folder)))
+    console.print_lines(*format_steps(next_steps(answer, folder)))

@@ -34,7 +34,7 @@ def print_fit(fit: StoredFit) -> None:
     for section in fit.blocks:
         if isinstance(section, Table):
             width = max(MAX_COLUMNS, section.text_columns + 3)
-            print_table(console, section.narrowed(range(min(width, len(section.header)))))
+            print_table(console, section.select_columns(range(min(width, len(section.header)))))
         elif isinstance(section, Warnings):
             console.print_lines(*(f"! {line}" for line in section.sentences))
         elif isinstance(section, Paragraph):

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from benchtool.acquire.record import NO_PROGRESS, ProgressLines, RunProgress
-from benchtool.acquire.visit_order import Visit, minutes
+from benchtool.acquire.visit_order import Visit, format_duration
 from benchtool.commands.terminal.tables import EscapedConsole
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
@@ -38,14 +38,14 @@ class LiveDisplay(RunProgress):
         self._task = self._bar.add_task("sweep", total=None, left="?")
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        self._bar.update(self._task, total=visits, completed=done, left=minutes(expected_s))
+        self._bar.update(self._task, total=visits, completed=done, left=format_duration(expected_s))
 
     def visiting(self, visit: Visit) -> None:
-        self._bar.update(self._task, description=visit.words(self._radius_m))
+        self._bar.update(self._task, description=visit.description(self._radius_m))
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._latest.append(point)
-        self._bar.update(self._task, advance=1, left=minutes(remaining_s))
+        self._bar.update(self._task, advance=1, left=format_duration(remaining_s))
 
     def happened(self, event: Event) -> None:
         if event.event not in NO_PROGRESS:

@@ -19,14 +19,19 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs, items, with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
-from benchtool.data.column_map import IN_RADII, column_map_to_toml, guess_columns, name_and_unit
+from benchtool.data.column_map import (
+    RADII_PER_UNIT,
+    column_map_to_toml,
+    guess_columns,
+    name_and_unit,
+)
 from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.repairs.foreign_units import conversion
+from benchtool.data.repairs.foreign_units import find_conversion
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run_rig import load_rig_for_data
-from benchtool.data.table import RowFilter, read_table, rows_where
-from benchtool.physics.model_file import model_names, stated_in
+from benchtool.data.table import RowFilter, filter_rows, read_table
+from benchtool.physics.model_file import model_names, read_model_head
 
 MODEL = "single"  # one rotor over a plate
 NONE = "none"
@@ -74,7 +79,7 @@ def prepare_table(options: dict[str, Any]) -> tuple[str, ...]:
     has_map = is_stand or options.get("columns") is not None
     if not (with_changes(table) or is_stand) and (
         has_map
-        or (user_model and stated_in(user_model)[1])
+        or (user_model and read_model_head(user_model)[1])
         or {"thrust_N", "thrust_ratio"} & set(read_csv_header(Path(first)))
     ):
         return ()  # the columns are described
@@ -120,20 +125,20 @@ def _radius(
     if table.radius is None and (data_rig := load_rig_for_data([first])) is not None:
         return data_rig.propulsion.radius_m, ""
     if table.radius is None and user_model:
-        return stated_in(user_model)[0].propulsion.radius_m, ""
-    text = radius_rig(first, table.radius, known=is_stand)
+        return read_model_head(user_model)[0].propulsion.radius_m, ""
+    text = build_radius_rig(first, table.radius, is_stand=is_stand)
     return (parse_rig(text, f"rig of {first}").propulsion.radius_m if text else nan), text
 
 
-def radius_rig(first: str, radius_m: float | None, *, known: bool) -> str:
+def build_radius_rig(first: str, radius_m: float | None, *, is_stand: bool) -> str:
     """Return the text of a rig file that contains the rotor radius only.
 
     Args:
         radius_m: None means the diameter in the test stand table; without one, return "".
-        known: the table is from a test stand, which also gives the number of rotors.
+        is_stand: the table is from a test stand, which also gives the number of rotors.
     """
     source, n_rotors = "given as the rotor radius of a table", 1
-    if known:
+    if is_stand:
         recording = import_file(first).recording
         n_rotors = max(
             1, sum(name.startswith("rpm") and name[3:].isdigit() for name in recording.names)
@@ -183,7 +188,7 @@ class _Columns:
 
     def choose(self, where: Sequence[str]) -> None:
         table = read_csv_text(Path(self.path))
-        rows = rows_where(table, [RowFilter.parse(text) for text in where])
+        rows = filter_rows(table, [RowFilter.parse(text) for text in where])
         self.table = replace(table, rows=[table.rows[row] for row in rows])
         self.header = [cell for cell in table.header if cell]
         guess = guess_columns(self.header, radius_m=self.radius_m)
@@ -239,7 +244,7 @@ class _Columns:
     def _unit(self, cell: str, unit: str, option: str, default: str) -> str | None:
         """Return the unit to write for a column; None, with a note, for the default unit."""
         if unit:
-            conversion(unit, default)
+            find_conversion(unit, default)
             return unit
         if (name_unit := name_and_unit(cell)[1]) is None:
             self.notes.append(f"{cell!r} has no unit; {default} is assumed, {option} changes it")
@@ -267,7 +272,7 @@ class _Columns:
             return
         radii = {"R": 1.0, "D": 2.0}.get(options.z_unit.upper())
         if not options.z_unit:
-            radii = IN_RADII.get(name_and_unit(cell)[0].lower())
+            radii = RADII_PER_UNIT.get(name_and_unit(cell)[0].lower())
         if radii is not None:
             self.map["plate_z_m"] = ColumnSource(column=cell, factor=radii * self.radius_m)
             return
@@ -287,7 +292,7 @@ class _Columns:
         if self.options.reference:
             row_filter = RowFilter.parse(self.options.reference)
             cell, value = self._find(row_filter.column, "--reference"), row_filter.value
-            if not rows_where(self.table, [RowFilter(cell, value)]):
+            if not filter_rows(self.table, [RowFilter(cell, value)]):
                 raise InputError(f"no row has {cell}={value}; correct --reference")
             self.map["kind"] = ColumnSource(column=cell, reference=value)
         elif source is not None and source is not PLACEHOLDER:

@@ -32,7 +32,7 @@ class Entry:
     """Catalogue entry of a run, result or file.
 
     Attributes:
-        name: relative path, for `RunsFolder.path_of`.
+        name: relative path, for `RunsFolder.find_path`.
         rig: name of the rig; of a fit or an explanation, name of the model.
         propeller: name of the propeller, "" if unknown.
         z_over_r: smallest and largest measured plate distance in rotor radii; empty if unknown.
@@ -84,7 +84,7 @@ class Entry:
         return all(word in text for word in search.lower().split())
 
 
-def kind_of(path: Path) -> str:
+def detect_kind(path: Path) -> str:
     """Return the kind of a file or folder by its file names, "" if unknown.
 
     A run without metadata is a sweep.

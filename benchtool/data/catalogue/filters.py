@@ -75,13 +75,13 @@ def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path,
     Raises:
         InputError: a folder does not exist, or a filter value is invalid.
     """
-    from benchtool.data.catalogue.index import catalogued
+    from benchtool.data.catalogue.index import load_entries
 
     selected = []
     for root in by.folder:
         if not root.is_dir():
             raise InputError(f"there is no folder {root}; give a folder of runs")
-        entries = filter_entries(catalogued(root, rebuild=rebuild), by)
+        entries = filter_entries(load_entries(root, rebuild=rebuild), by)
         selected += [(root / entry.name, entry) for entry in entries]
     return selected
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.atomic import make_folder
-from benchtool.data.catalogue.entry import SWEEPS, Entry, kind_of
+from benchtool.data.catalogue.entry import SWEEPS, Entry, detect_kind
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
@@ -85,20 +85,20 @@ class _FolderScan:
                 yield from self._read(name, Path(item), depth, is_link)
 
     def _read(self, name: str, item: Path, depth: int, is_link: bool) -> Iterator[Entry]:
-        kind = "" if is_link else kind_of(item)
+        kind = "" if is_link else detect_kind(item)
         try:
             if kind or is_link:  # the contents of other folders are checked one by one
-                self._folder.path_of(name)
+                self._folder.find_path(name)
         except BenchtoolError as error:
             if item.is_dir() or is_link:
                 yield Entry(name=name, kind="unknown", problem=str(error))
             return
-        kind = kind or kind_of(item)
+        kind = kind or detect_kind(item)
         if kind:
             yield self._entry(name, str(item))
             recalibrated = item.glob("recalibrated-*") if kind == "sweep" else ()
             for inner in sorted(recalibrated):
-                yield self._entry(self._folder.name_of(inner), str(inner))
+                yield self._entry(self._folder.relative_name(inner), str(inner))
         elif item.is_dir():
             folder = os.path.join(self._root, name)
             entries = list(self.scan(folder, depth - 1)) if depth > 1 else []
@@ -106,7 +106,7 @@ class _FolderScan:
 
     def _entry(self, name: str, path: str) -> Entry:
         """Return an entry; read it only if one of its files has changed."""
-        stamp = _stamp(path, kind_of(Path(path)))
+        stamp = _stamp(path, detect_kind(Path(path)))
         if name not in self._cache or self._cache[name][0] != stamp:
             from benchtool.data.run.entry import build_entry
 
@@ -133,7 +133,7 @@ def index_folder(root: Path) -> Path:
     return state_folder() / "catalogue" / key
 
 
-def catalogued(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
+def load_entries(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
     """Return all entries of a runs folder, newest first, and update its index.
 
     Args:

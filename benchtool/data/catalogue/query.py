@@ -59,9 +59,9 @@ class RunSelection:
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: run, kind, rig, propeller, operator, UTC date, distances, tags."""
-        from benchtool.data.columns import frame_of_rows
+        from benchtool.data.columns import rows_to_frame
 
-        return frame_of_rows(run_rows(self.entries))
+        return rows_to_frame(run_rows(self.entries))
 
     def query(self, sql: str) -> pd.DataFrame:
         """Return the result of a SELECT from the tables runs, settings, points, samples and fits.

@@ -8,7 +8,11 @@ import numpy as np
 
 from benchtool.core.plural import pluralize
 from benchtool.data.formats.dataflash import read_dataflash, read_text_log
-from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, select_motor_channels
+from benchtool.data.formats.flight_log import (
+    ardupilot_motors,
+    import_flight_log,
+    select_motor_channels,
+)
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Scales, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -49,7 +53,7 @@ def _read(log: MessageLog, name: str, where: str, provenance: Mapping[str, str])
     ]
     texts = log["MSG"].texts("Message") if log["MSG"].has("Message") else []
     firmware = next((text for text in texts if text.startswith(("Ardu", "APM"))), "ArduPilot")
-    return flight_import(log, streams, name, where, {**provenance, "device": firmware})
+    return import_flight_log(log, streams, name, where, {**provenance, "device": firmware})
 
 
 def _first(messages: Messages) -> Messages:

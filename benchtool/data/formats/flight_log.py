@@ -27,7 +27,7 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (
 """Contents of a pitch recording, pattern of their channels, message if they are missing."""
 
 
-def flight_import(
+def import_flight_log(
     log: MessageLog,
     streams: Sequence[Stream],
     format_name: str,

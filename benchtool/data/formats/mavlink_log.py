@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, select_motor_channels
+from benchtool.data.formats.flight_log import (
+    ardupilot_motors,
+    import_flight_log,
+    select_motor_channels,
+)
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, Times
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
@@ -95,7 +99,7 @@ def read_mavlink(
         *_distance(log),
     ]
     facts = {**provenance, "device": f"MAVLink system {system[0]}, component {system[1]}"}
-    return flight_import(log, streams, "MAVLink tlog", where, facts)
+    return import_flight_log(log, streams, "MAVLink tlog", where, facts)
 
 
 def _layouts() -> tuple[dict[str, PayloadLayout], Any]:

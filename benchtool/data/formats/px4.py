@@ -14,7 +14,11 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.data.formats.flight_log import flight_import, parse_motor_map, select_motor_channels
+from benchtool.data.formats.flight_log import (
+    import_flight_log,
+    parse_motor_map,
+    select_motor_channels,
+)
 from benchtool.data.formats.messages import LOOKS_DOWN, MessageLog, Messages, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -84,7 +88,9 @@ def read_px4(
     n_used = sum(stream.time_us.size for stream in streams)
     # pyulog may read one part of a log with appended data twice.
     log = replace(log, total=max(walk.total, n_used))
-    return flight_import(log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)})
+    return import_flight_log(
+        log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)}
+    )
 
 
 def _messages(topic: Any) -> Messages:

@@ -20,7 +20,7 @@ from benchtool.data.column_map import (
 )
 from benchtool.data.csv_header import find_header, most_frequent_delimiter, normalise_rows
 from benchtool.data.csv_text import TextTable, parse_rows
-from benchtool.data.repairs.foreign_units import conversion, parse_header_cell
+from benchtool.data.repairs.foreign_units import find_conversion, parse_header_cell
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportOptions, ImportResult
 from benchtool.data.repairs.numbers import parse_numbers
 
@@ -73,7 +73,7 @@ def map_header(
         ours = unit_from_name(name)
         file_unit = head.unit if head.unit is not None else (units or {}).get(name, ours)
         try:
-            scale = conversion(file_unit, ours)
+            scale = find_conversion(file_unit, ours)
         except InputError as error:
             if refuse:
                 raise FileFormatError(f"{table.where}, column {cell!r}", str(error)) from error

@@ -57,7 +57,7 @@ class Conversion:
     offset: float = 0.0
 
 
-def conversion(text: str, target: str) -> Conversion:
+def find_conversion(text: str, target: str) -> Conversion:
     """Return the conversion from the unit `text` to the unit `target`.
 
     Raises:
@@ -90,7 +90,7 @@ def unit_in_header(text: str, target: str) -> Conversion | None:
     if not text:
         return None
     try:
-        return conversion(text, target)
+        return find_conversion(text, target)
     except InputError as error:
         if type(error.__cause__).__name__ != "DimensionalityError":
             return None

@@ -34,7 +34,7 @@ class ImportCount:
     not_needed: Count = 0
 
     @property
-    def balanced(self) -> bool:
+    def is_balanced(self) -> bool:
         """True if the counts add up to the total."""
         return self.total == self.kept + self.refused + self.not_needed
 

@@ -18,7 +18,7 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import file_hash, sync_folder
-from benchtool.data.columns import LONGEST_S, LONGEST_US, VALID_KINDS, word_to_code
+from benchtool.data.columns import MAX_DEVICE_TIME_US, MAX_RUN_DURATION_S, VALID_KINDS, word_to_code
 from benchtool.data.parquet import finalize_parquet
 from benchtool.data.run.append import Event, EventLog, read_events
 from benchtool.data.run.points import write_table
@@ -166,7 +166,9 @@ def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
             try:
                 time_s, point, phase = float(cells[0]), cells[2], cells[3]
                 device_us = float(cells[1])
-                in_range = abs(time_s) <= LONGEST_S and abs(device_us) <= LONGEST_US
+                in_range = (
+                    abs(time_s) <= MAX_RUN_DURATION_S and abs(device_us) <= MAX_DEVICE_TIME_US
+                )
                 if not (in_range and point.isdigit()):
                     raise ValueError
             except (ValueError, IndexError):

@@ -26,12 +26,12 @@ from benchtool.data.catalogue.entry import FIT_FILE as FIT_FILE
 from benchtool.data.catalogue.entry import RUN_FILES
 from benchtool.data.catalogue.entry import SWEEPS as SWEEPS
 from benchtool.data.catalogue.entry import Entry as Entry
-from benchtool.data.catalogue.entry import kind_of as kind_of
+from benchtool.data.catalogue.entry import detect_kind as detect_kind
 from benchtool.data.columns import KINDS, word_to_code
 from benchtool.data.csv_text import parse_csv
 from benchtool.data.run.closing import has_rows
 from benchtool.data.run.labels import read_labels
-from benchtool.data.run.read import is_run, parts_of, read_points
+from benchtool.data.run.read import find_parts, is_run, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.data.run.recording_file import metadata_path
 from benchtool.data.run.run import RUN_FORMAT
@@ -49,8 +49,8 @@ def build_entry(folder: RunsFolder, name: str) -> Entry:
     Raises:
         InputError: the name is outside the folder or does not exist.
     """
-    path = folder.path_of(name)
-    kind = kind_of(path)
+    path = folder.find_path(name)
+    kind = detect_kind(path)
     entry = Entry(name=name, kind=kind or "unknown", started=_modification_time(path))
     try:
         labels = read_labels(path)
@@ -82,7 +82,7 @@ def verify_run(path: Path) -> list[str]:
     if sources := metadata.get("merged_from"):
         problems += [
             f"{Path(part).name}: {problem}"
-            for part, source in zip(parts_of(path), sources, strict=True)
+            for part, source in zip(find_parts(path), sources, strict=True)
             for problem in verify_run(Path(part))
             or (["its data have changed"] if data_hash(part) != source["sha256"] else ())
         ]

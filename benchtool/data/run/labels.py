@@ -39,7 +39,7 @@ def read_labels(folder: Path) -> Labels:
 def check_labels(
     folders: Iterable[Path], add: Iterable[str] = (), remove: Iterable[str] = ()
 ) -> None:
-    """Check the arguments of `label` for several folders before the first is changed."""
+    """Check the arguments of `update_labels` for several folders before the first is changed."""
     remove = tuple(remove)
     for tag in add:
         check_name("tag", tag, max_length=60)
@@ -58,7 +58,7 @@ def _remaining_tags(folder: Path, labels: Labels, remove: tuple[str, ...]) -> It
     return (tag for tag in labels.tags if tag not in remove)
 
 
-def label(
+def update_labels(
     folder: Path, add: Iterable[str] = (), remove: Iterable[str] = (), note: str = ""
 ) -> Labels:
     """Add and remove tags, add a note, and return the new labels.

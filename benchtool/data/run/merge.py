@@ -21,7 +21,7 @@ from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, sync_folder
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.run.points import write_table
-from benchtool.data.run.read import PARTS, is_pitch_run, is_run, parts_of, read_points
+from benchtool.data.run.read import PARTS, find_parts, is_pitch_run, is_run, read_points
 from benchtool.data.run.run import Run, check_not_existing
 from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import load_rig_for_data
@@ -43,7 +43,7 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
         WouldOverwrite: `out` exists.
     """
     check_not_existing(out)
-    sources = [Path(part) for path in paths for part in parts_of(path)]
+    sources = [Path(part) for path in paths for part in find_parts(path)]
     if len(sources) < 2:
         raise InputError(f"only one run, {paths[0]}; give two or more to merge")
     metadata = [_read_metadata(path) for path in sources]

@@ -32,7 +32,7 @@ def is_run(path: str | Path) -> bool:
 PARTS = "parts"  # folder of a merged run with copies of the original runs
 
 
-def parts_of(path: str | Path) -> tuple[str, ...]:
+def find_parts(path: str | Path) -> tuple[str, ...]:
     """Return the parts of a merged run in their order; the path itself of any other run.
 
     Raises:
@@ -141,7 +141,7 @@ def _find_file(path: str | Path, name: str) -> Path:
 
 
 def _read(file: Path, path: Path) -> Recording:
-    table = read_csv_text(file, own=True, follow=not path.is_dir())
+    table = read_csv_text(file, is_own=True, follow=not path.is_dir())
     recording = Recording.from_columns(table_columns(table))
     check_numbers(recording, str(file))
     return _with_provenance(recording, file, path, table.repairs)
@@ -201,7 +201,7 @@ def _hash_problem(parquet: Path, csv: Path, hashes: dict[str, Any]) -> str:
     return ""
 
 
-NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")  # of a pitch experiment
+PITCH_CHANNELS = ("theta_ref_rad", "theta_rad", "gyro_rad_s")  # of a pitch experiment
 
 _OPTIONAL = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
 
@@ -213,12 +213,12 @@ def read_pitch(path: str | Path) -> Recording:
     channel without a new value is nan.
     """
     present_names = sample_names(path)
-    for name in NEEDED:
+    for name in PITCH_CHANNELS:
         if name not in present_names:
             raise FileFormatError(
                 str(path), f"channel {name} is missing; give a run of benchtool record"
             )
-    names = [*NEEDED, *filter(_OPTIONAL.fullmatch, present_names)]
+    names = [*PITCH_CHANNELS, *filter(_OPTIONAL.fullmatch, present_names)]
     samples = read_samples(path, ["device_time_us", "phase", *names])
     samples = samples.select(samples.column("phase") == word_to_code("phase", "sample"))
     if not len(samples):

@@ -97,7 +97,7 @@ def _read_csv(path: Path) -> Recording:
         names, values, _ = read_stream(path, None)
         return Recording(tuple(map(find_channel, names)), values)
     except BenchtoolError:  # fallback for text or another format; errors name the line
-        return Recording.from_columns(table_columns(read_csv_text(path, own=True)))
+        return Recording.from_columns(table_columns(read_csv_text(path, is_own=True)))
 
 
 def _write_csv(path: Path, recording: Recording) -> None:

@@ -190,7 +190,7 @@ class Run:
                 error, f"{self.path} cannot be closed", f"then: benchtool runs close {self.path}"
             ) from error
 
-    def ready_samples(self, measured: frozenset[int]) -> SampleScan:
+    def prepare_samples(self, measured: frozenset[int]) -> SampleScan:
         """Scan the samples and prepare a copy in which interrupted points are marked.
 
         A `RunWriter` installs the copy when it resumes the run; until then nothing changes.

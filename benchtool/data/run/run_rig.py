@@ -51,18 +51,18 @@ def load_rig_for_data(paths: Sequence[str]) -> Rig | None:
     if first is None:
         return None
     for path, rig in rigs.items():
-        if different := differences(rigs[first], rig):
+        if different := find_differences(rigs[first], rig):
             raise InputError(
                 f"{first} and {path} have different rigs ({different[0]}); use a separate command "
                 f"for each rig"
             )
     rig = rigs[first]
     for other in rigs.values():
-        rig = with_blades_of(rig, other)
+        rig = fill_missing_parts(rig, other)
     return rig
 
 
-def with_blades_of(rig: Rig, other: Rig) -> Rig:
+def fill_missing_parts(rig: Rig, other: Rig) -> Rig:
     """Return a rig with missing data of blades and motors taken from another rig.
 
     The metadata of old runs may lack data of their propellers.
@@ -70,7 +70,7 @@ def with_blades_of(rig: Rig, other: Rig) -> Rig:
     return replace(rig, blade=rig.blade or other.blade, motor=rig.motor or other.motor)
 
 
-def differences(rig: Rig, other: Rig) -> tuple[str, ...]:
+def find_differences(rig: Rig, other: Rig) -> tuple[str, ...]:
     """Return the differences of two rigs in values that models use, as phrases."""
     texts = []
     if rig.n_rotors != other.n_rotors:

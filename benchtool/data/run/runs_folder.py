@@ -33,25 +33,25 @@ class RunsFolder:
 
     root: Path
 
-    def path_of(self, name: str) -> Path:
+    def find_path(self, name: str) -> Path:
         """Return the path of an existing run or file, with its links checked.
 
         Args:
-            name: relative, parts separated by "/", as from `name_of`.
+            name: relative, parts separated by "/", as from `relative_name`.
 
         Raises:
             InputError: the path, or a link below it, is outside the folder.
             FileFormatError: the path does not exist.
         """
-        path = self.inside(name)
+        path = self.resolve(name)
         if not path.exists():
             raise FileFormatError(name, "it is not in the runs folder; choose one that is listed")
         self._check_links(path, name)
         return path
 
-    def file_of(self, name: str) -> Path:
-        """Return the path of an existing file; checks as in `path_of`."""
-        path = self.path_of(name)
+    def find_file(self, name: str) -> Path:
+        """Return the path of an existing file; checks as in `find_path`."""
+        path = self.find_path(name)
         if not path.is_file():
             raise FileFormatError(name, "it is not a file; choose a file")
         return path
@@ -64,7 +64,7 @@ class RunsFolder:
             WouldOverwrite: the path exists.
         """
         check_name("run", name, ascii_only=True)
-        path = self.inside(name)
+        path = self.resolve(name)
         if os.path.lexists(path):
             raise WouldOverwrite(name)
         return path
@@ -75,11 +75,11 @@ class RunsFolder:
 
         return self.new_path(free_run_path(self.root, date, name).name)
 
-    def name_of(self, path: Path) -> str:
+    def relative_name(self, path: Path) -> str:
         """Return the name of a path in this folder."""
         return path.relative_to(self.root).as_posix()
 
-    def inside(self, name: str) -> Path:
+    def resolve(self, name: str) -> Path:
         """Return root/name, existing or not; raise if it is outside the folder."""
         parts = name.split("/")
         is_invalid = (
@@ -176,26 +176,26 @@ def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """
     from benchtool.data.atomic import sync_folder
 
-    parse_upload(data, shown_name(name))
-    path = new_table(folder, name, date)
+    parse_upload(data, upload_name(name))
+    path = create_table_path(folder, name, date)
     path.write_bytes(data)
     sync_folder(path.parent)
     return path
 
 
-def shown_name(name: str) -> str:
+def upload_name(name: str) -> str:
     """Return the name of an uploaded file for messages, without folders."""
     return re.split(r"[/\\]", name)[-1][:80] or "the file"
 
 
-def new_table(folder: RunsFolder, name: str, date: str) -> Path:
+def create_table_path(folder: RunsFolder, name: str, date: str) -> Path:
     """Create a folder DATE-NAME and return the path in it for the table of an uploaded file."""
-    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(shown_name(name)).stem).strip("-_")[:60] or "table"
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(upload_name(name)).stem).strip("-_")[:60] or "table"
     new_folder = folder.free_path(date, stem)
     new_folder.mkdir(parents=True)
     return new_folder / f"{stem}.csv"
 
 
-def columns_file(table: Path) -> Path:
+def column_map_path(table: Path) -> Path:
     """Return the path of a table's column map."""
     return table.with_name(f"{table.stem}.columns.toml")

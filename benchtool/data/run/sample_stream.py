@@ -63,7 +63,7 @@ def read_header(path: Path, *, follow: bool = False) -> tuple[str, ...]:
     return tuple(line.strip("\r\n").split(","))
 
 
-def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Iterator[Any]:
+def read_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Iterator[Any]:
     """Yield record batches of columns; words are text, an empty number is null.
 
     No thread is started: Arrow's CSV reader hangs if the system refuses one.
@@ -116,7 +116,7 @@ def _parse_cells(name: str, cells: Any, path: Path) -> Any:
         raise FileFormatError(str(path), problem) from error
 
 
-def codes_of(name: str, cells: Any, path: Path) -> NDArray[np.int32]:
+def encode_words(name: str, cells: Any, path: Path) -> NDArray[np.int32]:
     """Return the codes (n,) of a column of words; raise for an unknown word or an empty cell."""
     import pyarrow as pa
 
@@ -146,7 +146,7 @@ def plain_values(cells: Any, dtype: type[Any], null_value: Any) -> NDArray[Any]:
     return np.where(is_valid, values, null_value)
 
 
-def numbers_of(batches: Iterable[Any], names: Sequence[str], max_rows: int, path: Path) -> Array:
+def stack_batches(batches: Iterable[Any], names: Sequence[str], max_rows: int, path: Path) -> Array:
     """Return the columns of record batches as numbers (n, c), words as codes."""
     import pyarrow as pa
 
@@ -157,7 +157,7 @@ def numbers_of(batches: Iterable[Any], names: Sequence[str], max_rows: int, path
         for column, name in enumerate(names):
             cells = batch.column(column)
             values[start:end, column] = (
-                codes_of(name, cells, path)
+                encode_words(name, cells, path)
                 if name in WORDS
                 else plain_values(cells.cast(pa.float64()), np.float64, np.nan)
             )
@@ -176,6 +176,6 @@ def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...
         n_rows = max(lines.lines, 0)
         check_columns(len(lines.names), str(path))
         check_decoded(n_rows, len(present_names), str(path))
-        batches = sample_batches(lines, path, present_names)
-        values = numbers_of(batches, present_names, n_rows, path)
+        batches = read_batches(lines, path, present_names)
+        values = stack_batches(batches, present_names, n_rows, path)
         return present_names, values, lines.is_incomplete

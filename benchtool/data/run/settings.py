@@ -18,9 +18,9 @@ from benchtool.core.user_file import read_file
 from benchtool.data.columns import KINDS, find_channel, speed_columns, word_to_code
 from benchtool.data.derived import (
     QuantityValues,
-    add_shared_errors,
+    add_quantities,
     derive_quantities,
-    run_circumstances,
+    load_run_context,
     with_quantities,
 )
 from benchtool.data.mcap_file import write_mcap
@@ -36,7 +36,7 @@ _MEANS = ("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", 
 SETTING_KINDS = ("measure", "reference")  # kinds of points averaged to settings
 
 
-def aggregate(points: Recording) -> Recording:
+def average_settings(points: Recording) -> Recording:
     """Return one row for each setting that was measured or is a reference.
 
     Means are over repeats, `*_sd*` are standard deviations over repeats (nan for a single one),
@@ -82,7 +82,7 @@ def aggregate(points: Recording) -> Recording:
 def load_settings(folder: Path, points: Recording | None = None) -> Recording:
     """Return the settings of a run with all derived quantities and their errors."""
     points = read_points(folder) if points is None else points
-    return with_quantities(aggregate(points), settings_quantities(folder, points))
+    return with_quantities(average_settings(points), settings_quantities(folder, points))
 
 
 def settings_quantities(folder: Path, points: Recording) -> tuple[QuantityValues, ...]:
@@ -90,7 +90,7 @@ def settings_quantities(folder: Path, points: Recording) -> tuple[QuantityValues
     kinds = points.column("kind")
     measured = points.select(np.isin(kinds, [word_to_code("kind", name) for name in SETTING_KINDS]))
     settings = measured.column("setting")
-    quantities = derive_quantities(measured, run_circumstances(folder))
+    quantities = derive_quantities(measured, load_run_context(folder))
     return tuple(quantity.averaged(settings) for quantity in quantities)
 
 
@@ -165,7 +165,7 @@ def export_table(run: Path, table: str, suffix: str) -> bytes:
 def _recording(run: Path, table: str) -> Recording:
     if table == "points":
         points = read_points(run, KINDS)
-        return add_shared_errors(points, run_circumstances(run))
+        return add_quantities(points, load_run_context(run))
     if table == "settings":
         return load_settings(run)
     if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES[:2]):

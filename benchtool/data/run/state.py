@@ -39,12 +39,12 @@ def store_state(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
     return path
 
 
-def recall_state(kind: str) -> dict[str, str]:
+def list_state_files(kind: str) -> dict[str, str]:
     """Return the state files of one kind with their devices, sorted by name."""
     return {str(path): path.stem for path in sorted((state_folder() / kind).glob("*.json"))}
 
 
-def recall_latest(kind: str, device_id: str) -> dict[str, Any] | None:
+def load_state(kind: str, device_id: str) -> dict[str, Any] | None:
     """Return the state of a device, None if there is none."""
     path = state_file(kind, device_id)
     return read_json(path) if path.is_file() else None

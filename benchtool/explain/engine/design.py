@@ -22,7 +22,7 @@ from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, CandidateEffect, Judgement
 from benchtool.explain.engine.posterior import probabilities
 from benchtool.explain.engine.verdict import DECISION_PROBABILITY, NextExperiment
-from benchtool.fit.bounded_least_squares import BoundedRegion, Linearisation, slopes
+from benchtool.fit.bounded_least_squares import BoundedRegion, Linearisation, finite_differences
 from benchtool.physics.effects.effect import Subsystem
 
 NONE = "nothing beyond tolerance"
@@ -180,7 +180,7 @@ def select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[Cand
     return [rival if rival in named else replace(rival, name="unknown") for rival in rivals]
 
 
-def proposal(
+def build_proposal(
     candidates: Sequence[CandidateEffect],
     expected: ExpectedOutcome,
     title: str,
@@ -229,7 +229,9 @@ class Forecast:
         fits = [hypotheses.refit_linear(rival.fit) for rival in rivals]
         fits = [hypotheses.fit(fit.active, fit.values, fit.amplitudes) for fit in fits]
         self.rivals = [replace(rival, fit=fit) for rival, fit in zip(rivals, fits, strict=True)]
-        self._before = [slopes(evidence.residuals, fit.values, self._upper) for fit in fits]
+        self._before = [
+            finite_differences(evidence.residuals, fit.values, self._upper) for fit in fits
+        ]
         masks = evidence.groups().stages
         self._noise = {stage: float(hypotheses.noise[mask][0]) for stage, mask in masks.items()}
 
@@ -267,7 +269,7 @@ class Forecast:
         columns = {part.name: part.columns for part in both.discrepancies()}
         predictions = []
         for rival, before in zip(self.rivals, self._before, strict=True):
-            after = slopes(new.residuals, rival.fit.values, self._upper)
+            after = finite_differences(new.residuals, rival.fit.values, self._upper)
             prediction = self._predict_by(rival.fit, before, after, both, columns, noise)
             predictions.append(prediction)
         return predictions

@@ -34,7 +34,7 @@ class RowGroups:
     regimes: Mapping[str, NDArray[np.bool_]]
 
     @classmethod
-    def joined(
+    def concatenate(
         cls,
         other: Subsystem,
         speed_masks: Sequence[NDArray[np.bool_]],

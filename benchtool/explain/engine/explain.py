@@ -31,8 +31,8 @@ from benchtool.explain.engine.verdict import (
     UnjudgedEffect,
     Verdict,
 )
-from benchtool.explain.law_search.search import dependence
-from benchtool.physics.catalogue import never_tried
+from benchtool.explain.law_search.search import find_dependence
+from benchtool.physics.catalogue import non_candidates
 
 NO_EFFECT = ("none", "unknown")  # candidates that are not effects
 NO_BOOTSTRAP = Bootstrap()
@@ -126,7 +126,7 @@ def explain(
         progress("searching for a law", 0.92)
         others = [name for name, _ in judgement.other_effects]
         summaries = subject.summarize_residuals(null.values, others)
-        depends = dependence(summaries, evidence.model.rig.propulsion.radius_m)
+        depends = find_dependence(summaries, evidence.model.rig.propulsion.radius_m)
     best = judgement.best
     if not effects:
         after, best = before, null
@@ -139,7 +139,7 @@ def explain(
         bench=subject.kind,
         effects=tuple(effects),
         probabilities=_probabilities(judgement),
-        places=tuple(
+        alternatives=tuple(
             AlternativeEffects(effect=trial.name, probabilities=chances)
             for trial, chances in zip(trials, weights, strict=True)
         ),
@@ -154,7 +154,7 @@ def explain(
         }
         | {
             effect.name: UnjudgedEffect(reason="not_tried", size=inf)
-            for effect in never_tried(subject.kind)
+            for effect in non_candidates(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
         other_effects={find_effect(subject, name).phrase: p for name, p in judgement.other_effects},
@@ -165,7 +165,7 @@ def explain(
         window_s=subject.window_s,
         draws=draws,
     )
-    if propose and (kind == "unknown" or not verdict.holds(sure)):
+    if propose and (kind == "unknown" or not verdict.has_probability(sure)):
         progress("designing the next experiment", 0.95)
         candidates = select_candidates(hypotheses, judgement)
         verdict = replace(verdict, next=subject.next_experiment(candidates, rng, refused, minutes))

@@ -12,7 +12,7 @@ from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.shared_errors import solve_covariance
 from benchtool.explain.engine.verdict import ChannelGap
 
-UPPER = 0.95  # of the draws of the floor; upper end of the noise
+FLOOR_QUANTILE = 0.95  # of the draws of the floor; upper end of the noise
 CLOSED_SHARE = 0.8  # of the gap above the floor that a correct explanation closes; assumed
 RESAMPLES = 1000  # draws of the block bootstrap
 FLOOR_DRAWS = 64  # draws of a floor with uncertain parameters
@@ -148,8 +148,8 @@ class ValidationScore:
                     before=float(roots[1]),
                     after=float(roots[2]),
                     floor=float(np.median(floor)),
-                    floor_low=float(np.quantile(floor, 1.0 - UPPER)),
-                    floor_high=float(np.quantile(floor, UPPER)),
+                    floor_low=float(np.quantile(floor, 1.0 - FLOOR_QUANTILE)),
+                    floor_high=float(np.quantile(floor, FLOOR_QUANTILE)),
                     before_low=float(low[1]),
                     before_high=float(high[1]),
                     after_low=float(low[2]),

@@ -22,7 +22,7 @@ from benchtool.fit.bounded_least_squares import (
     BoundedRegion,
     Linearisation,
     MinimizationResult,
-    slopes,
+    finite_differences,
 )
 from benchtool.fit.identifiability import evidence_against
 from benchtool.tasks import run_tasks
@@ -105,13 +105,15 @@ class Hypotheses:
             penalty=np.asarray(penalty, float),
         )
 
-    def missed(self, values: Array, active: Iterable[str]) -> tuple[Array, Array, Array]:
+    def linearise_residuals(
+        self, values: Array, active: Iterable[str]
+    ) -> tuple[Array, Array, Array]:
         """Return residuals of the linearised model (n_rows,), extrapolated to zero parameters.
 
         Also the changes by one prior standard deviation of each parameter (n_rows, n_parameters)
         and of each discrepancy column (n_rows, r). All are divided by the noise.
         """
-        rows, jacobian = slopes(self.evidence.residuals, values, self._upper)
+        rows, jacobian = finite_differences(self.evidence.residuals, values, self._upper)
         noise, penalty = self.errors.noise, self.region(active).penalty
         slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
         return (rows - jacobian @ values) / noise, slope, self.errors.columns({})
@@ -168,7 +170,7 @@ class Hypotheses:
         information = self.linearise(fit.linearisation_point, fit.amplitudes).curvature
         return evidence_against(information, fit.values, region.lower, region.upper)
 
-    def null(self) -> Hypothesis:
+    def fit_null(self) -> Hypothesis:
         """Return the best fit of the null, started from the model as given."""
         return self.fit((), self.errors.null_start)
 
@@ -180,9 +182,9 @@ class Hypotheses:
     ) -> Hypothesis:
         """Return the best fit of active effects from initial values (n_parameters,)."""
         region = self.region(active)
-        linearisation = self.linearise(region.clipped(initial_values), amplitudes)
+        linearisation = self.linearise(region.clip(initial_values), amplitudes)
         search = self.errors.search(amplitudes)
-        minimum = search.minimum(initial_values, region, known=linearisation)
+        minimum = search.minimize(initial_values, region, linearisation=linearisation)
         return _build_hypothesis(active, minimum, amplitudes)
 
     def fit_without(self, fit: Hypothesis, name: str) -> Hypothesis:
@@ -228,14 +230,16 @@ class Hypotheses:
             if base.cost - predicted_cost < MIN_PREDICTED_DECREASE:
                 candidates.append(replace(base, active=active))
                 continue
-            minimum = search.minimum(base.values, region, known=near, most_steps=SCREENING_STEPS)
+            minimum = search.minimize(
+                base.values, region, linearisation=near, max_steps=SCREENING_STEPS
+            )
             candidates.append(_build_hypothesis(active, minimum, base.amplitudes, base.values))
         candidates.sort(key=lambda candidate: candidate.cost)
         max_cost = np.inf
         for index, candidate in enumerate(candidates[:MAX_REFINED]):
             if not candidate.converged:
                 active = candidate.active
-                minimum = search.minimum(candidate.values, self.region(active), above=max_cost)
+                minimum = search.minimize(candidate.values, self.region(active), max_cost=max_cost)
                 candidates[index] = _build_hypothesis(active, minimum, base.amplitudes, base.values)
             max_cost = min(max_cost, candidates[index].cost + MAX_COST_GAP)
         names = [name for name in self.discrepancies if name not in base.active]
@@ -312,9 +316,9 @@ class Hypotheses:
         best = base
         max_cost = base.cost + MAX_COST_GAP
         for candidate in candidates:
-            start = region.clipped(candidate.values)
+            start = region.clip(candidate.values)
             near = self.linearise(start, base.amplitudes)
-            minimum = search.minimum(start, region, known=near, above=max_cost)
+            minimum = search.minimize(start, region, linearisation=near, max_cost=max_cost)
             if minimum.cost < best.cost:
                 best = _build_hypothesis(base.active, minimum, base.amplitudes)
         return best
@@ -352,7 +356,7 @@ def _draw_max_gains(
     gains = []
     for _ in range(draws):
         sample = Linearisation(
-            at=values,
+            point=values,
             cost=0.0,
             gradient=factor @ rng.standard_normal(len(factor)),
             curvature=curvature,
@@ -370,8 +374,8 @@ def _build_hypothesis(
 ) -> Hypothesis:
     return Hypothesis(
         active=active,
-        values=minimum.at,
-        linearisation_point=minimum.at if point is None else point,
+        values=minimum.values,
+        linearisation_point=minimum.values if point is None else point,
         cost=minimum.cost,
         converged=minimum.converged,
         amplitudes=amplitudes,

@@ -14,7 +14,7 @@ from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model import Model
-from benchtool.physics.tolerances import tolerances
+from benchtool.physics.tolerances import model_tolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,7 @@ def effect_parameters(
 
     `min_values` are lower bounds by full name that are above the parameters' own.
     """
-    limits = tolerances(model, bench)
+    limits = model_tolerances(model, bench)
     return [
         ScaledParameter(
             name=name,
@@ -131,7 +131,7 @@ def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
 
     Shape parameters of a candidate's law, or all parameters of an effect that is only adjusted.
     """
-    limits = {} if bench in effect.adjusted_on else tolerances(model, bench)
+    limits = {} if bench in effect.adjusted_on else model_tolerances(model, bench)
     full = [f"{effect.name}.{p.name}" for p in effect.parameters if p.prior.kind == "normal"]
     return [name for name in full if name not in limits]
 

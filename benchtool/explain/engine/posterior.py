@@ -277,7 +277,7 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
     if not hypotheses.effects:
         raise EstimationError("no effect can be tried: the model has no candidates on this bench")
     progress("fitting within tolerances", 0.05)
-    base, first = hypotheses.null(), None
+    base, first = hypotheses.fit_null(), None
     for index in range(MAX_NAMED_EFFECTS):
         progress(f"trying every effect, round {index + 1}", 0.1 + 0.08 * index)
         trial = _try_candidates(hypotheses, base)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.explain.engine.evidence import Evidence
-from benchtool.fit.bounded_least_squares import BoundedSearch, Linearisation, slopes
+from benchtool.fit.bounded_least_squares import BoundedSearch, Linearisation, finite_differences
 
 PRIOR_WIDTH_FACTOR = 5.0  # prior sd of an effect beyond tolerance, in tolerances; assumed
 AMPLITUDES = (3.0, 10.0, 30.0)  # sizes of a discrepancy beyond tolerance, in its sd; assumed
@@ -61,7 +61,7 @@ class SharedErrors:
     @cached_property
     def _noise(self) -> tuple[Array, Array]:
         """Noise and variance by stage, from residuals not explained by large discrepancies."""
-        rows, jacobian = slopes(self._evidence.residuals, self.null_start, self._upper)
+        rows, jacobian = finite_differences(self._evidence.residuals, self.null_start, self._upper)
         sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
             return sigma, share
@@ -144,7 +144,7 @@ class SharedErrors:
         key = at.tobytes()
         noise = self.noise
         if key not in self._products:
-            rows, jacobian = slopes(self._evidence.residuals, at, self._upper)
+            rows, jacobian = finite_differences(self._evidence.residuals, at, self._upper)
             both = np.column_stack([rows, jacobian]) / noise[:, None]
             shared = [columns.T @ both for columns in self._columns.values()]
             stacked = np.vstack(shared) if shared else np.empty((0, both.shape[1]))

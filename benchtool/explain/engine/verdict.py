@@ -12,7 +12,7 @@ from benchtool.core.schedule import Schedule
 from benchtool.explain.law_search.law import FoundDependence
 from benchtool.physics.effects.effect import BenchKind, Subsystem
 
-STAGES: dict[Subsystem, str] = {  # for headings and cells
+STAGE_TITLES: dict[Subsystem, str] = {  # for headings and cells
     "pwm_to_rpm": "from pwm to rpm",
     "rpm_to_thrust": "from rpm to thrust",
     "hinge": "hinge",
@@ -20,7 +20,7 @@ STAGES: dict[Subsystem, str] = {  # for headings and cells
     "plate": "plate",
 }
 
-PLACES = {  # within a sentence
+STAGE_LOCATIONS = {  # within a sentence
     "pwm_to_rpm": "between pulse and rotor speed",
     "rpm_to_thrust": "between rotor speed and thrust",
     "hinge": "at the hinge",
@@ -31,7 +31,7 @@ PLACES = {  # within a sentence
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
 Unjudged = Literal["too_weak", "no_trace", "not_tried"]  # size: larger; none; no candidate
-EVERYWHERE = "everywhere"  # regime of a gap that is similar in all regimes
+ALL_REGIMES = "everywhere"  # regime of a gap that is similar in all regimes
 SURE, LIKELY = 0.9, 0.7  # min probabilities of "lacks" and of "probably lacks"; assumed
 EXCESS_ERROR = 1.5  # in noise floors; a larger remaining error is reported; assumed
 MIN_DETECTABLE = 3.0  # tolerances; an effect with a larger detection limit counts as unjudged
@@ -186,7 +186,7 @@ class NextExperiment:
     minutes: float = 0.0  # duration
 
     @property
-    def decides(self) -> bool:
+    def is_decisive(self) -> bool:
         """True if it should separate the most probable candidate from another."""
         return max(self.expected.values()) >= DECISION_PROBABILITY
 
@@ -199,7 +199,7 @@ class Verdict:
     bench: BenchKind
     effects: tuple[NamedEffect, ...]  # named effects or members of a class, most probable first
     probabilities: Mapping[str, float]  # of all candidates, "none" and "unknown"
-    places: tuple[AlternativeEffects, ...]  # one for each of several named effects, else one
+    alternatives: tuple[AlternativeEffects, ...]  # one for each of several named effects, else one
     where: EvidenceLocation | None  # location of the gap; None without a gap
     gaps: tuple[ChannelGap, ...]  # one per channel
     nearest: NearestEffect | None  # for an unknown
@@ -233,7 +233,7 @@ class Verdict:
         return len(tried), len(tried & unjudged)
 
     @property
-    def mostly_blind(self) -> bool:
+    def is_mostly_unjudged(self) -> bool:
         """True if most effects are unjudged."""
         n_tried, n_unjudged = self.n_tried_and_unjudged
         return 2 * n_unjudged > n_tried
@@ -245,7 +245,7 @@ class Verdict:
             effect.probability >= SURE for effect in self.effects
         )
 
-    def holds(self, probability: float) -> bool:
+    def has_probability(self, probability: float) -> bool:
         """Return True if the verdict has at least this probability; False for a class."""
         if self.kind in ("none", "unknown"):
             return self.probabilities[self.kind] >= probability
@@ -338,7 +338,7 @@ def _class(verdict: Verdict) -> str:
 def _none(verdict: Verdict) -> str:
     n_tried, n_unjudged = verdict.n_tried_and_unjudged
     excess = _excess(verdict)
-    if verdict.mostly_blind:
+    if verdict.is_mostly_unjudged:
         return (
             f"This data can show only {n_tried - n_unjudged} of {n_tried} effects, and none of "
             f"those is missing from the model beyond its tolerance{excess}."
@@ -350,8 +350,8 @@ def _none(verdict: Verdict) -> str:
 def _unknown(verdict: Verdict) -> str:
     location = nearest = ""
     if (where := verdict.where) is not None:
-        regime = "" if where.regime == EVERYWHERE else f" ({where.regime})"
-        location = f" {PLACES[where.stage]}{regime}"
+        regime = "" if where.regime == ALL_REGIMES else f" ({where.regime})"
+        location = f" {STAGE_LOCATIONS[where.stage]}{regime}"
     if (effect := verdict.nearest) is not None:
         share = f"{100.0 * effect.share_closed:.0f} % of the gap"
         nearest = f"; the nearest is {effect.phrase}, which closes {share}"

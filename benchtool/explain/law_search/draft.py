@@ -12,7 +12,7 @@ from benchtool import __version__
 from benchtool.explain.law_search.law import FoundDependence, Hook
 from benchtool.physics.effects.effect import Subsystem
 
-FOUND = "found_effect"  # name of a drafted effect and of its file
+DRAFT_NAME = "found_effect"  # name of a drafted effect and of its file
 LAW_TOLERANCE = 0.1  # min tolerance as a share of the law: no law is known better
 MAX_SHAPE_SD = 0.3  # of the prior: of a position in widths, of others in shares of the value
 
@@ -76,7 +76,7 @@ def draft_effect(dependence: FoundDependence) -> str:
     law, variable, form = dependence.law, dependence.variable, dependence.form
     assert law is not None
     changes = form.weights * law.family(variable.values, law.numbers)
-    tolerance = form.matters / float(np.abs(changes).max())
+    tolerance = form.tolerance / float(np.abs(changes).max())
     tolerance = max(tolerance, LAW_TOLERANCE * abs(law.amplitude))
     bound = max(20.0 * abs(law.amplitude), 10.0 * tolerance)
     limits = (-bound, bound)
@@ -102,7 +102,7 @@ def draft_effect(dependence: FoundDependence) -> str:
     functions = {law.family.name} | ({"power"} if "power(" in form.code else set())
     description = f"Effect that depends on {dependence.phrase}; its cause is unknown."
     return _FORM.format(
-        name=FOUND,
+        name=DRAFT_NAME,
         version=__version__,
         text=fill(f"It {dependence.text}. {_format_values(dependence)}", 99),
         functions=", ".join(sorted(functions)),

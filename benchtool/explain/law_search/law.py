@@ -27,7 +27,7 @@ class Variable:
     unit: str = "1"
     scale: Scale = "positive"
     forms: tuple[str, ...] = ("factor", "near", "nearer", "reading")  # suitable ones
-    blocks: bool = False  # categorical: values are independent groups
+    is_categorical: bool = False  # categorical: values are independent groups
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -39,14 +39,14 @@ class LawForm:
     weights: Array
     formula: str  # with {f} for a f(u)
     code: str  # of the hook's result, with {f} for f(u) and `p.typical` for the unit of a
-    matters: float  # tolerance of the weighted law
+    tolerance: float  # tolerance of the weighted law
     bench: BenchKind = "sweep"
     unit: str = "N"  # of `weights`
     centred: bool = False  # subtract the law's mean, which other parameters absorb
     phrase: str = ""  # location, within a sentence
-    share_of: str = "thrust"  # quantity of which values are a share, for an axis
+    quantity: str = "thrust"  # quantity of which values are a share, for an axis
 
-    def seen(self, variable: Variable) -> Array:
+    def affected_values(self, variable: Variable) -> Array:
         """Return the values of a variable at the readings that the form changes."""
         values: Array = variable.values[np.abs(self.weights) > 0.02 * np.abs(self.weights).max()]
         return values

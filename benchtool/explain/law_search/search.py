@@ -51,8 +51,8 @@ class QuadraticSummary:
 class CrossValidationFold:
     """Summaries of the training readings of a fold."""
 
-    rest: QuadraticSummary  # as `ResidualSummary.says`
-    bare_rest: QuadraticSummary  # as `ResidualSummary.bare`
+    training: QuadraticSummary  # as `ResidualSummary.quadratic`
+    bare_training: QuadraticSummary  # as `ResidualSummary.bare_quadratic`
     noise: float  # expected sum of squares of the held-out readings from noise alone
 
 
@@ -62,8 +62,8 @@ class ResidualSummary:
 
     variable: Variable
     form: LawForm
-    says: QuadraticSummary  # its precision includes everything within tolerance
-    bare: QuadraticSummary  # the same without discrepancies
+    quadratic: QuadraticSummary  # its precision includes everything within tolerance
+    bare_quadratic: QuadraticSummary  # the same without discrepancies
     folds: Sequence[CrossValidationFold]  # equal for all variables
 
 
@@ -83,9 +83,11 @@ class _Shapes:
         return _log_mean(self.gains)
 
 
-def dependence(summaries: Sequence[ResidualSummary], radius_m: float) -> FoundDependence | None:
+def find_dependence(
+    summaries: Sequence[ResidualSummary], radius_m: float
+) -> FoundDependence | None:
     """Return the variable of the residuals and its law; None if none is probable enough."""
-    summaries = [s for s in summaries if np.ptp(s.form.seen(s.variable)) > 1e-6]
+    summaries = [s for s in summaries if np.ptp(s.form.affected_values(s.variable)) > 1e-6]
     families = [_try_families(summary) for summary in summaries]
     pairs = zip(summaries, families, strict=True)
     odds = np.array([_log_bayes_factor(summary, shapes) for summary, shapes in pairs])
@@ -124,7 +126,9 @@ def _try_families(summary: ResidualSummary) -> list[_Shapes]:
     if not (variable.code and form.hook):
         return []
     suitable = [family for family in FAMILIES if variable.scale in family.scales]
-    tried = [_shapes(summary, family, family.grid(form.seen(variable))) for family in suitable]
+    tried = [
+        _shapes(summary, family, family.grid(form.affected_values(variable))) for family in suitable
+    ]
     return [shapes for shapes in tried if shapes.columns.shape[1]]
 
 
@@ -137,7 +141,9 @@ def _shapes(summary: ResidualSummary, family: LawFamily, numbers: Array) -> _Sha
     scale = np.sqrt(np.mean(columns**2, axis=0) / np.mean(form.weights**2))
     has_effect = scale > 1e-9
     columns = columns[:, has_effect] / scale[has_effect]
-    return _Shapes(summary, family, numbers[:, has_effect], columns, _gains(summary.says, columns))
+    return _Shapes(
+        summary, family, numbers[:, has_effect], columns, _gains(summary.quadratic, columns)
+    )
 
 
 def _positive(family: LawFamily, numbers: Array) -> list[Array]:
@@ -161,7 +167,7 @@ def _log_bayes_factor(summary: ResidualSummary, tried: Sequence[_Shapes]) -> flo
     """Return the log Bayes factor of a dependence over none, from laws and smooth functions."""
     variable, form = summary.variable, summary.form
     columns = form.weights[:, None] * _centre(form, root(variable, form))
-    factors = [_smooth_factor(summary.says, size * columns) for size in SMOOTH_SIZES]
+    factors = [_smooth_factor(summary.quadratic, size * columns) for size in SMOOTH_SIZES]
     smooth = _log_mean(np.array(factors))
     return _log_mean(np.array([smooth, *(shapes.log_bayes_factor for shapes in tried)]))
 
@@ -191,10 +197,10 @@ def root(variable: Variable, form: LawForm, more: Array | None = None) -> Array:
     Over the logarithm of variables well above 0.
     """
     values = variable.values if more is None else np.concatenate([variable.values, more])
-    if variable.blocks:
+    if variable.is_categorical:
         result: Array = (values[:, None] == np.unique(values)).astype(float)
         return result
-    affected = form.seen(variable)
+    affected = form.affected_values(variable)
     values = np.clip(values, affected.min(), affected.max())
     if _is_logarithmic(variable, affected):
         values, affected = np.log(values), np.log(affected)
@@ -214,12 +220,12 @@ def _cross_validate(candidates: Sequence[_Shapes]) -> float:
     """Return the share of the held-out gap that the best law of each fold closes."""
     before = after = noise = 0.0
     for number in range(len(candidates[0].summary.folds)):
-        gains = [_gains(c.summary.folds[number].rest, c.columns) for c in candidates]
+        gains = [_gains(c.summary.folds[number].training, c.columns) for c in candidates]
         best = max(range(len(candidates)), key=lambda k: _log_mean(gains[k]))
         law = candidates[best].columns[:, int(np.argmax(gains[best]))]
         summary = candidates[best].summary
         fold = summary.folds[number]
-        training, held_out = fold.bare_rest, summary.bare - fold.bare_rest
+        training, held_out = fold.bare_training, summary.bare_quadratic - fold.bare_training
         a = float(law @ training.pull / (law @ training.precision @ law + PRIOR_SD**-2))
         before += held_out.square
         after += held_out.square - 2.0 * a * float(law @ held_out.pull)
@@ -230,7 +236,7 @@ def _cross_validate(candidates: Sequence[_Shapes]) -> float:
 
 def _refine_law(shapes: _Shapes) -> Law:
     """Return the best law of a family, with parameters refined from the best shape tried."""
-    summary, quadratic = shapes.summary, shapes.summary.says
+    summary, quadratic = shapes.summary, shapes.summary.quadratic
     u, weights = summary.variable.values, summary.form.weights
     numbers = shapes.numbers[:, int(np.argmax(shapes.gains))]
     if len(numbers) and shapes.family.name != "line":
@@ -263,17 +269,17 @@ def _refine_law(shapes: _Shapes) -> Law:
 
 def _build_curve(summary: ResidualSummary, law: Law | None) -> LawCurve:
     """Return the smooth function of the variable fitted to the residuals, with the law."""
-    variable, form, quadratic = summary.variable, summary.form, summary.says
-    affected = form.seen(variable)
+    variable, form, quadratic = summary.variable, summary.form, summary.quadratic
+    affected = form.affected_values(variable)
     space = np.geomspace if _is_logarithmic(variable, affected) else np.linspace
     at = np.asarray(space(affected.min(), affected.max(), 80), float)
     m = len(variable.values)
-    both = max(SMOOTH_SIZES) * root(variable, form, None if variable.blocks else at)
+    both = max(SMOOTH_SIZES) * root(variable, form, None if variable.is_categorical else at)
     columns = form.weights[:, None] * both[:m]
     precision = np.eye(both.shape[1]) + columns.T @ quadratic.precision @ columns
     covariance = np.linalg.inv(precision)
     coefficients = covariance @ (columns.T @ quadratic.pull)
-    if variable.blocks:
+    if variable.is_categorical:
         at, smooth = variable.values, both
     else:
         smooth = both[m:]

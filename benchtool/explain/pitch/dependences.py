@@ -57,7 +57,7 @@ def summarize_residuals(
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
-    residuals, by_parameter, by_discrepancy = hypotheses.missed(values, active)
+    residuals, by_parameter, by_discrepancy = hypotheses.linearise_residuals(values, active)
     logs = evidence.simulate_discrepancies()
     nuisance = np.hstack([by_parameter, by_discrepancy])
     nuisances = _Nuisances(nuisance, by_parameter.shape[1], _fold_masks(logs))
@@ -81,10 +81,10 @@ def summarize_residuals(
                     scale=variable.scale,
                 ),
                 form=_build_form(variable.form, logs, len(knots)),
-                says=says,
-                bare=bare,
+                quadratic=says,
+                bare_quadratic=bare,
                 folds=[
-                    CrossValidationFold(rest=rest, bare_rest=bare_rest, noise=squares)
+                    CrossValidationFold(training=rest, bare_training=bare_rest, noise=squares)
                     for rest, bare_rest, squares in zip(folds, bare_folds, noise, strict=True)
                 ],
             )
@@ -248,26 +248,26 @@ def _build_form(name: str, logs: Sequence[DiscrepancySimulation], m: int) -> Law
     if name == "torque":
         return LawForm(
             name=name, hook="torque", weights=TYPICAL * torque * flat, formula="{f}", unit="N m",
-            code="p.a * p.typical * {f}", matters=TORQUE * limits.torque * torque, bench="pitch",
-            share_of=f"{TYPICAL * torque:.2g} N m",
+            code="p.a * p.typical * {f}", tolerance=TORQUE * limits.torque * torque, bench="pitch",
+            quantity=f"{TYPICAL * torque:.2g} N m",
         )  # fmt: skip
     if name == "gyro":
         typical = _median([np.array([np.std(log.rate)]) for log in logs])
         return LawForm(
             name=name, hook="gyro_reading", weights=typical * flat, formula="reading + {f}",
-            code="reading + p.a * p.typical * {f}", matters=limits.gyro * typical, unit="rad/s",
-            bench="pitch", phrase=", in the gyro's reading", share_of=f"{typical:.2g} rad/s",
+            code="reading + p.a * p.typical * {f}", tolerance=limits.gyro * typical, unit="rad/s",
+            bench="pitch", phrase=", in the gyro's reading", quantity=f"{typical:.2g} rad/s",
         )  # fmt: skip
     if name == "encoder":
         typical = _median([np.array([np.std(log.values("angle"))]) for log in logs])
         return LawForm(
             name=name, hook="", weights=typical * flat, formula="", code="", unit="rad",
-            matters=limits.encoder_rad, bench="pitch", phrase=", in the encoder's reading",
-            share_of=f"{typical:.2g} rad",
+            tolerance=limits.encoder_rad, bench="pitch", phrase=", in the encoder's reading",
+            quantity=f"{typical:.2g} rad",
         )  # fmt: skip
     code = {"factor": "p.a", "covered": "p.a * flow.coverage[i]", "near": f"p.a * {near}"}[name]
     return LawForm(
-        name=name, hook="factor", weights=flat, bench="pitch", matters=FACTOR, unit="1",
+        name=name, hook="factor", weights=flat, bench="pitch", tolerance=FACTOR, unit="1",
         formula="1 + {f} / (1 + (z/R)^2)" if name == "near" else "1 + {f}",
         code=f"1.0 + {code} * {{f}}", centred=name in ("near", "factor"),
         phrase={"factor": ", in the rotors' thrust", "near": " near the plate"}.get(name, ""),

@@ -115,7 +115,7 @@ class PitchEvidence:
 
     def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
         substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
-        return PitchBench.of(
+        return PitchBench.from_model(
             self.model.with_values(parameters), sensors={}, pwm_quantum_us=0.0,
             plant_rate_Hz=substeps * rate_Hz,
         )  # fmt: skip
@@ -168,7 +168,7 @@ class PitchEvidence:
         def build_whitener(log: FilterResult) -> Whitener:
             return lambda innovations: np.concatenate(self._whiten(log, list(innovations)))
 
-        covered_disc = int(np.argmax(PitchBench.of(self.model).covered))
+        covered_disc = int(np.argmax(PitchBench.from_model(self.model).covered))
         return [
             DiscrepancySimulation(log, self.model, covered_disc, index, build_whitener(log))
             for index, log in enumerate(self.logs)
@@ -188,7 +188,7 @@ class PitchEvidence:
             for is_speed in np.arange(self._channels(log)) >= n_sensors:
                 speed_masks.append(np.full(log.n_rows, is_speed))
                 regimes.append({name: log.rows(m.astype(float)) > 0.5 for name, m in masks.items()})
-        return RowGroups.joined("hinge", speed_masks, regimes)
+        return RowGroups.concatenate("hinge", speed_masks, regimes)
 
     def _whiten_errors(self, log: FilterResult, run: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and measured speeds, (n_rows, n_sets) each."""

@@ -131,7 +131,7 @@ class Windows:
     def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
         """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
         run = filter_log(benches, self.log.logged, self.log.filter.gains)
-        rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.bent)
+        rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.deflection)
         speed = run.state_speed_rad_s
         return [np.vstack([*(v[row] for v in rows), speed[row]]) for row in self.starts]
 

@@ -30,7 +30,7 @@ from benchtool.explain.pitch.sanity_checks import check_consistency, check_motio
 from benchtool.explain.pitch.timing import align_channels
 from benchtool.explain.recording_checks import repair_readings
 from benchtool.simulate.pitch import filter_ticks as t
-from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch
+from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M, LoggedPitch
 
 PLATE_SMOOTHING_S = 0.2  # width of the median; 1 mm matters near the plate
 
@@ -132,7 +132,7 @@ def pitch_log(
         rate_Hz=rate_Hz,
         pwm_us=np.array([last_known(row) for row in pulses]),
         plate_z_m=plate,
-        plate_share=np.where(np.isfinite(share), share, plate < PARKED_FROM_M),
+        plate_share=np.where(np.isfinite(share), share, plate < MIN_PARKED_Z_M),
         theta_rad=recording.to_si("theta_rad"),
         gyro_rad_s=gyro,
         speed_rad_s=speeds,
@@ -280,7 +280,7 @@ def last_known(values: Array) -> Array:
 def _smooth(plate_m: Array, rate_Hz: float) -> Array:
     """Return smoothed plate distances; parked ones are `PARKED_M`."""
     width = 2 * round(0.5 * PLATE_SMOOTHING_S * rate_Hz) + 1
-    is_parked = plate_m >= PARKED_FROM_M
+    is_parked = plate_m >= MIN_PARKED_Z_M
     smooth: Array = median_filter(plate_m, size=width, mode="nearest")
-    smooth = np.where((smooth >= PARKED_FROM_M) == is_parked, smooth, plate_m)
+    smooth = np.where((smooth >= MIN_PARKED_Z_M) == is_parked, smooth, plate_m)
     return np.where(is_parked, PARKED_M, smooth)

@@ -21,9 +21,9 @@ from benchtool.explain.pitch.replay_track import PitchTrack, tracking_error
 from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.laws import build_pitch_controller
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.pitch.run import PitchJob
@@ -52,7 +52,7 @@ class ReplayInputs:
     motors: tuple[int, ...] = ()  # motor number in the recording, for each rotor of the rig
     permit: CodePermit = field(default=check_code_allowed, compare=False)
 
-    def refuse_controller(self, why: str) -> None:
+    def check_unused(self, reason: str) -> None:
         """Raise if an option is set that only pitch recordings have."""
         for option, is_set in (
             ("--controller", self.controller),
@@ -61,7 +61,7 @@ class ReplayInputs:
             ("--motors", self.motors),
         ):
             if is_set:
-                raise InputError(f"{option} is for pitch recordings: {why}; remove it")
+                raise InputError(f"{option} is for pitch recordings: {reason}; remove it")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -71,7 +71,7 @@ class Replay:
     Attributes:
         time_s, theta_rad: (m,) of the true attitude.
         pwm_us: (n_rotors, m) of the simulated controller; empty if driven by logged pulses.
-        missed: warning that the run does not follow the recording and is no result, else "".
+        warning: warning that the run does not follow the recording and is no result, else "".
     """
 
     model: str  # names of model and rig
@@ -80,12 +80,12 @@ class Replay:
     theta_rad: Array
     pwm_us: Array
     disturbance_Nm: Array  # (m,) of the simulated observer; empty likewise
-    words: str  # description of the drive for the caption
-    by: str  # "controller" or "pulses"
-    missed: str = ""
+    description: str  # description of the drive for the caption
+    driven_by: str  # "controller" or "pulses"
+    warning: str = ""
 
 
-def controller_of_run(provenance: Mapping[str, str], inputs: ReplayInputs) -> PitchControl | None:
+def find_controller(provenance: Mapping[str, str], inputs: ReplayInputs) -> PitchControl | None:
     """Return the controller of the run, as given or from the recording; None if unknown.
 
     Raises:
@@ -95,14 +95,14 @@ def controller_of_run(provenance: Mapping[str, str], inputs: ReplayInputs) -> Pi
     if not name:
         name, gains = provenance.get("controller", ""), gains or provenance.get("gains", "")
         try:
-            return pitch_controller(name, gains_named(gains)) if name and gains else None
+            return build_pitch_controller(name, load_gains(gains)) if name and gains else None
         except InputError:  # user-defined controller or gains
             return None
     if not gains:
         gains = provenance.get("gains", "")
     if not gains:
         raise InputError("--controller needs its gains; give --gains s3 or a file")
-    return pitch_controller(name, gains_named(gains))
+    return build_pitch_controller(name, load_gains(gains))
 
 
 def run_replay(
@@ -117,7 +117,7 @@ def run_replay(
         InputError: the rotors of the model's rig differ from those of the recording.
     """
     model = load_model(model_file(inputs.model), rig, permit=inputs.permit).model
-    control = controller_of_run(provenance, inputs)
+    control = find_controller(provenance, inputs)
     duration_s = len(track) / track.rate_Hz
     if duration_s > MAX_DURATION_S:
         limit = f"allowed for a simulated run: {MAX_DURATION_S:.0f} s"
@@ -139,13 +139,13 @@ def run_replay(
         remarks.append(f"Rotors have the rig's order; their numbers in the log: {order}.")
     if not np.isfinite(run.theta_rad).any():
         return None, ["No window of the recording is complete enough for a simulated run."]
-    warning = tracking_error(track, run.time_s, run.theta_rad, run.by)
-    return replace(run, missed=warning), [*filter(None, [warning]), *remarks]
+    warning = tracking_error(track, run.time_s, run.theta_rad, run.driven_by)
+    return replace(run, warning=warning), [*filter(None, [warning]), *remarks]
 
 
 def _estimate_plate(track: PitchTrack, inputs: ReplayInputs) -> tuple[Array, str]:
     """Return the plate distance for the simulation (n,), and the problem if it is unknown."""
-    is_over = track.any_over > 0.0
+    is_over = track.max_coverage > 0.0
     if not is_over.any():
         return np.full(len(track), PARKED_M), ""
     if inputs.plate_z_m is not None:
@@ -187,8 +187,8 @@ def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
 def _bench(track: PitchTrack, model: Model) -> tuple[PitchBench, list[str]]:
     """Return the bench with the discs covered that were over a surface."""
     rig = model.rig
-    if not (track.any_over > 0.0).any() or len(track.over) != rig.n_rotors:
-        return PitchBench.of(model), []
+    if not (track.max_coverage > 0.0).any() or len(track.over) != rig.n_rotors:
+        return PitchBench.from_model(model), []
     covered = np.zeros(rig.n_discs)
     for rotor, shares in enumerate(track.over):
         disc = rig.disc_of_rotor[rotor]
@@ -201,7 +201,7 @@ def _bench(track: PitchTrack, model: Model) -> tuple[PitchBench, list[str]]:
             f"Rotors were over the surface at different times; in the simulated run rotors "
             f"{rotors} are over it in each green interval."
         )
-    return PitchBench.of(model, covered=tuple(covered)), remarks
+    return PitchBench.from_model(model, covered=tuple(covered)), remarks
 
 
 def _simulate_controller(
@@ -233,7 +233,7 @@ def _simulate_controller(
         collective=collective * enabled,
         dither_us=np.zeros(n_ticks),
         plate_z_m=plate_z_m[rows],
-        plate_share=track.any_over[rows],
+        plate_share=track.max_coverage[rows],
         observer=enabled,
         feedforward=enabled,
     )
@@ -249,11 +249,11 @@ def _simulate_controller(
         theta_rad=run.column("true_theta_rad"),
         pwm_us=run.pwm_us[discs],
         disturbance_Nm=run.column("estimate_Nm"),
-        words=(
+        description=(
             f"closed loop: controller {control.name} with gains {gains}, {reference_text} and the "
             f"same surface windows, independent noise"
         ),
-        by="controller",
+        driven_by="controller",
     )
 
 
@@ -269,7 +269,7 @@ def _simulate_pulses(
         rate_Hz=track.rate_Hz,
         pwm_us=pulses[list(rig.first_rotors)],
         plate_z_m=plate_z_m,
-        plate_share=track.any_over,
+        plate_share=track.max_coverage,
         theta_rad=track.theta_rad,
         gyro_rad_s=track.gyro_rad_s,
         speed_rad_s=np.tile(blank, (rig.n_discs, 1)),
@@ -311,15 +311,15 @@ def _simulate_pulses(
         theta_rad=theta,
         pwm_us=np.empty((0, len(track))),
         disturbance_Nm=np.empty(0),
-        words=(
+        description=(
             f"open loop: plant driven by logged pulses, restarted from the readings every "
             f"{WINDOW_S:g} s, because no controller is known"
         ),
-        by="pulses",
+        driven_by="pulses",
     )
 
 
-def provenance_of_run(metadata: Mapping[str, object]) -> dict[str, str]:
+def read_provenance(metadata: Mapping[str, object]) -> dict[str, str]:
     """Return the device's facts on its controller from a run's metadata, as provenance."""
     device = metadata.get("device")
     facts = device.get("facts", {}) if isinstance(device, dict) else {}

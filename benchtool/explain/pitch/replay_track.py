@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
-from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
+from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M
 
 MAX_GAP_S = 1.0  # longer dropouts stay blank, as in import
 
@@ -53,7 +53,7 @@ class PitchTrack:
         return len(self.time_s)
 
     @property
-    def any_over(self) -> Array:
+    def max_coverage(self) -> Array:
         """Largest coverage of a rotor by a surface (n,)."""
         share: Array = self.over.max(axis=0) if len(self.over) else np.zeros(len(self))
         return share
@@ -61,7 +61,7 @@ class PitchTrack:
     @property
     def visits(self) -> list[tuple[int, int]]:
         """First and last row of each interval with a rotor over a surface."""
-        inside = self.any_over > 0.0
+        inside = self.max_coverage > 0.0
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
         return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -204,7 +204,7 @@ def _surface(
     """Return plate distance (n,), coverage of each rotor (n_rotors, n), and remarks."""
     n = len(resampler.clock)
     plate = resampler.hold("plate_z_m")
-    is_parked = ~(plate < PARKED_FROM_M)
+    is_parked = ~(plate < MIN_PARKED_Z_M)
     plate = np.where(is_parked, PARKED_M, plate)
     count = max(len(numbers), 1)
     over = np.zeros((count, n))
@@ -220,7 +220,7 @@ def _surface(
 
 
 # 2 deg: limit of errors by noise and initial state; 0.2 to 0.4 deg on the virtual bench; assumed.
-LEAST_RAD = 0.035
+MIN_LIMIT_RAD = 0.035
 
 # Limit of the RMS error over the standard deviation of the log: 1 is the error of a constant; a
 # closed loop has independent noise, and 2 is the error of the opposite motion.
@@ -231,7 +231,7 @@ MAX_RANGE_RATIO = 5.0  # of the simulated range to the recorded one; assumed
 _CHECK = "check the model, the order of motors (--motors), and that the vehicle was in the air"
 
 
-def on_log_clock(track: PitchTrack, time_s: Array, theta_rad: Array) -> Array:
+def resample_to_log(track: PitchTrack, time_s: Array, theta_rad: Array) -> Array:
     """Return a simulated pitch (m,) at the recording's times (n,); nan beyond its end."""
     rows = np.searchsorted(time_s, track.time_s)
     theta = theta_rad[np.minimum(rows, len(theta_rad) - 1)]
@@ -247,18 +247,18 @@ def tracking_error(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) 
         time_s, theta_rad: (m,) of the simulated run; nan at restarts.
         by: drive, "pulses" or "controller".
     """
-    error_rad = track.theta_rad - on_log_clock(track, time_s, theta_rad)
+    error_rad = track.theta_rad - resample_to_log(track, time_s, theta_rad)
     deviation_rad = track.theta_rad - np.nanmean(track.theta_rad)
     for rows, where in (
         (np.ones(len(track), bool), ""),
-        (track.any_over > 0.0, " over the surface"),
+        (track.max_coverage > 0.0, " over the surface"),
     ):
         rms_rad, sd_rad = _rms(error_rad[rows]), _rms(deviation_rad[rows])
-        limit_rad = max(MAX_RELATIVE_ERROR[by] * sd_rad, LEAST_RAD)
+        limit_rad = max(MAX_RELATIVE_ERROR[by] * sd_rad, MIN_LIMIT_RAD)
         if rms_rad > limit_rad:
             reason = f"standard deviation of the log: {np.degrees(sd_rad):.1f}°"
-            if limit_rad == LEAST_RAD:
-                reason += f"; noise limit: {np.degrees(LEAST_RAD):.0f}°"
+            if limit_rad == MIN_LIMIT_RAD:
+                reason += f"; noise limit: {np.degrees(MIN_LIMIT_RAD):.0f}°"
             elif by == "pulses":
                 reason += ", the error of a constant"
             else:
@@ -272,7 +272,7 @@ def tracking_error(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) 
     recorded_rad = np.concatenate([track.theta_rad, track.reference_rad])
     recorded_rad = recorded_rad[np.isfinite(recorded_rad)]
     simulated, recorded = float(np.ptp(finite)), float(np.ptp(recorded_rad))
-    if simulated < MAX_RANGE_RATIO * max(recorded, LEAST_RAD):
+    if simulated < MAX_RANGE_RATIO * max(recorded, MIN_LIMIT_RAD):
         return ""
     return (
         f"The simulated run does not follow the log and is no result: its range is "

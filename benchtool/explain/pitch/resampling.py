@@ -19,7 +19,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.simulate.pitch import filter_ticks as t
-from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
+from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M
 
 Mask = NDArray[np.bool_]
 
@@ -207,7 +207,7 @@ def is_plate_moving(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) 
         reach_s: time before and after a jump in which the plate may slide.
     """
     width = 2 * round(0.5 * BLINK_S * rate_Hz) + 1
-    present = median_filter((plate_m < PARKED_FROM_M).astype(np.uint8), size=width, mode="nearest")
+    present = median_filter((plate_m < MIN_PARKED_Z_M).astype(np.uint8), size=width, mode="nearest")
     jumps = np.flatnonzero(np.diff(present.astype(np.int8))) + 1
     reach = round(reach_s * rate_Hz)
     mask = np.zeros(len(plate_m), bool)

@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.engine.design import ExpectedOutcome, Forecast, proposal, select_design
+from benchtool.explain.engine.design import ExpectedOutcome, Forecast, build_proposal, select_design
 from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.parameters import parameters_at
@@ -25,7 +25,7 @@ from benchtool.explain.recording_checks import check_bench_kind
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
@@ -134,8 +134,8 @@ def next_pitch(
     forecast = Forecast(evidence.of(logs, n_averaged), rivals)
     values = forecast.rivals[0].fit.values
     parameters = parameters_at(model.parameters, evidence.parameters, values)
-    bench = PitchBench.of(model.with_values(parameters))
-    job = PitchJob(bench, PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ))
+    bench = PitchBench.from_model(model.with_values(parameters))
+    job = PitchJob(bench, PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ))
 
     seed = int(rng.integers(2**31))
 
@@ -156,7 +156,7 @@ def next_pitch(
         60.0 * minutes if minutes else LENGTHS_S[-1],
     )
     outcome, schedule = expect(best, rng), best.schedule()
-    return proposal(
+    return build_proposal(
         forecast.rivals, outcome, best.text(), best.length_s, refused, schedule=schedule
     )
 

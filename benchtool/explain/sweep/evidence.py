@@ -267,4 +267,4 @@ class SweepEvidence:
                 for rows in (np.ones(len(power.time_s), bool), np.isfinite(power.voltage_V)):
                     is_speed.append(np.ones(int(rows.sum()), bool))
                     regimes.append({name: mask[running][rows] for name, mask in masks.items()})
-        return RowGroups.joined("rpm_to_thrust", is_speed, regimes)
+        return RowGroups.concatenate("rpm_to_thrust", is_speed, regimes)

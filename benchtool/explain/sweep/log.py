@@ -77,7 +77,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
     conditions = _neutralize_tares(conditions, is_tare)
     thrust = recording.to_si("thrust_N")
     se, assumptions = _errors(recording, rig)
-    is_complete = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
+    is_complete = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.is_complete
     n_points = int((is_complete & ~is_tare).sum())
     if n_points < MIN_POINTS:
         raise InputError(

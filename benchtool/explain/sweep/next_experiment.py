@@ -15,7 +15,7 @@ import tomli_w
 
 from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
-from benchtool.explain.engine.design import ExpectedOutcome, Forecast, proposal, select_design
+from benchtool.explain.engine.design import ExpectedOutcome, Forecast, build_proposal, select_design
 from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
@@ -119,7 +119,7 @@ def plan_points(design: SweepDesign, evidence: SweepEvidence) -> SweepLog:
     speed = speed_at(pulse, rig)
     position = np.array([z_m, x_m, np.zeros(len(rows))])
     reference = evidence.logs[0]
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         rig,
         speed_rad_s=np.broadcast_to(speed, (rig.n_rotors, len(rows))),
         plate_z_m=z_m,
@@ -280,4 +280,6 @@ def next_sweep(
     )
     outcome, text = expect(best, rng), best.text(rig.propulsion.radius_m)
     duration_s = best.duration_s(rig)
-    return proposal(forecast.rivals, outcome, text, duration_s, refused, plan_toml=best.toml())
+    return build_proposal(
+        forecast.rivals, outcome, text, duration_s, refused, plan_toml=best.toml()
+    )

@@ -28,7 +28,7 @@ from benchtool.explain.law_search.search import (
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, check_same_bench, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep
-from benchtool.physics.effects.effect import PAST_S, Effect
+from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S, Effect
 from benchtool.physics.model import Model
 
 TOLERANCE = 0.005  # negligible relative discrepancy of thrust; assumed
@@ -85,7 +85,7 @@ def sweep_variables(
     if any(len(np.unique(log.stay)) > len(np.unique(index_positions((log,)))) for log in logs):
         variables.append(
             Variable(
-                phrase="the visit", symbol="visit", values=stays.astype(float), blocks=True,
+                phrase="the visit", symbol="visit", values=stays.astype(float), is_categorical=True,
                 forms=("reading", "near"),
             )
         )  # fmt: skip
@@ -108,7 +108,7 @@ def sweep_variables(
                 phrase=f"{phrase} over the last {time_s:g} s", symbol=f"{name}_{time_s:g}s",
                 code=f"flow.past_{name}[{k}]", values=past[k], scale="time",
             )
-            for k, time_s in enumerate(PAST_S)
+            for k, time_s in enumerate(HISTORY_TIME_CONSTANTS_S)
         ]  # fmt: skip
     volts = join("voltage_V")
     variables.append(
@@ -134,25 +134,25 @@ def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, predicted_N: Array)
     return [
         LawForm(
             name="factor", hook="factor", weights=thrust_N, formula="1 + {f}",
-            code="1.0 + p.a * {f}", matters=matters,
+            code="1.0 + p.a * {f}", tolerance=matters,
         ),
         LawForm(
             name="covered", hook="factor", weights=thrust_N * coverage, formula="1 + {f}",
-            code="1.0 + p.a * flow.coverage[i] * {f}", matters=matters,
+            code="1.0 + p.a * flow.coverage[i] * {f}", tolerance=matters,
         ),
         LawForm(
             name="near", hook="factor", weights=thrust_N * coverage / (1.0 + z**2),
             formula="1 + {f} / (1 + (z/R)^2)", code=f"1.0 + p.a * {near} * {{f}}",
-            matters=matters, centred=True, phrase=" near the plate",
+            tolerance=matters, centred=True, phrase=" near the plate",
         ),
         LawForm(
             name="nearer", hook="factor", weights=thrust_N * coverage * z**-3.0,
             formula="1 + {f} (z/R)^-3", code=f"1.0 + p.a * {nearer} * {{f}}",
-            matters=matters, centred=True, phrase=" next to the plate",
+            tolerance=matters, centred=True, phrase=" next to the plate",
         ),
         LawForm(
             name="reading", hook="thrust_reading", weights=np.full(len(thrust_N), median_N),
-            formula="reading + {f}", code="reading + p.a * p.typical * {f}", matters=matters,
+            formula="reading + {f}", code="reading + p.a * p.typical * {f}", tolerance=matters,
         ),
     ]  # fmt: skip
 
@@ -168,7 +168,7 @@ def summarize_residuals(
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
-    residuals, by_parameter, by_discrepancy = hypotheses.missed(values, active)
+    residuals, by_parameter, by_discrepancy = hypotheses.linearise_residuals(values, active)
     thrusts_N = [evidence.thrusts(log.conditions, values[None])[:, 0] for log in evidence.logs]
     predicted_N = np.concatenate(thrusts_N)
     white = evidence.whiten_thrusts(np.eye(len(predicted_N))) / errors.noise[:, None]
@@ -182,7 +182,9 @@ def summarize_residuals(
     variance = float(np.mean(errors.variance[evidence.thrust_rows]))
     folds = list(_folds(says, bare, index_positions(evidence.logs), variance))
     return [
-        ResidualSummary(variable=variable, form=form, says=says, bare=bare, folds=folds)
+        ResidualSummary(
+            variable=variable, form=form, quadratic=says, bare_quadratic=bare, folds=folds
+        )
         for variable in variables
         for form in forms
         if form.name in variable.forms
@@ -203,7 +205,7 @@ def _folds(
     for number in range(min(FOLDS, len(numbers))):
         mask = np.isin(positions, numbers[part == number])
         training, noise = says.without(mask), variance * float(mask.sum())
-        yield CrossValidationFold(rest=training, bare_rest=bare.without(mask), noise=noise)
+        yield CrossValidationFold(training=training, bare_training=bare.without(mask), noise=noise)
 
 
 def index_positions(logs: tuple[SweepLog, ...]) -> NDArray[np.intp]:

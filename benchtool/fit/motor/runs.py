@@ -18,7 +18,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Propeller, Rig
 from benchtool.core.rig_file import parse_rig
 from benchtool.data.columns import speed_columns, word_to_code
-from benchtool.data.derived import MeasurementContext, run_circumstances
+from benchtool.data.derived import MeasurementContext, load_run_context
 from benchtool.data.levels import read_levels
 from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.run_metadata import read_metadata
@@ -127,7 +127,7 @@ def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
     Throttle 0 is the pulse width at which the line through the two slowest levels has speed 0.
     """
     first = logs[0].path
-    stated_diameter = logs[0].context.stated.get("diameter_m")
+    stated_diameter = logs[0].context.known_values.get("diameter_m")
     diameter_m = stated_diameter.value if stated_diameter is not None else None
     if propeller is not None:
         diameter_m = propeller.diameter_m
@@ -182,7 +182,7 @@ def _read_run(path: Path, number: int) -> MotorData:
     )
     if suspect.sum() < 0.5 * len(parked):
         parked = parked.select(~suspect)
-    scale = run_circumstances(path).scales.get("thrust_N")
+    scale = load_run_context(path).scales.get("thrust_N")
     steps: tuple[StepResponse, ...] = ()
     if any((path / f"samples{suffix}").is_file() for suffix in (".csv", ".parquet")):
         steps = step_responses(read_samples(path), rig)
@@ -198,7 +198,7 @@ def _thrust_over_oge(points: Recording, rig: Rig) -> Array:
     """Return T_IGE/T_OGE (n,) of eqs. (2) to (4) at the parked plate; 1 at unknown distance."""
     z_m = points.column("plate_z_m")
     model = load_model("quad_body_lift" if rig.n_discs > 1 else "single", rig).model
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         rig,
         speed_rad_s=np.full((rig.n_rotors, len(points)), 100.0),
         plate_z_m=np.where(np.isfinite(z_m), z_m, 1e3),

@@ -62,7 +62,7 @@ class Difference:
     probability: float  # that the difference has the sign of its mean
 
     @property
-    def real(self) -> bool:
+    def is_significant(self) -> bool:
         """True if the 95 % interval excludes 0."""
         return self.interval_95[0] > 0.0 or self.interval_95[1] < 0.0
 
@@ -75,8 +75,8 @@ class PooledEstimates:
         shared: (p,) True if a parameter is the same in all rigs.
         scale: (p,) s of the prior of tau.
         tau, mean: (draws, p) between-rig standard deviation, and common mean.
-        own: (draws, rigs, p) values of each rig; nan if its fit lacks the parameter.
-        alike: (p,) posterior probability of tau = 0 at prior 0.5; nan for a shared parameter.
+        rig_values: (draws, rigs, p) values of each rig; nan if its fit lacks the parameter.
+        identical_probability: (p,) posterior probability of tau = 0 at prior 0.5; nan if shared.
     """
 
     rigs: tuple[RigValues, ...]
@@ -85,10 +85,10 @@ class PooledEstimates:
     scale: Array
     tau: Array
     mean: Array
-    own: Array
-    alike: Array
+    rig_values: Array
+    identical_probability: Array
 
-    def values_of(self, name: str) -> list[tuple[int, float, float]]:
+    def find_values(self, name: str) -> list[tuple[int, float, float]]:
         """Return index, unpooled value and standard deviation of each rig with a parameter."""
         rows = []
         for index, rig in enumerate(self.rigs):
@@ -112,13 +112,13 @@ class PooledEstimates:
         for k, name in enumerate(self.names):
             if self.shared[k]:
                 continue
-            pairs = combinations([rig_index for rig_index, *_ in self.values_of(name)], 2)
+            pairs = combinations([rig_index for rig_index, *_ in self.find_values(name)], 2)
             pooled = [self._difference(k, *pair) for pair in pairs]
             differences[name] = tuple(sorted(pooled, key=lambda pair: -abs(pair.value) / pair.sd))
         return differences
 
     def _difference(self, k: int, rig_index: int, other_index: int) -> Difference:
-        draws = self.own[:, rig_index, k] - self.own[:, other_index, k]
+        draws = self.rig_values[:, rig_index, k] - self.rig_values[:, other_index, k]
         low, high = np.quantile(draws, [0.025, 0.975])
         above = float(np.mean(draws > 0.0))
         return Difference(
@@ -168,8 +168,8 @@ def pool_rigs(
         scale=model.scale,
         tau=tau,
         mean=mean,
-        own=rig_values,
-        alike=alike,
+        rig_values=rig_values,
+        identical_probability=alike,
     )
 
 
@@ -270,7 +270,7 @@ def _sample_u(model: _Model, free: list[int], rng: np.random.Generator) -> Array
             sampler, start, walkers, MAX_STEPS, lambda done, expected: None
         )
         chains, convergence = sampled
-    if not convergence.reached:
+    if not convergence.is_converged:
         raise NotConverged(
             f"after {MAX_STEPS} steps the chains of tau do not agree (R-hat "
             f"{np.max(convergence.rhat):.3f}); pool fewer parameters at once with --of"

@@ -18,7 +18,7 @@ from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import word_to_code
 from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance, zero_noise
 from benchtool.fit.problem import NOISE_PLACE
-from benchtool.physics.conditions import SAME_PLACE, Conditions
+from benchtool.physics.conditions import MIN_MOVE, Conditions
 from benchtool.physics.model import Model
 
 Mask = NDArray[np.bool_]
@@ -111,9 +111,9 @@ def plate_positions(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDA
     """
     position = np.array([conditions.plate_z_m, conditions.plate_x_m, conditions.plate_tilt_rad])
     if not ordered:
-        grid_positions = np.round(position / SAME_PLACE)
+        grid_positions = np.round(position / MIN_MOVE)
         return np.unique(grid_positions, axis=1, return_inverse=True)[1].reshape(-1).astype(np.intp)
-    is_new = np.any(np.abs(np.diff(position, axis=1)) > SAME_PLACE, axis=0)
+    is_new = np.any(np.abs(np.diff(position, axis=1)) > MIN_MOVE, axis=0)
     is_new |= tare[1:] != tare[:-1]
     return np.concatenate([[0], np.cumsum(is_new)]).astype(np.intp)
 
@@ -124,8 +124,8 @@ def place_sd_m(model: Model, *, one_sided: bool) -> float:
     A value that the user sets or frees overrides the rig's one-sided value.
     """
     parameter, rig = model.parameters[NOISE_PLACE], model.rig
-    if one_sided and not parameter.free and parameter.value == rig.place_sd_m():
-        return rig.place_sd_m(one_sided=True)
+    if one_sided and not parameter.free and parameter.value == rig.position_sd_m():
+        return rig.position_sd_m(one_sided=True)
     return parameter.value
 
 
@@ -141,8 +141,8 @@ def bench_errors(model: Model, conditions: Conditions, visits: Visits) -> tuple[
     place_m, read_m = place_sd_m(model, one_sided=visits.one_sided), z.quantum / 12.0**0.5
     gain, arm = 0.0 if visits.calibrated else cell.scale_sd, model.rig.body.arm_sd
     scaled_arms = replace(model, rig=_with_arms(model.rig, 1.0 + arm)) if arm else model
-    grid_index = np.round(conditions.plate_z_m / (z.quantum or SAME_PLACE))
-    move_plate = conditions.moved_by
+    grid_index = np.round(conditions.plate_z_m / (z.quantum or MIN_MOVE))
+    move_plate = conditions.with_plate_offset
 
     def change(moved: Conditions, model_used: Model = model) -> Array:
         return np.where(turning, _thrust(model_used, moved) - thrust, 0.0)

@@ -238,7 +238,7 @@ _BY_QUANTITY = ("contribution", "sensitivity")
 _MC_FIELDS = ("sd", "low", "high")
 
 
-def budget_from(tables: Mapping[str, Any]) -> Budget:
+def parse_budget(tables: Mapping[str, Any]) -> Budget:
     """Return the budget for the JSON form of `Budget.tables`; null means not finite."""
     names, quantities = tuple(tables["order"]), tables["quantities"]
 

@@ -13,7 +13,12 @@ from scipy.stats import f as fisher
 
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
-from benchtool.data.calibration import age_text, degrees_of_freedom, read_calibration, traceability
+from benchtool.data.calibration import (
+    degrees_of_freedom,
+    format_age_warning,
+    format_traceability,
+    read_calibration,
+)
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run_metadata import read_metadata
 from benchtool.fit.problem import Problem
@@ -39,7 +44,7 @@ class LoadCells:
     @property
     def traceability(self) -> tuple[str, ...]:
         """Traceability statement of each calibration."""
-        return tuple(traceability(error.calibration) for error in self.errors)
+        return tuple(format_traceability(error.calibration) for error in self.errors)
 
 
 def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | None) -> LoadCells:
@@ -61,7 +66,7 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
         if not calibration:
             without.append(path)
             continue
-        if age_warning := age_text(metadata):
+        if age_warning := format_age_warning(metadata):
             warnings.append(f"{path}: {age_warning}")
         by_id.setdefault(str(calibration["id"]), (calibration, []))[1].append(index)
     if by_id and without:
@@ -168,7 +173,7 @@ def _parts(calibration: Mapping[str, Any]) -> tuple[ErrorSource, ...]:
             columns=np.array([[part["relative_sd"] / total]]),
             distribution=part.get("distribution", "normal"),
             dof=np.inf if part["dof"] is None else float(part["dof"]),
-            origin=traceability(calibration),
+            origin=format_traceability(calibration),
             scatter=part.get("scatter", ""),
         )
         for part in calibration.get("components") or slope_only

@@ -75,7 +75,7 @@ class Flow(NamedTuple):
         moved_s: time since the last plate movement (...).
         moved_direction: +1 for a plate distance approached from nearer, -1 from farther (...).
         past_load: summed squared speed over the maximum of the run, low-pass filtered with each
-            time constant of `PAST_S` (4, ...).
+            time constant of `HISTORY_TIME_CONSTANTS_S` (4, ...).
         past_wash: the same for the load times the share of the wake that meets the plate: the
             coverage over 1 + (z/R)^2.
     """
@@ -113,7 +113,12 @@ class Flow(NamedTuple):
 # Number of constant fields of a Flow, and of fields before those that change within a time step
 N_CONSTANT, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
 N_WITH_THRUST = N_BEFORE_RATE + 2  # fields up to the thrusts; a constant slice for compiled code
-PAST_S = (10.0, 30.0, 100.0, 300.0)  # time constants of `Flow.past_load` and `past_wash`
+HISTORY_TIME_CONSTANTS_S = (
+    10.0,
+    30.0,
+    100.0,
+    300.0,
+)  # time constants of `Flow.past_load` and `past_wash`
 NO_FLOW = Flow()  # for hooks that depend on the effect's numbers alone, such as a lag
 
 # hook(p, i, flow): p the effect's parameters as a named tuple, i the disc (0 for hooks of the whole
@@ -225,7 +230,7 @@ class Effect:
         acts_in_flight: False for effects of a hinge, a load cell or a plate stage.
         rig_values: values of its parameters that follow from a rig.
         tolerance_of: tolerances scaled to the vehicle, for parameters without a tolerance; a
-            tolerance in a model file has precedence (`tolerances.tolerances`).
+            tolerance in a model file has precedence (`tolerances.model_tolerances`).
         configure: builds the effect from settings in a model file, for example its knots.
         numbers: builds `p` from the values if it is not a named tuple of the parameter names.
         knots_setting: name of the setting with the values of its parameters `knot_...`; empty for
@@ -281,7 +286,7 @@ class Effect:
         return self.title if self.proper_noun else self.title[:1].lower() + self.title[1:]
 
     @property
-    def makes_p(self) -> Callable[..., Any]:
+    def build_p(self) -> Callable[..., Any]:
         """Function that builds the hooks' `p` from the parameter values, in their order."""
         return self.numbers or _numbers_class(tuple(item.name for item in self.parameters))
 

@@ -8,9 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.explain.answer import ExplainResult, channel_words
+from benchtool.explain.answer import ExplainResult, find_channel_label
 from benchtool.explain.engine.describe import Disagreement
-from benchtool.explain.engine.verdict import STAGES, AlternativeEffects, ChannelGap, FoundParameter
+from benchtool.explain.engine.verdict import (
+    STAGE_TITLES,
+    AlternativeEffects,
+    ChannelGap,
+    FoundParameter,
+)
 from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
@@ -88,7 +93,7 @@ def draw_disagreements(figure: Figure, answer: ExplainResult) -> None:
             axes.barh(positions + half, sizes_after, height=height, color=AFTER, label="after")
         axes.axvline(1.0, color=BLACK, lw=1.0)
         named_rows(axes, names, [_marked(answer, item)], bottom=0.5, top=0.5)
-        axes.set_title(STAGES[item.stage])
+        axes.set_title(STAGE_TITLES[item.stage])
     panels[-1].set_xlabel("residual size over the stated noise [–]    (line: noise alone)")
     if max(stages[0].by_regime.values()) > LOGARITHMIC_FROM:
         panels[-1].set_xscale("log")
@@ -129,7 +134,7 @@ def percentage(value: float) -> str:
 @figure(
     name="which",
     title=lambda answer, alternatives: (
-        f"Alternatives to: {answer.title_of(alternatives.effect)}"
+        f"Alternatives to: {answer.find_title(alternatives.effect)}"
         if answer.verdict.kind == "several"
         else "Probability of each explanation"
     ),
@@ -153,7 +158,7 @@ def draw_probabilities(
     axes.barh(range(len(bars)), list(bars.values()), height=0.64, color=colors)
     for y, value in enumerate(bars.values()):
         axes.text(value + 0.012, y, percentage(value), va="center", fontsize=8.6, color=BLACK)
-    named_rows(axes, list(map(answer.title_of, bars)), map(answer.title_of, named))
+    named_rows(axes, list(map(answer.find_title, bars)), map(answer.find_title, named))
     axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
     axes.set_xlabel("probability")
@@ -212,7 +217,7 @@ def parameters(figure: Figure, answer: ExplainResult) -> None:
 
 def gap_numbers(gap: ChannelGap, changed: bool) -> str:
     """Return before, after and floor of a gap as text in display units."""
-    display = channel_words(gap.channel, gap.unit)
+    display = find_channel_label(gap.channel, gap.unit)
     before, after, floor = (
         f"{display.factor * value:.3g}" for value in (gap.before, gap.after, gap.floor)
     )
@@ -235,7 +240,7 @@ def gap(figure: Figure, answer: ExplainResult) -> None:
     for row, item in enumerate(gaps):
         _gap_bars(axes, row, item, answer.has_model)
     axes.axvline(1.0, color=BLACK, lw=0.9)
-    titles = [channel_words(item.channel, item.unit).title for item in gaps]
+    titles = [find_channel_label(item.channel, item.unit).title for item in gaps]
     named_rows(axes, titles, bottom=0.45, top=0.62)
     if largest > LOGARITHMIC_FROM:
         axes.set_xscale("log")
@@ -295,7 +300,7 @@ def depends(figure: Figure, answer: ExplainResult) -> None:
     curve, axes = dependence.curve, figure.subplots()
     axes.axhline(0.0, color=GREY, linewidth=0.9)
     axes.plot(curve.points, 100.0 * curve.shares, "o", ms=3.0, color=GREY, alpha=0.6)
-    if dependence.variable.blocks:
+    if dependence.variable.is_categorical:
         axes.plot(curve.at, 100.0 * curve.mean, "_", color=BLUE)
     else:
         axes.fill_between(
@@ -314,4 +319,4 @@ def depends(figure: Figure, answer: ExplainResult) -> None:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
     axes.set_xlabel(f"{dependence.variable.phrase}, {dependence.variable.symbol} [–]")
-    axes.set_ylabel(f"missed [% of {dependence.form.share_of}]", color=BLACK)
+    axes.set_ylabel(f"missed [% of {dependence.form.quantity}]", color=BLACK)

@@ -12,14 +12,14 @@ from benchtool.core.errors import WouldOverwrite
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import json_ready, replace_json, replace_text
 from benchtool.explain.answer import ExplainResult
-from benchtool.explain.law_search.draft import FOUND, draft_effect
+from benchtool.explain.law_search.draft import DRAFT_NAME, draft_effect
 from benchtool.explain.law_search.law import FoundDependence
 from benchtool.explain.next_steps import next_file
 from benchtool.explain.updated_model import (
     MODEL,
     NEAREST,
-    added_model,
-    own_names,
+    format_added_model,
+    user_effect_names,
     with_nearest_effect,
 )
 from benchtool.report.answer.page import answer_page
@@ -70,7 +70,7 @@ def _write_draft(folder: Path, answer: ExplainResult) -> str:
     depends = answer.verdict.depends
     if depends is None or depends.law is None:
         return ""
-    names = (f"{FOUND}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
+    names = (f"{DRAFT_NAME}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
     name = next(name for name in names if not (folder / name).exists())
     replace_text(folder / name, draft_effect(depends))
     return name
@@ -82,7 +82,7 @@ def _write_model(
     """Write the model with its rig and effects file; return its name, "" without a model."""
     if answer is None:
         return ""
-    user_effects = effects_file if own_names(answer) else None
+    user_effects = effects_file if user_effect_names(answer) else None
     if user_effects is not None:
         write_whole(folder / user_effects.name, user_effects.read_bytes())
     rig, rig_text = export_rig_reference(answer.request.loaded.model.rig)
@@ -90,7 +90,7 @@ def _write_model(
         replace_text(folder / rig, rig_text)
     replace_text(
         folder / name,
-        added_model(answer, rig, user_effects.name if user_effects is not None else ""),
+        format_added_model(answer, rig, user_effects.name if user_effects is not None else ""),
     )
     return name
 
@@ -138,7 +138,7 @@ def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any
         ],
         "class": list(verdict.class_members),
         "probabilities": dict(verdict.probabilities),
-        "places": [_fields(place, "effect", "probabilities") for place in verdict.places],
+        "places": [_fields(place, "effect", "probabilities") for place in verdict.alternatives],
         "stages": dict(verdict.stages),
         "unnamed": [
             _fields(effect, "name", "phrase", "stage", "probability", "share", "tolerances")

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchtool.core.array_type import Array
-from benchtool.explain.answer import ExplainResult, channel_words
+from benchtool.explain.answer import ExplainResult, find_channel_label
 from benchtool.explain.engine.evidence import Overlay
 from benchtool.report.answer.figures import AFTER, BEFORE
 from benchtool.report.figure import figure
@@ -38,7 +38,7 @@ def overlay_caption(window_s: float) -> str:
 
 def _overlay_title(answer: ExplainResult, overlay: Overlay) -> str:
     source = "recording" if answer.verdict.bench == "pitch" else "sweep"
-    title = channel_words(overlay.channel, overlay.unit).title.capitalize()
+    title = find_channel_label(overlay.channel, overlay.unit).title.capitalize()
     return f"{title} on the validation {source}"
 
 
@@ -65,7 +65,7 @@ def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
     grid[1, 1].set_xlim(first, last)
     grid[1, 1].sharey(grid[1, 0])
     rows = (overlay.at >= first) & (overlay.at <= last)
-    factor = channel_words(overlay.channel, overlay.unit).factor
+    factor = find_channel_label(overlay.channel, overlay.unit).factor
     visible = factor * np.concatenate(
         [overlay.measured[rows], overlay.before[rows], overlay.after[rows]]
     )
@@ -100,7 +100,7 @@ def worst_stretch(at: Array, error: Array) -> tuple[float, float]:
 def _overlay_column(
     panels: list[Axes], answer: ExplainResult, overlay: Overlay, as_lines: bool
 ) -> None:
-    display = channel_words(overlay.channel, overlay.unit)
+    display = find_channel_label(overlay.channel, overlay.unit)
     measured = display.factor * overlay.measured
     simulated = [
         ("simulated, old model", display.factor * overlay.before, BEFORE, "^"),

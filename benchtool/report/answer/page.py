@@ -11,15 +11,15 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.parameter import Parameter
-from benchtool.explain.answer import ExplainResult, channel_words
-from benchtool.explain.engine.held_out import UPPER
-from benchtool.explain.engine.verdict import EVERYWHERE, PLACES
-from benchtool.explain.law_search.draft import FOUND
-from benchtool.explain.next_steps import lines, next_sentence, next_steps
+from benchtool.explain.answer import ExplainResult, find_channel_label
+from benchtool.explain.engine.held_out import FLOOR_QUANTILE
+from benchtool.explain.engine.verdict import ALL_REGIMES, STAGE_LOCATIONS
+from benchtool.explain.law_search.draft import DRAFT_NAME
+from benchtool.explain.next_steps import format_steps, next_sentence, next_steps
 from benchtool.explain.updated_model import (
     MODEL,
     NEAREST,
-    NOTHING,
+    ZERO_TOLERANCE,
     added_effects,
     model_with_effects,
 )
@@ -83,7 +83,7 @@ def changes(answer: ExplainResult) -> tuple[Change, ...]:
     changed = [
         change(name, item)
         for name, item in new.parameters.items()
-        if not isclose(reference.parameters[name].value, item.value, abs_tol=NOTHING)
+        if not isclose(reference.parameters[name].value, item.value, abs_tol=ZERO_TOLERANCE)
     ]
     return tuple(sorted(changed, key=lambda item: not item.found))
 
@@ -114,7 +114,7 @@ def nearest_sentence(answer: ExplainResult, folder: str) -> str:
         return ""
     gaps = []
     for gap in answer.verdict.gaps:
-        display = channel_words(gap.channel, gap.unit)
+        display = find_channel_label(gap.channel, gap.unit)
         errors = (gap.before, nearest.after[gap.channel], gap.floor)
         texts = [f"{display.factor * error:.3g}" for error in errors]
         gaps.append(f"{display.title} {texts[0]} → {texts[1]} {display.unit} (floor {texts[2]})")
@@ -129,7 +129,7 @@ def _draft(answer: ExplainResult, folder: str) -> str:
         return ""
     if not folder:
         return " Its law can be drafted as an effect file: add --out FOLDER."
-    return f" Its law is drafted as an effect: {Path(folder) / FOUND}.py."
+    return f" Its law is drafted as an effect: {Path(folder) / DRAFT_NAME}.py."
 
 
 def added_sentence(answer: ExplainResult, folder: str = "") -> str:
@@ -152,10 +152,10 @@ def where_sentence(answer: ExplainResult) -> str:
     where = answer.verdict.where
     if where is None:
         return _agreement(answer)
-    text = f"The disagreement is {PLACES[where.stage]}"
+    text = f"The disagreement is {STAGE_LOCATIONS[where.stage]}"
     multiple = f"{where.size:.0f}" if where.size >= 10.0 else f"{where.size:.2g}"
     size = f"{multiple} times the stated noise"
-    if where.regime == EVERYWHERE:
+    if where.regime == ALL_REGIMES:
         return f"{text}, over the whole recordings; residuals are {size}."
     return (
         f"{text}, mostly in: {where.regime}. Residuals are {size} there, "
@@ -167,8 +167,10 @@ def _agreement(answer: ExplainResult) -> str:
     """Return a sentence on the error of a complete model on the validation recordings."""
     training_floors, excesses = answer.explanation.floors_as_learned, []
     for gap in answer.verdict.gaps:
-        display = channel_words(gap.channel, gap.unit)
-        limit = float(np.quantile(training_floors.get(gap.channel, [gap.floor_high]), UPPER))
+        display = find_channel_label(gap.channel, gap.unit)
+        limit = float(
+            np.quantile(training_floors.get(gap.channel, [gap.floor_high]), FLOOR_QUANTILE)
+        )
         if gap.after > limit:
             values = (
                 f"{display.factor * value:.3g} {display.unit}" for value in (gap.after, limit)
@@ -194,7 +196,7 @@ def _now(answer: ExplainResult, next_name: str, folder: str) -> list[Block]:
     steps = next_steps(answer, folder) if folder else ()
     if steps:
         blocks.append(Paragraph("Next commands, in the directory of the original command:"))
-        blocks.append(Commands(lines(steps)))
+        blocks.append(Commands(format_steps(steps)))
     return blocks
 
 
@@ -202,7 +204,7 @@ def _not_judged(answer: ExplainResult) -> list[Block]:
     names = answer.verdict.not_judged
     blocks: list[Block] = [Warnings(answer.remarks)] if answer.remarks else []
     if names:
-        sentences = {answer.title_of(name): unjudged_sentence(answer, name) for name in names}
+        sentences = {answer.find_title(name): unjudged_sentence(answer, name) for name in names}
         blocks.append(FactTable(sentences))
     return blocks or [Paragraph("All effects of this kind of bench were judged.")]
 
@@ -232,7 +234,7 @@ def _highlights(answer: ExplainResult) -> dict[str, str]:
         for item in effect.parameters[:2]
     }
     for gap in verdict.gaps[:1]:
-        title = channel_words(gap.channel, gap.unit).title
+        title = find_channel_label(gap.channel, gap.unit).title
         tiles[f"gap of {title}"] = gap_numbers(gap, answer.has_model)
     return tiles
 

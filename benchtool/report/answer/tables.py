@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from benchtool.explain.answer import ExplainResult, channel_words
-from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, NamedEffect
+from benchtool.explain.answer import ExplainResult, find_channel_label
+from benchtool.explain.engine.verdict import STAGE_TITLES, ChannelGap, FoundParameter, NamedEffect
 from benchtool.report.answer.figures import parameter_text, percentage
 from benchtool.report.numbers import decimal_exponent, decimals_for, power_of_ten, scaled, with_unit
 from benchtool.report.page import Table
@@ -29,7 +29,7 @@ def effects_table(answer: ExplainResult) -> Table:
 
 def short_effects_table(answer: ExplainResult) -> Table:
     """Return the table of named effects for a terminal."""
-    return effects_table(answer).narrowed((0, 2, 3, 4, 5, 6), _effects_caption(answer), 2)
+    return effects_table(answer).select_columns((0, 2, 3, 4, 5, 6), _effects_caption(answer), 2)
 
 
 def _effects_caption(answer: ExplainResult, more: str = "") -> str:
@@ -45,7 +45,7 @@ def _effects_caption(answer: ExplainResult, more: str = "") -> str:
 
 
 def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tuple[str, ...]:
-    head = (effect.title, STAGES[effect.stage])
+    head = (effect.title, STAGE_TITLES[effect.stage])
     p_value = f"{effect.p_value:.2g}" if effect.p_value >= 1e-15 else f"<\u00a0{1e-15:.0e}"
     ratio = f"{effect.log_likelihood_ratio:.1f}"
     # Browsers break lines after a hyphen but not after a minus.
@@ -91,7 +91,7 @@ def gap_table(answer: ExplainResult) -> Table:
 def short_gap_table(answer: ExplainResult) -> Table:
     """Return the table of gaps for a terminal."""
     caption = f"{_gap_caption(answer)} {SHORT_LEGEND}"
-    return gap_table(answer).narrowed((0, 1, 3, 4, 5, 7), caption)
+    return gap_table(answer).select_columns((0, 1, 3, 4, 5, 7), caption)
 
 
 def _gap_caption(answer: ExplainResult) -> str:
@@ -101,7 +101,7 @@ def _gap_caption(answer: ExplainResult) -> str:
 
 
 def _gap_row(gap: ChannelGap, changed: bool) -> tuple[str, ...]:
-    display = channel_words(gap.channel, gap.unit)
+    display = find_channel_label(gap.channel, gap.unit)
 
     def to_text(value: float) -> str:
         return f"{display.factor * value:.3g}"
@@ -152,7 +152,7 @@ def tolerances_table(answer: ExplainResult) -> Table:
         (name, with_unit(f"{value:.3g}", items[name].unit if name in items else "1"))
         for name, value in answer.verdict.tolerances.items()
     ]
-    departures = answer.request.loaded.model.discrepancy.shown_by(answer.verdict.bench)
+    departures = answer.request.loaded.model.discrepancy.relevant_on(answer.verdict.bench)
     rows += [(f"discrepancy.{name}", f"{value:.3g}") for name, value in departures.items()]
     return Table(
         "Tolerances. An effect is named only beyond its tolerance, a discrepancy from all laws "
@@ -166,9 +166,9 @@ def next_table(answer: ExplainResult) -> Table:
     """Return a table of the evidence that the next experiment is expected to give."""
     experiment = answer.verdict.next
     expected = experiment.expected if experiment is not None else {}
-    first = answer.title_of(experiment.candidates[0]) if experiment is not None else ""
+    first = answer.find_title(experiment.candidates[0]) if experiment is not None else ""
     return Table(
         f"Expected log evidence ratio of {first} against each alternative.",
         ("alternative", "expected evidence"),
-        [(answer.title_of(name), f"{value:.1f}") for name, value in expected.items()],
+        [(answer.find_title(name), f"{value:.1f}") for name, value in expected.items()],
     )

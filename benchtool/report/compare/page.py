@@ -228,7 +228,7 @@ def short_table(comparison: RunComparison) -> Table | None:
     power = TITLES[EFFICIENCIES[comparison.ranked_by]]
     heads = ("rank", "run", TITLES[comparison.ranked_by], power, "rpm", "behind [sd]", "remark")
     columns = [table.header.index(head) for head in heads if head in table.header]
-    return table.narrowed(columns)
+    return table.select_columns(columns)
 
 
 def _behind(comparison: RunComparison, result: AtThrust) -> str:

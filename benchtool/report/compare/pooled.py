@@ -196,9 +196,9 @@ def summary(pooled_fits: PooledFits) -> str:
             lines.append(f"{name}, common to all rigs: {mean}.")
             continue
         pairs = pooled.differences[name]
-        real = [pair for pair in pairs if pair.real]
+        real = [pair for pair in pairs if pair.is_significant]
         low, high = pooled.tau_95(name)
-        probability = pooled.alike[k]
+        probability = pooled.identical_probability[k]
         alike = f"{probability:.2g}" if probability > MIN_PROBABILITY else f"< {MIN_PROBABILITY:g}"
         lines.append(
             f"{name}: mean {mean}, standard deviation between rigs "
@@ -238,7 +238,7 @@ def rigs_table(pooled_fits: PooledFits) -> Table:
 def differences_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
     """Return all differences as rows of a table."""
     return [
-        {"parameter": name} | asdict(pair) | {"real": pair.real}
+        {"parameter": name} | asdict(pair) | {"real": pair.is_significant}
         for name, pairs in pooled_fits.pooled.differences.items()
         for pair in pairs
     ]
@@ -248,9 +248,11 @@ def rigs_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
     """Return each rig's values, separate and pooled, as rows of a table."""
     rows = []
     for k, name, shared in _iterate_parameters(pooled_fits):
-        for rig_index, value, sd in pooled_fits.pooled.values_of(name):
+        for rig_index, value, sd in pooled_fits.pooled.find_values(name):
             draws = (
-                pooled_fits.pooled.mean[:, k] if shared else pooled_fits.pooled.own[:, rig_index, k]
+                pooled_fits.pooled.mean[:, k]
+                if shared
+                else pooled_fits.pooled.rig_values[:, rig_index, k]
             )
             low, high = np.quantile(draws, [0.025, 0.975]).tolist()
             rows.append({
@@ -276,7 +278,9 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
             "tau": float(np.median(tau)),
             "tau_95": list(pooled.tau_95(name)),
             "tau_prior_scale": float(pooled.scale[k]),
-            "alike": None if isnan(pooled.alike[k]) else float(pooled.alike[k]),
+            "alike": None
+            if isnan(pooled.identical_probability[k])
+            else float(pooled.identical_probability[k]),
         }
     contents: dict[str, Any] = json_ready(
         {

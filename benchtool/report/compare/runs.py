@@ -18,11 +18,11 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.columns import word_to_code
-from benchtool.data.derived import QuantityValues, derive_quantities, run_circumstances
+from benchtool.data.derived import QuantityValues, derive_quantities, load_run_context
 from benchtool.data.levels import read_levels, split_levels
 from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import aggregate, settings_quantities
+from benchtool.data.run.settings import average_settings, settings_quantities
 
 Over = Literal["thrust", "rpm", "power", "throttle", "distance"]
 AXES: dict[Over, tuple[str, str]] = {  # column and label of each axis
@@ -78,11 +78,11 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
         FileFormatError: the data has no thrust.
     """
     if is_run(path) and (ramps := _ramps(path)) is not None:
-        rows, quantities = ramps, derive_quantities(ramps, run_circumstances(path))
+        rows, quantities = ramps, derive_quantities(ramps, load_run_context(path))
         run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=quantities)
     elif is_run(path):
         points = read_points(path)
-        rows, quantities = aggregate(points), settings_quantities(path, points)
+        rows, quantities = average_settings(points), settings_quantities(path, points)
         parked = rows.column("kind") == word_to_code("kind", "reference")
         away = bool(parked.any()) and over != "distance"
         chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
@@ -115,7 +115,7 @@ def _select_rows(run: ComparedRun, mask: NDArray[np.bool_]) -> ComparedRun:
     quantities = tuple(
         replace(
             item, value=item.value[mask], standard_error=item.standard_error[mask],
-            error_sources=tuple(source.of(np.flatnonzero(mask)) for source in item.error_sources),
+            error_sources=tuple(s.select(np.flatnonzero(mask)) for s in item.error_sources),
         )
         for item in run.quantities
     )  # fmt: skip

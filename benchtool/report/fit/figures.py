@@ -16,7 +16,7 @@ from benchtool.core.units import from_si
 from benchtool.data.columns import word_to_code
 from benchtool.fit.fit_data import REFERENCE_Z_OVER_R
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.physics.bases import factor_at
+from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.effects.partial_coverage import PARTIAL_COVERAGE, factor_table
 from benchtool.report.figure import figure
@@ -80,7 +80,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
         measured = 1.0 + (data.observed - model.thrust_N(oge_conditions)) / oge_thrust_N
         error = error / oge_thrust_N
     elif data.reference is not None:  # effect of the parked plate
-        parked = factor_at(model, fit.recipe.basis, data.reference)
+        parked = ground_effect_ratio(model, fit.recipe.basis, data.reference)
         parked = np.broadcast_to(parked, measured.shape)
         measured, error = measured * parked, error * parked
     is_shown = np.isfinite(measured) & (data.z_over_R < REFERENCE_Z_OVER_R) & _fully_covered(fit)
@@ -263,7 +263,7 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
         low = model.thrust_N(whole.out_of_ground_effect(), values)
         high = model.thrust_N(whole, values)
     else:
-        low, high = np.ones(len(whole)), factor_at(model, fit.recipe.basis, whole, values)
+        low, high = np.ones(len(whole)), ground_effect_ratio(model, fit.recipe.basis, whole, values)
     share = (data.observed - low) / (high - low)
     coverage = data.conditions.coverage.mean(axis=0)
     is_shown = data.used & (data.z_over_R < REFERENCE_Z_OVER_R) & (high - low > 0.01 * low)

@@ -9,7 +9,7 @@ from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.fit_result import FitResult
 from benchtool.data.atomic import make_folder
-from benchtool.fit.diagnose import has_misfit, times_as_much
+from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import Page, render_figures
@@ -144,7 +144,7 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
         if not item.name.startswith("noise.")
     )
     scatter = (
-        f"points scatter {times_as_much(first)} as much as their stated errors (chi2/dof = "
+        f"points scatter {format_scatter_ratio(first)} as much as their stated errors (chi2/dof = "
         f"{first.chi2_per_dof:.3g})"
     )
     if has_misfit(first):

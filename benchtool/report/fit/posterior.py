@@ -12,7 +12,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate, FitResult
-from benchtool.fit.ensemble import convergence_of
+from benchtool.fit.ensemble import check_convergence
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
 from benchtool.report.numbers import display_unit, with_statistical
@@ -137,7 +137,7 @@ def chains(figure: Figure, fit: FitOutput) -> None:
     ensembles, walkers = int(facts["ensembles"] or 1), int(facts["walkers"] or 1)
     draws = result.samples.reshape(-1, ensembles, walkers, len(labels))
     steps = len(draws)
-    convergence = convergence_of(draws)
+    convergence = check_convergence(draws)
     tau_steps = convergence.tau_steps * float(facts["steps_kept"] or 1) / steps
     step_stride, walker_stride = -(-steps // SHOWN_STEPS), -(-walkers // SHOWN_WALKERS)
     rows = rows_of(figure, [1.0] * len(labels))

@@ -16,7 +16,7 @@ from benchtool.fit.compare import Comparison, Score
 from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.fit.uncertainty.budget import Budget, budget_from, with_budget
+from benchtool.fit.uncertainty.budget import Budget, parse_budget, with_budget
 from benchtool.report.fit.budget import budget_sentence, budget_table
 from benchtool.report.fit.page import FIT, sentence_of
 from benchtool.report.fit.tables import comparison_table, laws_table, methods_table, short_table
@@ -99,7 +99,7 @@ def stored_from(tables: Mapping[str, Any], where: str) -> StoredFit:
         )
         if not results:
             raise FileFormatError(where, "results are empty; fit again")
-        budget = budget_from(tables["budget"]) if tables.get("budget") else None
+        budget = parse_budget(tables["budget"]) if tables.get("budget") else None
         return StoredFit(
             recipe=tables["recipe"],
             rig=str(tables.get("rig", "")),

@@ -200,7 +200,7 @@ def comparison_table(comparison: Comparison) -> Table:
     rows = [
         (
             score.model,
-            "best" if rank == 0 else "clearly behind" if score.clearly_behind else "close",
+            "best" if rank == 0 else "clearly behind" if score.is_clearly_behind else "close",
             str(score.parameters),
             f"{score.chi2_per_dof:.3g}",
             f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",

@@ -27,16 +27,16 @@ from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.study import (
     FlownCase,
+    build_recording,
+    controller_label,
     fly_and_measure,
-    name_of,
     obstacle_extent,
     out_of_ground_effect,
-    recording_of,
-    verdict,
+    summarize_flight,
 )
 from benchtool.simulate.flight.user_controller import fly_user_controller
-from benchtool.simulate.flight.warnings import warnings_of
-from benchtool.simulate.user_controller import make_controllers
+from benchtool.simulate.flight.warnings import collect_warnings
+from benchtool.simulate.user_controller import make_controller
 
 
 def _position(
@@ -120,7 +120,7 @@ def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
     for flown, (upper, lower) in zip(others, axes.T, strict=True):
         _position(upper, flown, free, obstacle_m)
         _pitch(lower, flown, free)
-        upper.set_title(f"{name_of(flown)}\n{verdict(flown)}", linespacing=1.35)
+        upper.set_title(f"{controller_label(flown)}\n{summarize_flight(flown)}", linespacing=1.35)
         lower.set_xlabel("time [s]")
         lower.set_xlim(0.0, last_s)
     axes[0][0].set_ylabel("position $x$ [m]")
@@ -132,21 +132,23 @@ FLIGHT = Page("flight", [("The flight", ["flight"])])
 
 
 def fly_each(
-    case: FlightCase, controls: Sequence[str], own: Sequence[tuple[str, type[Any]]] = ()
+    case: FlightCase,
+    controls: Sequence[str],
+    user_controllers: Sequence[tuple[str, type[Any]]] = (),
 ) -> list[FlownCase]:
     """Simulate a case out of ground effect with PID, then under each controller."""
     free = replace(out_of_ground_effect(case), control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]
     flights = list(results_in_order(partial(fly_and_measure, item) for item in cases))
-    for name, kind in own:
-        flight = fly_user_controller(case, make_controllers(kind, name), name)
+    for name, kind in user_controllers:
+        flight = fly_user_controller(case, make_controller(kind, name), name)
         flights.append(FlownCase(flight, measure(flight)))
     return flights
 
 
 def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     """Return the table of measures; the first flight is out of ground effect."""
-    names = [name_of(flown) for flown in flights]
+    names = [controller_label(flown) for flown in flights]
     names[0] += " OGE"
     heads = (
         "controller", "arrives s", "max x m", "push-backs", "max pitch", "RMS pitch", "max roll",
@@ -187,12 +189,14 @@ def report_lines(flights: Sequence[FlownCase]) -> list[str]:
         f"SIMULATED flight {case.name}: {case.title}; rig {case.vehicle.rig.name}, "
         f"z/R {z_over_R:.4g}, {case.goals[-1].speed_m_s:g} m/s, gains {case.gains.name}"
     )
-    return [head, *table_lines(flights), *warnings_of(flights)]
+    return [head, *table_lines(flights), *collect_warnings(flights)]
 
 
 def write_flights(out: Path, flights: Sequence[FlownCase]) -> list[Path]:
     """Write recordings, text report and figure of flights to new files; return their paths."""
-    names = [flown.flight.own.replace(":", "-") or flown.case.control for flown in flights]
+    names = [
+        flown.flight.user_controller.replace(":", "-") or flown.case.control for flown in flights
+    ]
     names[0] = "oge"
     if len(set(names)) < len(names):
         raise InputError(f"duplicate controller: {', '.join(names[1:])}; give each once")
@@ -202,7 +206,9 @@ def write_flights(out: Path, flights: Sequence[FlownCase]) -> list[Path]:
     check_not_existing([*tables, *(metadata_path(path) for path in tables), text, *figures])
     out.mkdir(parents=True, exist_ok=True)
     for path, flown in tables.items():
-        write_recording(path, recording_of(flown.flight), {"software": f"benchtool {__version__}"})
+        write_recording(
+            path, build_recording(flown.flight), {"software": f"benchtool {__version__}"}
+        )
     text.write_text("\n".join(report_lines(flights)) + "\n", encoding="utf-8")
     block = render_figures("flight", flights)["flight"]
     return [*tables, text, *save_figure(block.figure, out / "flight")]

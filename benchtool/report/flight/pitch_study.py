@@ -22,12 +22,12 @@ from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, rows_of, shade, spans
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gain_names, gains_named
-from benchtool.simulate.pitch.result import PitchRun, PlateNumbers, plate_numbers
+from benchtool.simulate.gain_file import gain_names, load_gains
+from benchtool.simulate.pitch.result import PitchRun, PlateVisitMeasures, measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
-from benchtool.simulate.user_controller import make_controllers
+from benchtool.simulate.user_controller import make_controller
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -43,8 +43,10 @@ class PitchStudy:
 def pitch_study(
     setup: PitchSetup,
     seed: int = 0,
-    own: Sequence[tuple[str, type[Any]]] = (),  # user controllers; a new instance per run
-    only_own: bool = False,
+    user_controllers: Sequence[
+        tuple[str, type[Any]]
+    ] = (),  # user controllers; a new instance per run
+    only_user_controllers: bool = False,
 ) -> PitchStudy:
     """Simulate all controllers with and without the plate, with the same noise."""
     radius_m = setup.bench.model.rig.propulsion.radius_m
@@ -53,7 +55,7 @@ def pitch_study(
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
     jobs = [
         PitchJob(setup.bench, control, setup.nominal)
-        for control in (() if only_own else setup.controls)
+        for control in (() if only_user_controllers else setup.controls)
     ]
     results = list(
         results_in_order(
@@ -61,17 +63,17 @@ def pitch_study(
         )
     )
     runs, away = results[: len(jobs)], results[len(jobs) :]
-    for name, kind in own:
+    for name, kind in user_controllers:
         job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
         for schedule, runs_of_schedule in zip((near, far), (runs, away), strict=True):
-            run = simulate_controller(make_controllers(kind, name), job, schedule, seed, name=name)
+            run = simulate_controller(make_controller(kind, name), job, schedule, seed, name=name)
             runs_of_schedule.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
 
 
-def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateNumbers:
+def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateVisitMeasures:
     """Return the measures of a run for one plate interval."""
-    return plate_numbers(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
+    return measure_plate_visit(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
 
 
 def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
@@ -168,7 +170,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
 def _gain_set_name(control: PitchControl) -> str:
     """Return the name of a controller's gain set, "" if its values were changed."""
     gains = control.gains
-    if gains is None or gains.name not in gain_names() or gains != gains_named(gains.name):
+    if gains is None or gains.name not in gain_names() or gains != load_gains(gains.name):
         return ""
     return gains.name
 

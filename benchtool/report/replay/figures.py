@@ -45,8 +45,9 @@ class ReplayedLog:
         """One sentence on the simulated run."""
         replay = self.replay
         if replay is not None:
-            remark = " It deviates from the log." if replay.missed else ""
-            return f"Simulated: model {replay.model} on rig {replay.rig}; {replay.words}.{remark}"
+            remark = " It deviates from the log." if replay.warning else ""
+            vehicle = f"model {replay.model} on rig {replay.rig}"
+            return f"Simulated: {vehicle}; {replay.description}.{remark}"
         if self.inputs.model:
             return "Not simulated; see the warnings for missing data."
         return "Not simulated; a simulated run needs --model."
@@ -196,8 +197,8 @@ def _legend(figure: Figure, log: ReplayedLog) -> None:
     if _has_values(log.track.reference_rad):
         handles.append(Line2D([], [], color=GREY, lw=1.2, ls="--", label="reference"))
     if log.replay is not None and _has_values(log.replay.theta_rad):
-        source = "closed loop" if log.replay.by == "controller" else "logged pulses"
-        label = f"simulated, {'deviates from the log' if log.replay.missed else source}"
+        source = "closed loop" if log.replay.driven_by == "controller" else "logged pulses"
+        label = f"simulated, {'deviates from the log' if log.replay.warning else source}"
         handles.append(Line2D([], [], color=BLUE, lw=1.4, label=label))
     if log.intervals:
         handles.append(Patch(facecolor=OVER, lw=0.0, label="rotor over a surface"))

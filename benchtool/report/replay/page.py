@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from benchtool.core.array_type import Array
 from benchtool.core.plural import pluralize
 from benchtool.core.units import from_si
-from benchtool.data.derived import derive_quantities, recording_circumstances
+from benchtool.data.derived import build_recording_context, derive_quantities
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
-from benchtool.explain.pitch.replay_track import PitchTrack, on_log_clock, pitch_track
+from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.report.figure import Page, figure
 from benchtool.report.numbers import display_unit, format_number
@@ -71,7 +71,7 @@ def _quantities(recorded: ReplaySource) -> Block | None:
     if recorded.is_run:
         return None
     quantities = derive_quantities(
-        recorded.recording, recording_circumstances(recorded.facts, str(recorded.path))
+        recorded.recording, build_recording_context(recorded.facts, str(recorded.path))
     )
     return origins_table(quantities) if quantities else None
 
@@ -129,7 +129,7 @@ def recording_page(path: Path, replay_inputs: ReplayInputs, commands: Sequence[s
     """Return the report page of a recording; with a model, it includes a simulated run."""
     recorded = read_recorded(path)
     if not {"theta_rad", "time_s"} <= set(recorded.recording.names):
-        replay_inputs.refuse_controller("this recording has no attitude")
+        replay_inputs.check_unused("this recording has no attitude")
         return STAND.report(recorded, commands)
     track = pitch_track(recorded.recording, replay_inputs.motors)
     replay, missing = None, list[str]()
@@ -148,7 +148,7 @@ def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
     recorded = np.degrees(track.theta_rad - target_rad)
     if replay is None:
         return recorded, np.full(len(track), np.nan)
-    theta = on_log_clock(track, replay.time_s, replay.theta_rad)
+    theta = resample_to_log(track, replay.time_s, replay.theta_rad)
     return recorded, np.degrees(theta - target_rad)
 
 
@@ -175,12 +175,12 @@ def visits_table(log: ReplayedLog) -> Table | None:
     if not track.visits:
         return None
     recorded, simulated = errors_deg(log.track, log.replay)
-    is_simulated = log.replay is not None and not log.replay.missed
+    is_simulated = log.replay is not None and not log.replay.warning
     inside = [
         (f"{start_s:.2f} … {end_s:.2f}", log.rotors(first, last), np.arange(first, last + 1))
         for (start_s, end_s), (first, last) in zip(log.intervals, track.visits, strict=True)
     ]
-    outside = ("outside", "none", np.flatnonzero(track.any_over <= 0.0))
+    outside = ("outside", "none", np.flatnonzero(track.max_coverage <= 0.0))
     rows = [
         (
             span,
@@ -208,7 +208,7 @@ def _title(log: ReplayedLog) -> str:
 def _sentence(log: ReplayedLog) -> str:
     track, replay = log.track, log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
-    inside = track.any_over > 0.0
+    inside = track.max_coverage > 0.0
     duration_s = len(track) / track.rate_Hz
     text = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {_rms(recorded):.2f}°"
     if inside.any():
@@ -217,7 +217,7 @@ def _sentence(log: ReplayedLog) -> str:
             f"({inside.sum() / track.rate_Hz:.4g} s): RMS {_rms(recorded[inside]):.2f}°, maximum "
             f"{format_number(_peak(recorded[inside]), '+.2f')}°"
         )
-    if replay is not None and replay.missed:
+    if replay is not None and replay.warning:
         text += f". The run simulated with {replay.model} deviates from the log and is not valid"
     elif replay is not None and np.isfinite(simulated).any():
         part = inside if inside.any() else np.ones(len(track), bool)
@@ -229,20 +229,20 @@ def _sentence(log: ReplayedLog) -> str:
 def _highlights(log: ReplayedLog) -> dict[str, str]:
     replay = log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
-    inside = log.track.any_over > 0.0
+    inside = log.track.max_coverage > 0.0
     tiles = {"RMS pitch error": f"{_rms(recorded):.2f}°"}
     if inside.any():
         tiles = {
             "RMS pitch error, over a surface": f"{_rms(recorded[inside]):.2f}°",
             "elsewhere": f"{_rms(recorded[~inside]):.2f}°",
         }
-    if replay is not None and replay.missed:
+    if replay is not None and replay.warning:
         tiles["simulated run"] = "deviates from the log"
     elif replay is not None:
         part = inside if inside.any() else np.ones(len(inside), bool)
         name = "simulated RMS error" + (", over a surface" if inside.any() else "")
         tiles[name] = f"{_rms(simulated[part]):.2f}°"
-        if replay.by == "pulses":
+        if replay.driven_by == "pulses":
             tiles["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
     return tiles
 

@@ -11,14 +11,14 @@ from benchtool import __version__
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, file_hash
-from benchtool.data.derived import add_shared_errors, recording_circumstances
+from benchtool.data.derived import add_quantities, build_recording_context
 from benchtool.data.formats.formats import import_file
 from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_metadata import read_recording_facts
-from benchtool.explain.pitch.replay import provenance_of_run
+from benchtool.explain.pitch.replay import read_provenance
 from benchtool.report.page import Block, FactTable, Listing, Paragraph, Section, Table
 from benchtool.report.run_facts import (
     MISSING_VALUE,
@@ -57,9 +57,7 @@ class ReplaySource:
         """Return the recording with derived quantities; a pitch run unchanged."""
         if self.is_run:
             return self.recording
-        return add_shared_errors(
-            self.recording, recording_circumstances(self.facts, str(self.path))
-        )
+        return add_quantities(self.recording, build_recording_context(self.facts, str(self.path)))
 
     @property
     def is_run(self) -> bool:
@@ -71,7 +69,7 @@ def read_recorded(path: Path) -> ReplaySource:
     if path.is_dir():
         run = Run.open(path)
         facts, recording, plan_text = run.metadata, read_pitch(path), run.plan_text
-        provenance: Mapping[str, str] = provenance_of_run(facts)
+        provenance: Mapping[str, str] = read_provenance(facts)
         sha256 = data_hash(path)
     else:
         if not path.exists():

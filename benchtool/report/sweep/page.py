@@ -10,7 +10,7 @@ import numpy as np
 from benchtool import __version__
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.plural import pluralize
-from benchtool.data.calibration import age_text
+from benchtool.data.calibration import format_age_warning
 from benchtool.data.columns import REJECTED
 from benchtool.data.run.read import changed_points
 from benchtool.fit.motor.constants import fit_motor
@@ -184,7 +184,7 @@ def run_warnings(run: SweepRun) -> list[str]:
         warnings.append("Air was not measured: the density is that of the standard atmosphere.")
     if not run.metadata.get("calibration") and not run.simulated:
         warnings.append("No calibration is attached: thrust is the device value.")
-    if old := age_text(run.metadata):
+    if old := format_age_warning(run.metadata):
         warnings.append(f"{old[0].upper()}{old[1:]}.")
     lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
     if lost:

@@ -22,7 +22,7 @@ from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples, sample_names
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
-from benchtool.data.run.settings import aggregate, settings_quantities
+from benchtool.data.run.settings import average_settings, settings_quantities
 from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget
@@ -112,7 +112,7 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     run = Run.open(path)
     metadata = run.metadata
     points = read_points(path)
-    settings = aggregate(points)
+    settings = average_settings(points)
     basis, ratio, error = _ratio(points, settings)
     return SweepRun(
         path=path,

@@ -33,13 +33,13 @@ FLIGHT_CONTROLLERS = {  # built-in controllers of a flight with their labels in 
 }
 
 
-def law_of(controller: str, body: str) -> ControlLaw:
+def find_law(controller: str, body: str) -> ControlLaw:
     """Return the law of a built-in controller of a body; PID where the name contains no law."""
     body_laws = [law for law in LAWS if law.body == body]
     return next((law for law in body_laws if law.name in controller.split("+")), body_laws[0])
 
 
-def pitch_controller(
+def build_pitch_controller(
     name: str, gains: Gains, feedforward: Feedforward | None = None
 ) -> PitchControl:
     """Return a built-in controller by name.
@@ -57,5 +57,5 @@ def pitch_controller(
         gains=gains,
         observer="observer" in parts,
         feedforward=expected_effect if "feedforward" in parts else Feedforward(),
-        law=law_of(name, "hinged"),
+        law=find_law(name, "hinged"),
     )

@@ -13,7 +13,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.physics.expression import flat_values
 from benchtool.simulate.controllers.controller import FlightReference
-from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, law_of
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, find_law
 from benchtool.simulate.flight import records as r
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.ground import DiscBelow
@@ -164,7 +164,7 @@ class Flight:
         ending: "flown" to the end, "struck" an obstacle, or "lost" (numbers not finite).
         held_ticks: plant steps with a height clamped to the validity limit of the formulae.
         nearest_m: least height of a rotor over a surface; infinite without any.
-        own: name of a user-defined controller; "" for that of the case.
+        user_controller: name of a user-defined controller; "" for that of the case.
     """
 
     case: FlightCase
@@ -174,7 +174,7 @@ class Flight:
     end_s: float
     held_ticks: int
     nearest_m: float
-    own: str = ""
+    user_controller: str = ""
 
     def __getitem__(self, name: str) -> Array:
         """Return a column (rows,)."""
@@ -212,7 +212,7 @@ class FlightLoop:
         self.log_every = max(1, round(gains.control_rate_Hz / case.log_Hz))
         dt_s = period_s / substeps
         effects, craft = loop_effects(model, in_flight=True), vehicle.craft()
-        law = law_of(case.control, "free")
+        law = find_law(case.control, "free")
         law_numbers = law.numbers(case, rig.body)
         n_numbers = sum(len(effect.parameters) for effect in effects)
         rotor_disc = tuple(int(disc) for disc in rig.disc_of_rotor)
@@ -284,8 +284,8 @@ class FlightLoop:
         run = self.loops.run
         self.ended = run(lend_rows(run, self.arrays), self.plan, -1, self.n_ticks)
 
-    def flight(self, own: str = "") -> Flight:
-        """Return the flight so far; `own` is the name of a user-defined controller.
+    def flight(self, user_controller: str = "") -> Flight:
+        """Return the flight so far; `user_controller` is the name of a user-defined controller.
 
         Raises:
             InputError: the start touches a surface.
@@ -304,7 +304,7 @@ class FlightLoop:
         return Flight(
             case, column_names(rig.n_discs, rig.n_rotors), log, ending_name,
             case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
-            nearest_m, own,
+            nearest_m, user_controller,
         )  # fmt: skip
 
 

@@ -78,14 +78,14 @@ class FlightInputs(Inputs):
     study: StudyInputs = field(default_factory=StudyInputs)
 
 
-def setup_of(
+def build_setup(
     inputs: FlightInputs, gains: str, permit: CodePermit = check_code_allowed
 ) -> FlightSetup:
     """Return the flight setup of one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.map import read_map
     from benchtool.simulate.flight.setup import FlightSetup, with_changes
-    from benchtool.simulate.gain_file import gains_named
+    from benchtool.simulate.gain_file import load_gains
 
     noise_rad_s = inputs.gyro_noise_rad_s
     if noise_rad_s is None:
@@ -93,7 +93,7 @@ def setup_of(
     setup = FlightSetup(
         case=inputs.case,
         vehicle=_vehicle(inputs, permit),
-        gains=gains_named(gains),
+        gains=load_gains(gains),
         z_over_R=inputs.z_over_R,
         speed_m_s=inputs.speed_m_s,
         duration_s=inputs.study.duration_s,

@@ -20,7 +20,7 @@ from benchtool.physics.expression import (
     with_fields,
     write_record,
 )
-from benchtool.physics.fold import chained, identity, unrolled
+from benchtool.physics.fold import chain_hooks, source_key, unrolled
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
@@ -280,7 +280,7 @@ def flight_loops(
     hooks = joined_hooks(effects, n, rules)
     slot, build = geometry_slot(n, rules.n_body), Build((0,), slots)
     look_below = build_look_below(n, hooks)
-    change_speed = chained(bound_hooks(effects, "speed"))
+    change_speed = chain_hooks(bound_hooks(effects, "speed"))
     rotor_speeds = unrolled(
         n_rotors, expression(lambda i, flow, p: change_speed(i, flow.speed_rad_s[i], flow, p))
     )
@@ -300,7 +300,7 @@ def flight_loops(
     )
     is_running = inlined_expression(lambda arrays: is_flying(arrays, slots))
     phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
-    key = repr((rotor_disc, rules, identity(step), layout.records, identities(effects)))
+    key = repr((rotor_disc, rules, source_key(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())

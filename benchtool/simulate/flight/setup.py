@@ -65,7 +65,7 @@ class FlightSetup:
         if self.duration_s is not None:
             check_range("duration_s", self.duration_s, 0.0, MAX_DURATION_S)
 
-    def flown(self, control: str, seed: int = 1) -> FlightCase:
+    def build_case(self, control: str, seed: int = 1) -> FlightCase:
         """Return the case of one controller and noise seed."""
         changes: dict[str, Any] = {
             "step_s": self._step_s(),

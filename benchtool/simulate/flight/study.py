@@ -38,12 +38,12 @@ def out_of_ground_effect(case: FlightCase) -> FlightCase:
     return replace(case, below=Environment(), gyro_noise_rad_s=0.0)
 
 
-def name_of(flown: FlownCase) -> str:
+def controller_label(flown: FlownCase) -> str:
     """Return the label of the controller in tables and figures."""
-    return flown.flight.own or FLIGHT_CONTROLLERS[flown.case.control]
+    return flown.flight.user_controller or FLIGHT_CONTROLLERS[flown.case.control]
 
 
-def recording_of(flight: Flight) -> Recording:
+def build_recording(flight: Flight) -> Recording:
     """Return a flight as a recording, marked as simulated."""
     units = {"_s": "s", "_m": "m", "_m_s": "m/s", "_rad": "rad", "_rad_s": "rad/s"}
     units |= {"_Nm": "N m", "_N": "N"}
@@ -61,7 +61,7 @@ def recording_of(flight: Flight) -> Recording:
             "flight": case.name,
             "rig": case.vehicle.rig.name,
             "gains": case.gains.name,
-            "control": flight.own or case.control,
+            "control": flight.user_controller or case.control,
             "environment": case.below.name,
             "z_over_R": f"{case.start_m[2] / case.vehicle.rig.propulsion.radius_m:g}",
             "speed_m_s": f"{case.goals[-1].speed_m_s:g}",
@@ -74,7 +74,7 @@ def recording_of(flight: Flight) -> Recording:
     )
 
 
-def verdict(flown: FlownCase) -> str:
+def summarize_flight(flown: FlownCase) -> str:
     """Return the result of a flight in one line."""
     measures, goal = flown.measures, flown.case.goals[-1]
     if measures.ending == "struck":

@@ -12,7 +12,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, resolve_name
 from benchtool.core.rig import Rig
-from benchtool.physics.bases import with_blades_of_rig
+from benchtool.physics.bases import with_rig_blades
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
@@ -68,7 +68,7 @@ class FlightVehicle:
         """
         if rig.plate.surface != "below":  # of its bench; in flight surfaces are below
             rig = replace(rig, plate=replace(rig.plate, surface="below"))
-        model = with_blades_of_rig(Model.single(rig))
+        model = with_rig_blades(Model.single(rig))
         default_effects = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
         for effect in default_effects:
             if all(effect.name != present.name for present in model.effects):

@@ -13,7 +13,7 @@ from benchtool.core.plural import pluralize
 from benchtool.simulate.flight.environment import Block
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import ARRIVAL_RADIUS_M
-from benchtool.simulate.flight.study import FlownCase, name_of
+from benchtool.simulate.flight.study import FlownCase, controller_label
 
 MAX_TRAVEL_SHARE = 0.8  # of the duration, at the requested speed; the rest is for the stop; assumed
 BODY_DEPTH_OVER_R = 1.0  # of hub and undercarriage, only for the warning; assumed
@@ -37,14 +37,14 @@ def check_duration(case: FlightCase) -> str:
     )
 
 
-def warnings_of(flights: Sequence[FlownCase]) -> list[str]:
+def collect_warnings(flights: Sequence[FlownCase]) -> list[str]:
     """Return the warnings about flights; the first flight is that out of ground effect."""
     case = flights[-1].case
     lines = []
     if not all(flown.measures.arrives for flown in flights) and (warning := check_duration(case)):
         lines.append(warning)
     for flown in flights:
-        name = f"{name_of(flown)} OGE" if flown is flights[0] else name_of(flown)
+        name = f"{controller_label(flown)} OGE" if flown is flights[0] else controller_label(flown)
         lines += [f"{name}: {text}" for text in _flight_warnings(flown)]
     if ignored := case.vehicle.idle_effects:
         names = ", ".join(effect.name for effect in ignored)
@@ -52,7 +52,7 @@ def warnings_of(flights: Sequence[FlownCase]) -> list[str]:
     if no_effect := _absent_effect_warning(flights[1:]):
         lines.append(no_effect)
     with_map = [flown for flown in flights if flown.case.feeds_forward]
-    if any(not flown.flight.own for flown in with_map) and not any(case.map_offset_m):
+    if any(not flown.flight.user_controller for flown in with_map) and not any(case.map_offset_m):
         lines.append(
             "feedforward: its map is the model of the plant, so it is optimal by construction"
         )

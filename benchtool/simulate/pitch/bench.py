@@ -55,14 +55,14 @@ class PitchBench:
     plant_rate_Hz: float = 1000.0
 
     @classmethod
-    def of(cls, model: Model, **changes: Any) -> PitchBench:
+    def from_model(cls, model: Model, **changes: Any) -> PitchBench:
         """Return the bench of the rig of a model, with some attributes changed.
 
         The plate is under the first disc. Sensors are those of the rig, and so is `motor_lag` if
         the model has none.
         """
         rig = model.rig
-        model = model.with_lag_of_rig()
+        model = model.with_rig_lag()
         return cls(
             **{
                 "model": model,

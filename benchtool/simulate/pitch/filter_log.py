@@ -21,7 +21,7 @@ from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, FilterGains, Lo
 from benchtool.simulate.pitch.records import Setpoint
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
-PARKED_FROM_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
+MIN_PARKED_Z_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
 LANES = (1, 8, 32)  # compiled numbers of lanes; a loop has the next larger one
 
 
@@ -99,7 +99,7 @@ class Predictions(NamedTuple):
 
     Attributes:
         theta_rad, gyro_rad_s: (n, lanes) predicted readings, one tick ahead.
-        pitch_rad, rate_rad_s, wake_Nm, bent: (n, lanes) state after the correction at the tick.
+        pitch_rad, rate_rad_s, wake_Nm, deflection: (n, lanes) state after the correction.
         speed_rad_s: (n, n_discs, lanes) predicted readings.
         state_speed_rad_s: (n, n_discs, lanes) rotor speeds after the correction at the tick.
     """
@@ -109,7 +109,7 @@ class Predictions(NamedTuple):
     pitch_rad: Array
     rate_rad_s: Array
     wake_Nm: Array
-    bent: Array
+    deflection: Array
     speed_rad_s: Array
     state_speed_rad_s: Array
 
@@ -176,9 +176,9 @@ def _filter_windows(
     for k in range(0, len(benches), LANES[-1]):
         group = benches[k : k + LANES[-1]]
         loop = _build_loop(group, logged, None if seed is None else seed + k)
-        setpoint = Setpoint(*loop.planned("setpoint"))
+        setpoint = Setpoint(*loop.schedule_view("setpoint"))
         ticks = LoggedTick(
-            setpoint, (*loop.planned("pwm_us"),), logged.mode, logged.theta_rad,
+            setpoint, (*loop.schedule_view("pwm_us"),), logged.mode, logged.theta_rad,
             logged.gyro_rad_s, (*logged.speed_rad_s,),
         )  # fmt: skip
         table, predictions = np.array(flat_values(ticks), float), []

@@ -37,7 +37,7 @@ class PitchInputs(Inputs):
     study: StudyInputs = field(default_factory=StudyInputs)
 
 
-def setup_of(
+def build_setup(
     inputs: PitchInputs, gains: str, permit: CodePermit = check_code_allowed
 ) -> PitchSetup:
     """Return the setup of one gain set; `permit` is called before user code of a model is run."""

@@ -19,7 +19,7 @@ from benchtool.physics.expression import (
     with_fields,
     write_record,
 )
-from benchtool.physics.fold import identity
+from benchtool.physics.fold import source_key
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
@@ -246,7 +246,7 @@ def pitch_loops(
     filter_phases: Any = expression(
         lambda: Phases(geometry, logged, correct, drive, move, no_phase, always_true)
     )
-    key = repr((n_discs, lanes, rules, identity(step), layout.records, identities(effects)))
+    key = repr((n_discs, lanes, rules, source_key(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, control_phases())

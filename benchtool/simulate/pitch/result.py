@@ -93,7 +93,7 @@ class PitchRun:
 
 
 @dataclass(frozen=True, slots=True)
-class PlateNumbers:
+class PlateVisitMeasures:
     """Measures of the true attitude error of a plate visit.
 
     Attributes:
@@ -116,7 +116,9 @@ SETTLING_BAND = 0.2  # share of the peak
 MIN_PEAK_OVER_RMS = 5.0  # smaller peaks are noise; assumed
 
 
-def plate_numbers(run: PitchRun, in_s: float, out_s: float, move_s: float) -> PlateNumbers:
+def measure_plate_visit(
+    run: PitchRun, in_s: float, out_s: float, move_s: float
+) -> PlateVisitMeasures:
     """Return the measures of a plate visit from `in_s` to `out_s`."""
     time_s = run.time_s
     error = run.column("true_theta_rad") - run.column("reference_rad")
@@ -127,7 +129,7 @@ def plate_numbers(run: PitchRun, in_s: float, out_s: float, move_s: float) -> Pl
     quiet_rms = float(np.sqrt(np.mean(error[before] ** 2))) if before.any() else float("nan")
     if not during.any():
         nan = float("nan")
-        return PlateNumbers(quiet_rms, nan, nan, nan, nan)
+        return PlateVisitMeasures(quiet_rms, nan, nan, nan, nan)
     visit, times = error[during], time_s[during] - in_s
     peak = float(visit[np.argmax(np.abs(visit))])
     residual = float(np.mean(error[last_quarter]))
@@ -137,4 +139,4 @@ def plate_numbers(run: PitchRun, in_s: float, out_s: float, move_s: float) -> Pl
         settling_s = float("nan")
     opposite_error = error[after] * -np.sign(peak) if after.any() else np.zeros(1)
     rebound = float(max(opposite_error.max(), 0.0)) * -float(np.sign(peak))
-    return PlateNumbers(quiet_rms, peak, settling_s, residual, rebound)
+    return PlateVisitMeasures(quiet_rms, peak, settling_s, residual, rebound)

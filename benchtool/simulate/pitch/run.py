@@ -217,7 +217,7 @@ class PitchLoop:
         """Return a view of a record or field, for example "hinge.theta_rad" (n, n_lanes)."""
         return self.w.reshape(-1, self.lanes)[self.layout.rows(field)]
 
-    def planned(self, field: str) -> Array:
+    def schedule_view(self, field: str) -> Array:
         """Return a view of a field of `Tick` in the schedule (n, n_ticks)."""
         return self.table[rows_in(r.tick_slot(self.n_discs), field)]
 
@@ -246,7 +246,7 @@ class PitchLoop:
     def drive(self, pwm_us: Array) -> None:
         """Use logged pulse widths (n_discs, n_ticks) instead of a controller."""
         self.table = self.table.copy()
-        self.planned("pwm_us")[:] = pwm_us
+        self.schedule_view("pwm_us")[:] = pwm_us
         self.set_driver(PULSES)
 
     def filter(self, log: Array, gains: Array, before: int, span: tuple[int, int, int]) -> Array:

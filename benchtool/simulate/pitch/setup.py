@@ -15,9 +15,9 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
-from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.laws import build_pitch_controller
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, count_substeps
 from benchtool.simulate.ranges import check_range
@@ -87,10 +87,10 @@ def pitch_setup(
         physics = load_model(library_model).model
     else:
         physics = Model.single(load_rig_by_name(rig or PITCH_RIG))
-    gain_set = gains_named(gains)
+    gain_set = load_gains(gains)
     return PitchSetup(
-        bench=PitchBench.of(physics),
-        controls=tuple(pitch_controller(name, gain_set) for name in controllers),
+        bench=PitchBench.from_model(physics),
+        controls=tuple(build_pitch_controller(name, gain_set) for name in controllers),
         schedule=load_schedule(schedule),
     )
 
@@ -112,7 +112,7 @@ def with_changes(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
     return setup
 
 
-def changed_job(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
+def apply_job_changes(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
     """Return a single job with some numbers changed, by the names of `with_changes`."""
     for name, value in values.items():
         if name == PLATE_DISTANCE:

@@ -93,7 +93,7 @@ def user_controller_ticks(loop: PitchLoop) -> Callable[[PitchController, int, in
         step = controller.step
         references = zip(
             *(
-                loop.planned(field)[0, first:last].tolist()
+                loop.schedule_view(field)[0, first:last].tolist()
                 for field in ("setpoint.reference_rad", "setpoint.collective_N", "observer")
             ),
             strict=True,

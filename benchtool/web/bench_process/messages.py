@@ -76,7 +76,7 @@ class HoldThrottle:
 
     tab: str
     press: int
-    pulse_us: float
+    command_pwm_us: float
     rotors: tuple[int, ...]
     age_s: float = 0.0
 

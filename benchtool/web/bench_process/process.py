@@ -182,7 +182,7 @@ class BenchProcess:
             with self.announce(address), closed_bench as bench:
                 session.run(bench)
             state = bench.standstill if isinstance(bench, GuardedBench) else None
-            if state is not None and not state.seen:
+            if state is not None and not state.is_confirmed:
                 self._publish_error(state.text)
                 problem = state.text
         except BenchtoolError as error:

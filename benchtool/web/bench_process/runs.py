@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from benchtool.acquire.arming import CONFIRMATION, require_unattended
-from benchtool.acquire.calibration import calibration_for
+from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.live_record import live_plan, record_live
 from benchtool.acquire.pitch_experiment import expected_extremes
@@ -23,7 +23,7 @@ from benchtool.acquire.pitch_record import record_pitch, summary_line
 from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import load_resume_state, prepare_resume, require_same_device
 from benchtool.acquire.run_creation import new_live_run, new_pitch_run, new_run
-from benchtool.acquire.stage_selection import stage_for
+from benchtool.acquire.stage_selection import select_stage
 from benchtool.acquire.sweep import SweepStart, run_sweep
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.bench import DeviceInfo
@@ -147,9 +147,9 @@ class RunSupervisor(RunProgress):
         if resume_state is not None:
             calibration = resume_state.calibration
         else:
-            calibration = calibration_for(inputs.calibration, identity)
+            calibration = find_calibration(inputs.calibration, identity)
         stage_name = inputs.stage or (resume_state.stage if resume_state else None)
-        stage = stage_for(
+        stage = select_stage(
             stage_name, bench, rig, lambda text: self._ask(bench, text), plate=plan.plate.used
         )
         require_armed(command.typed, identity, rig)
@@ -169,12 +169,12 @@ class RunSupervisor(RunProgress):
             self._begin(SweepStatus(status="running", run=str(run.path)), command.needs_page)
             summary = run_sweep(
                 bench, stage, plan, rig, run, self,
-                calibration=calibration, start=start, waits=self._paused.is_set,
+                calibration=calibration, start=start, is_paused=self._paused.is_set,
             )  # fmt: skip
             self._close(run, "ended", summary.text())
         except BenchtoolError as error:
             if run is not None:
-                self._close(run, "stopped", bench.with_standstill(str(error)))
+                self._close(run, "stopped", bench.add_standstill_text(str(error)))
                 bench.require_standstill(ends_normally=True)
             if run is None or isinstance(error, BenchError):
                 raise
@@ -208,7 +208,7 @@ class RunSupervisor(RunProgress):
         """Record under manual throttle until `end_live`; raises as `sweep`."""
         self.finish()
         self._ended.clear()
-        calibration = calibration_for(None, bench.identity)
+        calibration = find_calibration(None, bench.identity)
         plan = live_plan(command.name, rig)
         run = new_live_run(command.runs, plan, rig, bench.identity, calibration=calibration)
 
@@ -237,7 +237,7 @@ class RunSupervisor(RunProgress):
         try:
             self._close(run, "ended", measure())
         except BenchtoolError as error:
-            self._close(run, "stopped", bench.with_standstill(str(error)))
+            self._close(run, "stopped", bench.add_standstill_text(str(error)))
             bench.require_standstill(ends_normally=True)
             if isinstance(error, BenchError):
                 raise
@@ -250,7 +250,7 @@ class RunSupervisor(RunProgress):
         self._change(n_points=visits, n_measured=done, remaining_s=expected_s)
 
     def visiting(self, visit: Visit) -> None:
-        self._change(status="running", point_text=visit.words(self._radius_m))
+        self._change(status="running", point_text=visit.description(self._radius_m))
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._change(n_measured=self._state.n_measured + 1, remaining_s=remaining_s)
@@ -268,8 +268,8 @@ class RunSupervisor(RunProgress):
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             future = pool.submit(prepare_run, run)
             while not future.done():
-                bench.listen(READ_TIMEOUT_S)
-            bench.take_unread()
+                bench.read_and_buffer(READ_TIMEOUT_S)
+            bench.pop_unread()
             start = future.result()
         if isinstance(start, str):
             raise InputError(start)
@@ -282,7 +282,7 @@ class RunSupervisor(RunProgress):
                 self._answers.get_nowait()
         self._change(status="asking", question=question)
         while True:
-            bench.listen(READ_TIMEOUT_S)
+            bench.read_and_buffer(READ_TIMEOUT_S)
             with suppress(queue.Empty):
                 text = self._answers.get_nowait()
                 self._change(status="running", question="")

@@ -12,8 +12,8 @@ import numpy as np
 from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.calibration import (
     apply_calibration,
-    calibration_for,
     current_date,
+    find_calibration,
     mean_counts,
 )
 from benchtool.acquire.inputs import WeighingInputs
@@ -114,7 +114,7 @@ class Session:
             if not self._armed:
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; no motor was started")
         elif isinstance(command, messages.TightenLimits):
-            bench.tighten(command.limits)
+            bench.tighten_limits(command.limits)
             self._rig = replace(self._rig, limits=command.limits)
             self._telemetry.set_limits(command.limits)
             self._publish_connection(bench.identity)
@@ -191,7 +191,7 @@ class Session:
                 identity=identity,
                 rig=self._rig,
                 rig_limits=self._rig_limits,
-                calibration=calibration_for(None, identity),
+                calibration=find_calibration(None, identity),
                 is_weighing=self._connect.is_weighing,
             )
         )

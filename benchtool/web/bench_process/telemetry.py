@@ -15,7 +15,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
-from benchtool.data.derived import MeasurementContext, quantities_of, rig_circumstances
+from benchtool.data.derived import MeasurementContext, build_rig_context, evaluate_quantities
 from benchtool.data.quantities import QUANTITIES
 from benchtool.web.bench_process.messages import (
     SPEED_LIMIT,
@@ -79,7 +79,7 @@ def live_values(
     with np.errstate(invalid="ignore"):
         means = np.where(is_finite, samples, 0.0).sum(axis=0) / is_finite.sum(axis=0)
     recording = Recording(tuple(channels), means[None])
-    values = quantities_of(recording, context) if is_driven else {}
+    values = evaluate_quantities(recording, context) if is_driven else {}
     if "thrust_N" in recording:
         values["thrust_N"] = recording.column("thrust_N")
     titles = {quantity.name: quantity.title for quantity in QUANTITIES} | {"thrust_N": "thrust"}
@@ -113,7 +113,7 @@ class Telemetry:
         self._rate_samples, self._rate_time_s = 0, 0.0
         self._channels: tuple[Channel, ...] = ()
         self._samples: list[Array] = []
-        self._rig_context = rig_circumstances(rig)
+        self._rig_context = build_rig_context(rig)
 
     def set_limits(self, limits: Limits) -> None:
         self._rig = replace(self._rig, limits=limits)

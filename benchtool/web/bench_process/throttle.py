@@ -99,7 +99,7 @@ class ThrottleRamp:
         target_us = self._stop_us.copy()
         for rotor in press.rotors:
             if 1 <= rotor <= self._rig.n_rotors:
-                target_us[rotor - 1] = press.pulse_us
+                target_us[rotor - 1] = press.command_pwm_us
         start_us = self._rig.propulsion.pwm_start_us
         elapsed_s = min(now_s - self._command_s, 2.0 * COMMAND_INTERVAL_S) if is_driven else 0.0
         max_us = np.maximum(command_us, start_us) + SLEW_us_s * elapsed_s

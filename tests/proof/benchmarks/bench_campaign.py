@@ -24,7 +24,7 @@ from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.setup import pitch_setup
 
 RUNS = {"flight": (500, 2000, 8000), "pitch": (1000, 4000, 16000)}  # how many runs each line has
@@ -42,7 +42,7 @@ def campaign(kind: str) -> Campaign:
     flight = FlightSetup(
         case="over",
         vehicle=FlightVehicle.of_rig(load_rig_by_name("pquad")),
-        gains=gains_named("s3"),
+        gains=load_gains("s3"),
         speed_m_s=1.0,
         duration_s=5.0,
         gyro_noise_rad_s=0.015,

@@ -21,7 +21,7 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from benchtool.data.atomic import file_hash
-from benchtool.data.catalogue.index import catalogued
+from benchtool.data.catalogue.index import load_entries
 from benchtool.data.columns import find_channel
 from benchtool.data.parquet import write_parquet
 from benchtool.data.run.read import read_samples
@@ -133,7 +133,7 @@ def main() -> None:
         f"{runs:,} runs, {runs * rows:,} rows of {len(pq.read_schema(PLACE / 'samples.parquet'))}"
     )
     start = perf_counter()
-    assert len(catalogued(ROOT)) == runs
+    assert len(load_entries(ROOT)) == runs
     print(f"index made: {perf_counter() - start:.1f} s")
     print(f"list --rig rig2: {command_time('list', '--rig', 'rig2'):.3f} s")
     print(f"list: {command_time('list'):.3f} s")

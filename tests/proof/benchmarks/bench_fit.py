@@ -39,7 +39,7 @@ def problem(*free: str) -> Problem:
     model = Model.single(rig, "quad").with_effect("neighbour_images").with_effect("body_lift")
     model = model.with_effect("plate_offset").with_free(*free)
     z_m = np.repeat(rig.propulsion.radius_m * np.geomspace(0.5, 8.0, 10), 10)
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         rig, speed_rad_s=np.tile(np.linspace(300.0, 700.0, 10), (4, 10)), plate_z_m=z_m
     )
     noise = np.random.default_rng(1).standard_normal(100)

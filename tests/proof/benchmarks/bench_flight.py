@@ -30,7 +30,7 @@ from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.height_grid import HeightGrid
 from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 
 ROUNDS, OURS_S, THEIRS_S = 5, 60.0, 2.0
 
@@ -46,7 +46,7 @@ def cases() -> dict[str, FlightCase]:
     """Return the flights by name."""
     vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"), lag_s=0.02)
     base = flight_case(
-        "over", vehicle, gains_named("s3"), duration_s=OURS_S, gyro_noise_rad_s=0.015, log_Hz=250.0
+        "over", vehicle, load_gains("s3"), duration_s=OURS_S, gyro_noise_rad_s=0.015, log_Hz=250.0
     )
     out = {
         f"{control} over a box": replace(base, control=control)

@@ -34,7 +34,10 @@ if BEATS in os.environ:
     def note(hand: DeadManSwitch, hold: HoldThrottle, now_s: float) -> None:
         with Path(os.environ[BEATS]).open("a") as file:
             file.write(f"{now_s:.4f} {hold.age_s:.4f}\n")
-        hand._last = (HoldThrottle(hold.tab, hold.press, hold.pulse_us, hold.rotors), now_s + 1e6)
+        hand._last = (
+            HoldThrottle(hold.tab, hold.press, hold.command_pwm_us, hold.rotors),
+            now_s + 1e6,
+        )
 
     DeadManSwitch.hold = note  # type: ignore[method-assign]
 

@@ -63,7 +63,7 @@ def ours(data: bytes, chunk: int) -> int:
     frames, rows, count = MavlinkFrames(), MavlinkRows(WIRING, 1100.0), 0
     for at in range(0, len(data), chunk):
         for message in frames.parse(data[at : at + chunk]):
-            rows.take(message)
+            rows.update(message)
             count += 1
         rows.take_rows()
     return count

@@ -37,7 +37,7 @@ def scenario() -> tuple[PitchJob, SampledSchedule]:
     """Return the beam with all its noise, its own pulse law, steps and a plate."""
     laws = PulseLaw(kp_us_per_rad=KP, ki_us_per_rad_s=KI, kd_us_s_per_rad=KD)
     control = PitchControl(name="pulses", gains=None, rate_Hz=500.0, pulses=laws)
-    bench = PitchBench.of(load_model("pitch_beam").model, pwm_min_us=1100.0)
+    bench = PitchBench.from_model(load_model("pitch_beam").model, pwm_min_us=1100.0)
     steps = Signal(shape="steps", levels=(0.0, 10.0, -10.0, 5.0), every_s=2.5)
     visit = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=8.0)
     schedule = Schedule(

@@ -45,7 +45,7 @@ def ours(folder: Path, at_once: int, *, limits: bool) -> float:
     begun = perf_counter()
     for i in range(0, ROWS, at_once):
         block, at = values[i : i + at_once], time_s[i : i + at_once]
-        if limits and (breach := check.breach(at, block)) is not None:
+        if limits and (breach := check.find_violation(at, block)) is not None:
             raise breach
         writer.append(1, "sample", at, 1e6 * at, block)
     spent = perf_counter() - begun

@@ -15,7 +15,7 @@ from benchtool.data.run.read import read_points
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
-from benchtool.physics.tolerances import tolerances
+from benchtool.physics.tolerances import model_tolerances
 from tests.proof.blind.sweep.layouts import LAYOUTS
 from tests.proof.blind.sweep.library import NAMED
 from tests.proof.blind.sweep.records import HiddenSweep, make_record, write_record
@@ -73,7 +73,7 @@ def test_the_model_file_states_every_tolerance_and_believes_in_nothing(layout, t
         if layout.name in effect.layouts
         for parameter, value in effect.tolerances(layout).items()
     }
-    known = tolerances(model, "sweep")
+    known = model_tolerances(model, "sweep")
     del known["rotor_images.own_strength"]  # no candidate: nobody hides eq. (2)
     assert known == pytest.approx(stated)
 
@@ -91,7 +91,7 @@ def found(record: HiddenSweep, folder: Path, name: str) -> tuple[dict[str, float
     names = list(model.parameters)
     index = [names.index(item) for item in ("k", "R_m", *own)]
     values = model.parameters.values_array()
-    known = tolerances(model, "sweep")
+    known = model_tolerances(model, "sweep")
     steps = np.array([0.01 * values[i] for i in index[:2]] + [known[item] for item in own])
     low, high = model.parameters.bounds()
     assert model.parameters.free_names == tuple(names[i] for i in index)

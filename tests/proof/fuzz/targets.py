@@ -52,7 +52,7 @@ from benchtool.data.run.run import Run
 from benchtool.data.table import RowFilter, table_columns
 from benchtool.fit.recipe import FitInputs, read_recipe
 from benchtool.physics.model_file import model_from_toml
-from benchtool.simulate.gain_file import gains_from_toml
+from benchtool.simulate.gain_file import parse_gains
 from benchtool.virtual.faults import parse_fault
 from benchtool.web.access import Access
 from benchtool.web.access_middleware import AccessMiddleware
@@ -120,7 +120,7 @@ def mavlink(data: bytes) -> None:
     rows = MavlinkRows(ChannelWiring(motors=(1,), outputs=(1,), escs=(1,)), 1000.0)
     for piece in pieces(data):
         for message in frames.parse(piece):
-            rows.take(message)
+            rows.update(message)
     whole = b""
     for start in range(0, len(data) - 3, 40):
         kind = mavlink_kinds()[
@@ -131,7 +131,7 @@ def mavlink(data: bytes) -> None:
         crc = x25crc(head + body + bytes([kind.crc_extra])).crc
         whole += b"\xfd" + head + body + crc.to_bytes(2, "little")
     for message in frames.parse(whole):
-        rows.take(message)
+        rows.update(message)
     rows.take_rows()
 
 
@@ -185,7 +185,7 @@ def hash_of(name: str) -> int:
 
 
 def where(data: bytes) -> None:
-    RowFilter.parse(text(data)).holds("1")
+    RowFilter.parse(text(data)).matches("1")
 
 
 def request(data: bytes) -> None:
@@ -382,7 +382,7 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("plan", plan, (PLAN, *shipped("plans"))),
         Target("rig", lambda data: parse_rig(text(data), "rig.toml"), shipped("rigs")),
         Target("model", lambda data: model_from_toml(text(data), "m.toml"), shipped("models")),
-        Target("gains", lambda data: gains_from_toml(text(data), "g.toml"), shipped("gains")),
+        Target("gains", lambda data: parse_gains(text(data), "g.toml"), shipped("gains")),
         Target("schedule", lambda data: read_strict(Schedule, text(data), "s.toml"),
                shipped("schedules")),
         Target("motor map", lambda data: read_strict(MotorMap, text(data), "map.toml"),
@@ -390,7 +390,7 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("columns", on_disk.columns,
                (COLUMNS,)),
         Target("recipe", on_disk.recipe, (RECIPE,)),
-        Target("address", lambda data: parse_address(text(data)).ends, ADDRESSES),
+        Target("address", lambda data: parse_address(text(data)).endpoints, ADDRESSES),
         Target("stage", lambda data: parse_stage(text(data)), STAGES),
         Target("link", lambda data: ServedLink.parse(text(data)), LINKS),
         Target("virtual fault", lambda data: parse_fault(text(data)),

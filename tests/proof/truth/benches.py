@@ -31,7 +31,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.run.ratios import VOLTAGE_POWER_SD
 from benchtool.data.run.run import Run
-from benchtool.physics.conditions import SAME_PLACE
+from benchtool.physics.conditions import MIN_MOVE
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model, model_to_toml
 from benchtool.simulate.imperfections import Imperfections
@@ -182,13 +182,13 @@ def visited(bench: Drawn, path: Path) -> None:
         for visit in plan_visits(plan, rig):
             place = visit.setting.place
             plant.command_pwm(np.array(visit.setting.pwm_us))
-            if abs(place.z_m - here_m) > SAME_PLACE:
+            if abs(place.z_m - here_m) > MIN_MOVE:
                 off_m = bench.place_sd_m * places.standard_normal()
             stage.move(place.z_m + off_m, place.x_m, 0.0, partial(samples, plant))
             samples(plant, SETTLE_S)
             here_m = place.z_m
             read = samples(plant, plan.sample_s, bench.supply_exponent, off_m)
-            point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, settled=True)
+            point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, is_settled=True)
             writer.append(point)
     finally:
         writer.close()

@@ -65,7 +65,7 @@ def counted_draw(item: Draw) -> dict[str, Any]:
     ]
     first = next(k for k, one in enumerate(pairs) if {one.rig, one.other} == {"0", "1"})
     wrong = [
-        one.real and (each == 0.0 or one.value * each < 0.0)
+        one.is_significant and (each == 0.0 or one.value * each < 0.0)
         for one, each in zip(pairs, true, strict=True)
     ]
     return {
@@ -75,7 +75,7 @@ def counted_draw(item: Draw) -> dict[str, Any]:
         "difference": bool(held[first]),
         "false": bool(wrong[first]),
         "any false": any(wrong),
-        "real": bool(pairs[first].real),
+        "real": bool(pairs[first].is_significant),
     }
 
 
@@ -105,8 +105,8 @@ def counted_benches(item: tuple[str, str, int]) -> dict[str, Any]:
     for parameter, pairs in pooled.differences.items():
         true = [truth[parameter][int(one.rig)] - truth[parameter][int(one.other)] for one in pairs]
         short = parameter.partition("_over")[0].rpartition(".")[2]
-        same = [one.real for one, each in zip(pairs, true, strict=True) if each == 0.0]
-        apart = [one.real for one, each in zip(pairs, true, strict=True) if each != 0.0]
+        same = [one.is_significant for one, each in zip(pairs, true, strict=True) if each == 0.0]
+        apart = [one.is_significant for one, each in zip(pairs, true, strict=True) if each != 0.0]
         row[f"{short}: any false"] = any(same)
         if apart:
             row[f"{short}: all found"] = all(apart)

@@ -29,7 +29,7 @@ def problem(distances: int, rng: np.random.Generator) -> Problem:
     z_over_R = np.tile([*np.geomspace(0.6, 3.0, distances), 1e3], 2)
     is_near = z_over_R < 100.0
     m = len(z_over_R)
-    at = Conditions.of(
+    at = Conditions.build(
         RIG,
         speed_rad_s=np.full((1, m), SPEED_RAD_S),
         plate_z_m=z_over_R * RIG.propulsion.radius_m,
@@ -54,7 +54,7 @@ def problem(distances: int, rng: np.random.Generator) -> Problem:
         found.value[rows],
         found.standard_error[rows],
         basis="equal_pwm",
-        error_sources=tuple(source.of(rows) for source in found.error_sources),
+        error_sources=tuple(source.select(rows) for source in found.error_sources),
     )
 
 

@@ -138,5 +138,5 @@ def test_slope_and_error_of_a_noisy_line():
     assert found.per_s == pytest.approx(0.5, abs=4.0 * found.se_per_s)
     expected = 0.1 / np.sqrt(((time_s - time_s.mean()) ** 2).sum())
     assert found.se_per_s == pytest.approx(expected, rel=0.25)
-    assert not found.settled(0.01)
-    assert found.settled(0.2)
+    assert not found.is_settled(0.01)
+    assert found.is_settled(0.2)

@@ -11,7 +11,7 @@ from benchtool.acquire.calibration import fit_calibration, with_drift_interval
 from benchtool.acquire.inputs import MassUncertainty
 from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.errors import CalibrationError, InputError, UnknownChoice
-from benchtool.data.calibration import age_text, parse_calibration, traceability
+from benchtool.data.calibration import format_age_warning, format_traceability, parse_calibration
 
 MASSES = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 1.0, 0.5, 0.2, 0.0])
 G = 9.81
@@ -185,7 +185,7 @@ def test_each_source_is_a_component():
     assert found.dof == pytest.approx(found.relative_sd**4 / spent)
     data = json.loads(json.dumps(asdict(found)))
     assert parse_calibration(data, "c.json") == found
-    assert traceability(data).endswith("by Ada on 2026-01-31, certificate DKD 17")
+    assert format_traceability(data).endswith("by Ada on 2026-01-31, certificate DKD 17")
 
 
 def test_days_need_masses_of_their_own_and_the_same_lever():
@@ -216,7 +216,7 @@ def test_the_age_of_a_calibration(started, valid_days, said):
     sensor = {} if valid_days is None else {"valid_days": valid_days}
     known = {"id": "c", "date": "2026-01-31T090000"}
     facts = {"started": started, "calibration": known, "rig": {"sensors": {"thrust_N": sensor}}}
-    text = age_text(facts)
+    text = format_age_warning(facts)
     assert said in text
     assert bool(text) == bool(said)
-    assert age_text({**facts, "calibration": None}) == ""
+    assert format_age_warning({**facts, "calibration": None}) == ""

@@ -49,8 +49,8 @@ def recorded(
 
 def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path):
     from benchtool.physics.model_file import load_model
-    from benchtool.simulate.controllers.laws import pitch_controller
-    from benchtool.simulate.gain_file import gains_named
+    from benchtool.simulate.controllers.laws import build_pitch_controller
+    from benchtool.simulate.gain_file import load_gains
     from benchtool.simulate.pitch.bench import PitchBench
     from benchtool.simulate.pitch.run import PitchJob
     from benchtool.simulate.pitch.simulate import simulate_pitch
@@ -68,7 +68,8 @@ def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path)
     assert len(recording) == 10_000
     assert np.diff(recording.column("time_s")) == pytest.approx(0.004)
     job = PitchJob(
-        PitchBench.of(load_model("pitch_pquad").model), pitch_controller("pid", gains_named("s3"))
+        PitchBench.from_model(load_model("pitch_pquad").model),
+        build_pitch_controller("pid", load_gains("s3")),
     )
     expected = simulate_pitch(job, load_schedule("plate").sampled(250.0, 0.12), seed=3)
     # The device began its schedule when the ramp armed it, a little before this recording.

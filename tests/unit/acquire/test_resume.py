@@ -67,7 +67,12 @@ def begun(path: Path, done: int = 1, rows: int = 4) -> Run:
 def test_a_run_goes_on_behind_what_it_has(tmp_path):
     run = begun(tmp_path / "run")
     rest = load_resume_state(run)
-    assert (rest.done, rest.left, rest.stage, rest.calibration) == (frozenset({1}), 1, None, None)
+    assert (rest.done, rest.remaining, rest.stage, rest.calibration) == (
+        frozenset({1}),
+        1,
+        None,
+        None,
+    )
     assert (rest.plan, rest.rig.name) == (PLAN, RIG.name)
     # The last sample is at 5.5 s, and 1 s stands for the break.
     link = LinkQuality(12, **LINK)
@@ -84,7 +89,7 @@ def test_a_run_of_which_nothing_was_measured_begins_anew(tmp_path):
     run = begun(tmp_path / "run", done=0, rows=0)
     assert prepare_resume(load_resume_state(run)) == SweepStart()
     (run.path / "points.csv").unlink()
-    assert load_resume_state(run).left == 2
+    assert load_resume_state(run).remaining == 2
 
 
 def test_a_run_that_counted_no_losses_begins_with_none(tmp_path):
@@ -145,7 +150,7 @@ def test_points_that_measured_nothing_are_no_visits(tmp_path, kind):
     points = run.point_writer(1)
     points.append(point(1, kind, 0, 0, 0.0))
     points.close()
-    assert load_resume_state(run).left == 2
+    assert load_resume_state(run).remaining == 2
 
 
 def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path):

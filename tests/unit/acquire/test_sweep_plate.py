@@ -13,7 +13,7 @@ from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.run_creation import run_metadata
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import FixedStage
+from benchtool.bench.stage.stage import GuardedStage
 from benchtool.core.errors import BenchtoolError, StageError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.append import read_events
@@ -43,7 +43,7 @@ class Carries:
     """
 
     facts: ClassVar = {"stage": STAGE}
-    measures_to_m = 0.0
+    position_uncertainty_m = 0.0
 
     def __init__(self, bench: SimulatedBench, lost_m: dict[int, float] | None = None) -> None:
         self._bench, self._lost_m = bench, lost_m or {}
@@ -86,7 +86,7 @@ anchor_every = 0
     with GuardedBench(bench, RIG) as guarded:
         run = Run.create(path, plan_to_toml(plan), run_metadata(plan, RIG, guarded.identity))
         try:
-            run_sweep(guarded, FixedStage(stage, guarded), plan, RIG, run)
+            run_sweep(guarded, GuardedStage(stage, guarded), plan, RIG, run)
         finally:
             stage.highest_us = float(guarded.pwm_us.max())
     return read_points(path).column("plate_z_m").tolist()

@@ -77,7 +77,7 @@ def test_a_distance_without_room_to_brake_is_refused_before_anything_moves():
 
 def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset():
     link, heard = Looped(), []
-    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, opening=heard.append)
+    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, homing_pause=heard.append)
     stage.open()
     assert len(heard) > 50  # what waits beside it is listened to while it homes
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)

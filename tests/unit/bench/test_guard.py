@@ -111,7 +111,7 @@ def test_a_signal_while_zero_is_being_commanded_cannot_interrupt_it(fake):
         fake.spoil = lambda time_s, row: row | {"current_A": 500.0}
         guard.read(0.1)
     check_zeroed_once_then_closed(fake)
-    assert guard.troubles == []
+    assert guard.cleanup_errors == []
 
 
 def test_a_signal_during_the_final_ramp_ends_it_at_zero(fake):
@@ -222,7 +222,7 @@ def test_an_order_that_comes_after_the_stop_is_seen_and_stopped(fake):
         guard.read(0.5)
         fake.read, fake.stop = late, stopping
     assert fake.did.count("stop") == 2
-    assert guard.standstill.seen
+    assert guard.standstill.is_confirmed
 
 
 def test_a_driver_that_breaks_while_it_is_looked_hides_no_reason(fake):
@@ -301,7 +301,7 @@ def test_late_readings_are_kept_and_blame_no_motor(fake):
         fake.spoil = lambda time_s, row: row | {"rpm1": 0.0}
         fake.read = late
         guard.read(0.1)
-    assert len(guard.take_unread()) == 10
+    assert len(guard.pop_unread()) == 10
 
 
 @pytest.mark.parametrize(
@@ -360,7 +360,7 @@ def test_a_read_that_fails_once_does_not_end_the_look_at_the_rotors(fake):
         guard.read(0.5)
         guard.stop()
         fake.read = once
-    assert guard.standstill.seen
+    assert guard.standstill.is_confirmed
 
 
 @pytest.mark.parametrize("good", [0, 2])
@@ -385,7 +385,7 @@ def test_rotors_that_are_driven_are_commanded_zero_before_they_are_looked_at(fak
     with GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         guard.read(0.5)
-        assert guard.see_standstill().seen
+        assert guard.stop_and_check_standstill().is_confirmed
         assert guard.pwm_us.tolist() == [RIG.propulsion.pwm_stop_us]
         assert fake.did == ["open", "pwm 1600", "stop"]
 
@@ -407,11 +407,11 @@ def test_limits_are_tightened_and_widened_again_up_to_the_rigs(fake):
             replace(stated, voltage_min_V=stated.voltage_min_V - 0.1),
         ):
             with pytest.raises(InputError, match="is looser than the rig's"):
-                guard.tighten(looser)
-        guard.tighten(replace(stated, pwm_us=1500.0))
+                guard.tighten_limits(looser)
+        guard.tighten_limits(replace(stated, pwm_us=1500.0))
         with pytest.raises(InputError, match="limit of 1500 us"):
             guard.set_pwm(np.array([1600.0]))
-        guard.tighten(stated)
+        guard.tighten_limits(stated)
         guard.set_pwm(np.array([1600.0]))
         guard.read(1.0)
 
@@ -420,6 +420,6 @@ def test_a_reading_beyond_a_tightened_limit_stops_the_motors(fake):
     with pytest.raises(LimitExceeded, match="rpm1"), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         guard.read(1.0)
-        guard.tighten(replace(RIG.limits, rpm=10.0))
+        guard.tighten_limits(replace(RIG.limits, rpm=10.0))
         guard.read(1.0)
     check_zeroed_once_then_closed(fake)

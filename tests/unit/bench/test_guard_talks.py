@@ -92,7 +92,7 @@ def do(guard: GuardedBench, fake: FakeBench, text: str) -> None:
     elif name == "fail":
         _ = 1 / 0
     else:
-        called = {"move": guard.move_plate, "ready": guard.ready_for_move}.get(name)
+        called = {"move": guard.move_plate, "ready": guard.check_ready_for_move}.get(name)
         (called or getattr(guard, name))(*numbers)
 
 
@@ -115,11 +115,11 @@ def check(guard: GuardedBench, fake: FakeBench, text: str, ended: Any) -> None:
     elif name == "cause":
         assert type(ended.value.__cause__).__name__ == rest
     elif name == "troubles":
-        assert guard.troubles == items
+        assert guard.cleanup_errors == items
     elif name == "standstill":
         assert rest in guard.standstill.text
     elif name == "unread":
-        assert len(guard.take_unread()) == int(rest)
+        assert len(guard.pop_unread()) == int(rest)
     elif name == "stopped":
         at_s, within_s = map(float, rest.split())
         assert fake.stopped_s == pytest.approx(at_s, abs=within_s)

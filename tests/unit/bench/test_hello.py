@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.serial.frames import crc16, parse_frame
+from benchtool.bench.serial.frames import build_payload, crc16
 from benchtool.bench.serial.hello import (
     MAX_HELLO_LINES,
     Hello,
@@ -65,7 +65,7 @@ def test_what_else_makes_no_sense(key, values, words):
 
 
 INDEXED = [(str(index), *line) for index, line in enumerate(LINES)]
-WHOLE = crc16(b"".join(parse_frame("H", line) + b"\n" for line in INDEXED))
+WHOLE = crc16(b"".join(build_payload("H", line) + b"\n" for line in INDEXED))
 ANSWER = (str(len(LINES)), f"{WHOLE:04X}")
 
 

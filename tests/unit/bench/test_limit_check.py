@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchtool.bench.limit_check import LimitCheck, unmonitored_limits
+from benchtool.bench.limit_check import LimitCheck, format_unmonitored_limits
 from benchtool.bench.plate_check import plate_tolerance_m
 from benchtool.bench.rpm_tracking import rotor_speeds
 from benchtool.core.channel import Channel
@@ -36,7 +36,7 @@ def stopped_at_s(
 ) -> tuple[float, LimitExceeded | None]:
     """Return when a check stops a bench that reads the same for ever, at most ten seconds."""
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.commanded(np.full(4, pwm_us), 0.0)
+    check.record_command(np.full(4, pwm_us), 0.0)
     row = np.array([*rpm, thrust_N])
     rng = np.random.default_rng(3)
     n = int(10.0 * RATE_HZ)
@@ -46,7 +46,7 @@ def stopped_at_s(
     time_s = (1.0 + np.arange(n)) / RATE_HZ
     for start in range(0, n, block):
         rows = slice(start, start + block)
-        if error := check.breach(time_s[rows], values[rows]):
+        if error := check.find_violation(time_s[rows], values[rows]):
             return float(time_s[start]), error
     return float(time_s[-1]), None
 
@@ -100,8 +100,8 @@ def loop_stopped_at_s(
         seconds: how long.
     """
     check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
-    check.expect_loop(0.0, armed_else=armed_else)
-    check.commanded(np.full(4, host_us), 0.0)
+    check.expect_loop(0.0, rc_arming=armed_else)
+    check.record_command(np.full(4, host_us), 0.0)
     time_s = (1.0 + np.arange(int(seconds * RATE_HZ))) / RATE_HZ
     told = pulses(time_s)
     whole = np.hstack([rpm(time_s, rotor_speeds(RIG.propulsion, told)), told])
@@ -109,7 +109,7 @@ def loop_stopped_at_s(
     block = max(1, round(block_s * RATE_HZ))
     for start in range(0, len(time_s), block):
         rows = slice(start, start + block)
-        if error := check.breach(time_s[rows], values[rows]):
+        if error := check.find_violation(time_s[rows], values[rows]):
             return float(time_s[rows][-1]), error
     return float(time_s[-1]), None
 
@@ -133,11 +133,11 @@ def test_a_loop_that_takes_a_rotor_far_from_the_hosts_pulse_goes_on():
     assert loop_stopped_at_s(hovering, follows)[1] is None
     assert loop_stopped_at_s(saturated, follows)[1] is None
     by_host = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    by_host.commanded(np.full(4, HOVER_US), 0.0)
+    by_host.record_command(np.full(4, HOVER_US), 0.0)
     time_s = np.linspace(3.1, 6.0, 290)
     told = saturated(time_s)
     told_rpm = rotor_speeds(RIG.propulsion, told)
-    error = by_host.breach(time_s, np.hstack([follows(time_s, told_rpm), told]))
+    error = by_host.find_violation(time_s, np.hstack([follows(time_s, told_rpm), told]))
     assert error is not None  # what the host commanded last would have stopped it
     assert error.channel == "rpm3"
 
@@ -208,14 +208,16 @@ def test_motors_that_a_loop_turns_after_the_hosts_zero_are_stopped():
 
 def test_the_hosts_zero_ends_what_an_operator_began_too():
     check = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.expect_loop(0.0, armed_else=True)
+    check.expect_loop(0.0, rc_arming=True)
     time_s = np.arange(1, 1501) / RATE_HZ
     told = hovering(time_s)
     values = np.hstack([follows(time_s, rotor_speeds(RIG.propulsion, told)), told])
-    check.commanded(np.full(4, HOVER_US), 0.0)
-    assert check.breach(time_s[:200], values[:200]) is None
-    check.commanded(np.full(4, RIG.propulsion.pwm_stop_us), 2.0)
-    found = [check.breach(time_s[i : i + 5], values[i : i + 5]) for i in range(200, 1000, 5)]
+    check.record_command(np.full(4, HOVER_US), 0.0)
+    assert check.find_violation(time_s[:200], values[:200]) is None
+    check.record_command(np.full(4, RIG.propulsion.pwm_stop_us), 2.0)
+    found = [
+        check.find_violation(time_s[i : i + 5], values[i : i + 5]) for i in range(200, 1000, 5)
+    ]
     error = next(item for item in found if item is not None)
     assert error.channel == "rpm1"
 
@@ -244,8 +246,8 @@ def test_a_loop_that_reports_no_pulses_is_judged_by_the_hosts():
 
 def test_a_host_that_slept_does_not_stop_a_loop_for_it():
     check = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.expect_loop(0.0, armed_else=False)
-    check.commanded(np.full(4, HOVER_US), 0.0)
+    check.expect_loop(0.0, rc_arming=False)
+    check.record_command(np.full(4, HOVER_US), 0.0)
     for first in (0.0, 9.0):  # nine seconds in between that nobody read
         time_s = first + np.arange(1, 101) / RATE_HZ
         told = hovering(time_s)
@@ -253,31 +255,31 @@ def test_a_host_that_slept_does_not_stop_a_loop_for_it():
         for start in range(0, 100, 5):
             rows = slice(start, start + 5)
             values = np.hstack([rpm[rows], told[rows]])
-            assert check.breach(time_s[rows], values) is None
+            assert check.find_violation(time_s[rows], values) is None
 
 
 @pytest.mark.parametrize("channels", [CHANNELS[:4], LOOP_CHANNELS])
 def test_the_newest_speed_is_held_against_the_hosts_zero(channels):
     check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
-    check.expect_loop(0.0, armed_else=False)
-    check.commanded(np.full(4, RIG.propulsion.pwm_stop_us), 0.0)
+    check.expect_loop(0.0, rc_arming=False)
+    check.record_command(np.full(4, RIG.propulsion.pwm_stop_us), 0.0)
     time_s = 6.0 + 0.01 * np.arange(1, 4)
     still_us = [RIG.propulsion.pwm_stop_us] * (len(channels) - 4)
     rows = np.array([[rpm] * 4 + still_us for rpm in (3000.0, 3000.0, 0.0)])
-    assert check.breach(time_s, rows) is None
-    assert check.breach(time_s[:1] + 0.03, rows[2:]) is None
-    assert check.breach(time_s[:2] + 0.06, rows[[2, 0]]) is not None
+    assert check.find_violation(time_s, rows) is None
+    assert check.find_violation(time_s[:1] + 0.03, rows[2:]) is None
+    assert check.find_violation(time_s[:2] + 0.06, rows[[2, 0]]) is not None
 
 
 def test_limits_without_a_channel_are_named():
-    told = unmonitored_limits(LOOP_CHANNELS, RIG.n_rotors)
+    told = format_unmonitored_limits(LOOP_CHANNELS, RIG.n_rotors)
     missing = [name for name in ("voltage_V", "current_A", "temperature_degC")
                if name not in [channel.name for channel in LOOP_CHANNELS]]  # fmt: skip
     assert told.endswith(f"{', '.join(missing)}: the rig's limits on them are not monitored")
     whole = [Channel(name, "N") for name in ("thrust_N", "voltage_V", "current_A",
                                              "temperature_degC", "rpm1")]  # fmt: skip
-    assert unmonitored_limits(whole, 1) == ""
-    assert unmonitored_limits(whole, 2).startswith("no channel rpm2: ")
+    assert format_unmonitored_limits(whole, 1) == ""
+    assert format_unmonitored_limits(whole, 2).startswith("no channel rpm2: ")
 
 
 @pytest.mark.parametrize(
@@ -301,29 +303,29 @@ def test_the_band_of_plausible_thrust(rpm, thrust_N, stops):
 
 def test_one_implausible_reading_among_good_ones_is_borne():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.commanded(np.full(4, 1500.0), 0.0)
+    check.record_command(np.full(4, 1500.0), 0.0)
     for step in range(200):
         time_s = 0.05 * step + 0.01 * np.arange(1, 6)
         rows = np.array([[*[4512.0] * 4, thrust_N] for thrust_N in (9.2, 9.2, -5.0, 9.3, 9.3)])
-        assert check.breach(time_s, rows) is None
+        assert check.find_violation(time_s, rows) is None
 
 
 @pytest.mark.parametrize(("share", "limit_N"), [(1.1, 1.0), (-1.1, -1.0)])
 def test_a_reading_beyond_a_limit_names_the_limit_on_its_side(share, limit_N):
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     rated_N = RIG.limits.thrust_N
-    error = check.breach(np.array([0.1]), np.array([[0.0] * 4 + [share * rated_N]]))
+    error = check.find_violation(np.array([0.1]), np.array([[0.0] * 4 + [share * rated_N]]))
     assert isinstance(error, LimitExceeded)
     assert (error.value, error.limit) == (share * rated_N, limit_N * rated_N)
 
 
 def test_the_last_reading_of_a_block_is_held_against_the_pulse():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.commanded(np.full(4, 1500.0), 0.0)
+    check.record_command(np.full(4, 1500.0), 0.0)
     time_s = 3.0 + 0.01 * np.arange(1, 6)
     rows = np.array([[rpm] * 4 + [0.0] for rpm in (0.0, 0.0, 50.0, 400.0, 4512.0)])
-    assert check.breach(time_s, rows) is None
-    error = check.breach(time_s + 0.05, rows[::-1])
+    assert check.find_violation(time_s, rows) is None
+    error = check.find_violation(time_s + 0.05, rows[::-1])
     assert error is not None
     assert error.value == 0.0
 
@@ -336,19 +338,19 @@ PLATE_FIRST = (Channel("plate_z_m", "m"), *CHANNELS[:4])
 )
 def test_a_plate_inside_the_least_gap_stops_motors_that_turn(more_us, more_m, stops):
     check = LimitCheck(PLATE_FIRST, RIG, RIG.limits, 1.0, 0.0)
-    check.commanded(np.full(4, RIG.propulsion.pwm_stop_us + more_us), 0.0)
+    check.record_command(np.full(4, RIG.propulsion.pwm_stop_us + more_us), 0.0)
     nearest_m = RIG.plate.z_min_m - plate_tolerance_m(RIG)
     rows = np.array([[np.nan, *[0.0] * 4], [nearest_m + more_m, *[0.0] * 4]])
-    assert (check.breach(np.array([0.1, 0.2]), rows) is not None) == stops
+    assert (check.find_violation(np.array([0.1, 0.2]), rows) is not None) == stops
 
 
 def test_a_load_cell_is_not_stuck_while_nobody_reads_it():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.commanded(np.full(4, 1500.0), 0.0)
+    check.record_command(np.full(4, 1500.0), 0.0)
     found = []
     for time_s in (*np.arange(0.1, 2.5, 0.1), *np.arange(9.0, 11.0, 0.1)):
         row = np.array([[*[4512.0 + time_s] * 4, 9.2]])
-        found.append(check.breach(np.array([time_s]), row))
+        found.append(check.find_violation(np.array([time_s]), row))
     stuck = [float(number) for number, error in enumerate(found) if error is not None]
     # 2.3 s before the pause and 0.7 s after it, each counted from the reading before.
     assert stuck[0] == pytest.approx(24 + 7, abs=1.1)
@@ -356,10 +358,10 @@ def test_a_load_cell_is_not_stuck_while_nobody_reads_it():
 
 def test_thrust_is_not_implausible_while_nobody_reads_it():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
-    check.commanded(np.full(4, 1500.0), 0.0)
+    check.record_command(np.full(4, 1500.0), 0.0)
     times_s = [*np.arange(0.1, 0.45, 0.1), *np.arange(9.0, 10.0, 0.1)]
     row = np.array([[*[4512.0] * 4, -5.0]])
-    found = [check.breach(np.array([time_s]), row + 0.01 * time_s) for time_s in times_s]
+    found = [check.find_violation(np.array([time_s]), row + 0.01 * time_s) for time_s in times_s]
     # 0.6 s, of which 0.4 s were before the pause.
     assert [error is not None for error in found].index(True) == 7
 
@@ -371,7 +373,7 @@ def test_a_channel_that_falls_silent_is_named(number):
     for step in range(1, 300):
         shown = row + 0.01 * np.sin(step)
         shown[number] = shown[number] if step <= 100 else np.nan
-        error = check.breach(np.array([0.01 * step]), shown[None, :])
+        error = check.find_violation(np.array([0.01 * step]), shown[None, :])
         if error is not None:
             break
     assert step == 201  # a reading may be as old as 1 s

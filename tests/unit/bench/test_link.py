@@ -241,7 +241,7 @@ def test_host_time_is_right_to_the_smallest_delay(rng):
     host_s = np.empty_like(true_s)
     for i in range(0, len(device_us), 4):
         part = slice(i, i + 4)
-        clock.learn(int(device_us[part][-1]), float(arrived_s[part][-1]))
+        clock.update(int(device_us[part][-1]), float(arrived_s[part][-1]))
         host_s[part] = clock.host_time_s(device_us[part])
     error_s = (host_s - true_s)[len(host_s) // 4 :]
     assert np.all(np.diff(host_s) > 0.0)
@@ -252,9 +252,9 @@ def test_host_time_is_right_to_the_smallest_delay(rng):
 
 def test_a_late_first_line_is_made_up_for():
     clock = DeviceClock()
-    clock.learn(0, 0.05)
+    clock.update(0, 0.05)
     for step in range(1, 60_000):
-        clock.learn(5_000 * step, 0.005 * step)
+        clock.update(5_000 * step, 0.005 * step)
     assert abs(float(clock.host_time_s(np.array([0]))[0])) < 1e-9
 
 
@@ -262,7 +262,7 @@ def times_of(device_us: np.ndarray, arrived_s: np.ndarray) -> np.ndarray:
     """Return the host times of lines that are looked at one by one."""
     clock, host_s = DeviceClock(), np.empty_like(arrived_s)
     for i, (time_us, at_s) in enumerate(zip(device_us.tolist(), arrived_s.tolist(), strict=True)):
-        clock.learn(time_us, at_s)
+        clock.update(time_us, at_s)
         host_s[i] = clock.host_time_s(device_us[i : i + 1])[0]
     assert np.all(np.diff(host_s) > 0.0)
     return host_s

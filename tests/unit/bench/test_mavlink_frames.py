@@ -8,7 +8,7 @@ from hashlib import sha256
 import pytest
 
 from benchtool.bench.mavlink.frames import (
-    MODULUS,
+    TIME_MODULUS,
     BootTime,
     CompanionTime,
     LinkCounts,
@@ -133,7 +133,7 @@ def test_a_signature_counts_from_2015_on():
 
 def test_microseconds_of_32_bits_go_on_over_their_wrap():
     time = BootTime()
-    told = [time.us32((MODULUS - 30_000 + 20_000 * step) % MODULUS) for step in range(5)]
+    told = [time.us32((TIME_MODULUS - 30_000 + 20_000 * step) % TIME_MODULUS) for step in range(5)]
     assert [us - told[0] for us in told] == [0, 20_000, 40_000, 60_000, 80_000]
     assert not time.rebooted
 
@@ -149,7 +149,7 @@ def test_stamps_of_every_kind_lie_on_one_count():
     time = BootTime()
     boot_ms = 5_000_000  # 83 minutes: the 32 bits of microseconds have wrapped once
     assert time.ms32(boot_ms) == 5_000_000_000
-    assert time.us32((1000 * boot_ms + 700) % MODULUS) == 5_000_000_700
+    assert time.us32((1000 * boot_ms + 700) % TIME_MODULUS) == 5_000_000_700
     assert time.us64(5_000_001_000) == 5_000_001_000
     # Since 1970, or nothing at all: as late as the last that was told.
     assert time.us64(1_700_000_000_000_000) == 5_000_001_000
@@ -158,7 +158,7 @@ def test_stamps_of_every_kind_lie_on_one_count():
 
 def test_milliseconds_wrap_after_seven_weeks():
     time = BootTime()
-    first = time.ms32(MODULUS - 5)
+    first = time.ms32(TIME_MODULUS - 5)
     assert time.ms32(5) - first == 10_000
     assert not time.rebooted
 

@@ -28,7 +28,7 @@ def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
     """Give what each channel got from messages, in order."""
     rows = MavlinkRows(ChannelWiring(**{**TWO, **given}), idle_us=1100.0)
     for message in (*messages, servo(99_000_000, 1000, 1000, 1000)):
-        rows.take(message)
+        rows.update(message)
     _, values = rows.take_rows()
     told = {name: values[:, index] for index, name in enumerate(NAMES)}
     return {name: column[np.isfinite(column)].tolist() for name, column in told.items()}
@@ -40,7 +40,7 @@ def test_an_output_that_shows_no_number_shows_no_stop(unknown):
     watch.command({1: (3, 1000.0), 2: (1, 1000.0)}, 0.0)
     for step, shown in enumerate([1000.0, 1200.0, *[unknown] * 20]):
         pulses = [0.0, 0.0, shown, *[0.0] * 29]
-        rows.take(W.MAVLink_actuator_output_status_message(100_000 * step, 4, pulses))
+        rows.update(W.MAVLink_actuator_output_status_message(100_000 * step, 4, pulses))
         watch.update_outputs(rows.outputs_us, 0.1 * step)
         assert watch.outputs_match == (step == 0)
     fault = watch.fault(rows.outputs_us, 2.2)
@@ -57,9 +57,9 @@ def test_an_output_that_shows_no_number_shows_no_stop(unknown):
 def test_messages_of_one_millisecond_are_one_row():
     rows = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0)
     for step in range(3):
-        rows.take(servo(20_000 * step + 7, 1000, 1000, 1000))
-        rows.take(W.MAVLink_named_value_float_message(20 * step, b"thrust", 1.5))
-    rows.take(servo(60_000, 1000, 1000, 1000))
+        rows.update(servo(20_000 * step + 7, 1000, 1000, 1000))
+        rows.update(W.MAVLink_named_value_float_message(20 * step, b"thrust", 1.5))
+    rows.update(servo(60_000, 1000, 1000, 1000))
     times_us, values = rows.take_rows()
     assert times_us.tolist() == [7, 20_007, 40_007]
     assert np.isfinite(values[:, NAMES.index("thrust_N")]).all()
@@ -129,12 +129,12 @@ def test_battery_attitude_and_distance():
 
 def test_a_rotor_changes_places_when_its_output_is_found():
     rows = MavlinkRows(ChannelWiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
-    rows.wire(1, 2)
+    rows.assign_output(1, 2)
     for message in (
         telemetry([0, 0, 0, 0], 2), servo(1000, 1000, 1500), telemetry([0, 4000, 0, 0], 3),
         servo(20_000, 9),
     ):  # fmt: skip
-        rows.take(message)
+        rows.update(message)
     _, values = rows.take_rows()
     assert values[0, :4].tolist() == [1500.0, 1000.0, 4000.0, 0.0]
 
@@ -178,7 +178,7 @@ def test_readings_stand_on_the_autopilots_clock():
     cell.open()
     clock = DeviceClock()
     # At 100 s of ours the autopilot had been up for 7 s.
-    clock.learn(7_000_000, 100.0)
+    clock.update(7_000_000, 100.0)
     times_us, values = cell.rows(lambda wall_s: wall_s, clock, 3, [0, 1])
     assert times_us[-1] == round(7e6 + 1e6 * (link.now_s - 100.0))
     np.testing.assert_array_equal(values[-1], [5.0, 5.0, np.nan])

@@ -32,10 +32,10 @@ TO_HALF_M = 0.5 - TOLERANCE_M
 def moved(before_m: float, *read_m: float) -> PlateCheck:
     """Return a check that read one position before a move and others after it."""
     plate = PlateCheck(CHANNELS, RIG)
-    plate.note(np.array([[before_m, nan]]))
-    plate.departs()
-    plate.arrives()
-    plate.note(np.array([[one, nan] for one in read_m]).reshape(-1, 2))
+    plate.update(np.array([[before_m, nan]]))
+    plate.record_departure()
+    plate.record_arrival()
+    plate.update(np.array([[one, nan] for one in read_m]).reshape(-1, 2))
     return plate
 
 
@@ -74,7 +74,7 @@ def test_the_tolerance_is_that_of_drive_and_sensor():
     ],
 )
 def test_a_reading_after_a_move(read_m, target_m, stage_m, more_m, said):
-    problem = moved(0.6, *read_m).problem(target_m, stage_m, more_m)
+    problem = moved(0.6, *read_m).find_error(target_m, stage_m, more_m)
     if said is None:
         assert problem is None
     else:
@@ -84,10 +84,10 @@ def test_a_reading_after_a_move(read_m, target_m, stage_m, more_m, said):
 
 
 def test_a_move_within_the_tolerance_is_not_called_frozen():
-    problem = moved(0.5, 0.5).problem(1.0, 9.0, TO_HALF_M)
+    problem = moved(0.5, 0.5).find_error(1.0, 9.0, TO_HALF_M)
     assert problem is not None
     assert "still reads" not in str(problem)
-    problem = moved(0.5, 1.0).problem(2.0, 2.0, TO_HALF_M)
+    problem = moved(0.5, 1.0).find_error(2.0, 2.0, TO_HALF_M)
     assert problem is not None
     assert "still reads" in str(problem)
 
@@ -103,7 +103,7 @@ def test_a_move_within_the_tolerance_is_not_called_frozen():
     ],
 )
 def test_a_plate_that_moves_during_a_point(mean_m, more_m, said):
-    problem = moved(0.5).crept(0.5, mean_m, *([more_m] if more_m else []))
+    problem = moved(0.5).check_position(0.5, mean_m, *([more_m] if more_m else []))
     assert (problem is None) == (said is None)
     if problem is not None:
         with pytest.raises(StageError, match=said):
@@ -112,14 +112,14 @@ def test_a_plate_that_moves_during_a_point(mean_m, more_m, said):
 
 def test_without_a_position_channel_nothing_is_judged():
     plate = PlateCheck(CHANNELS[1:], RIG)
-    plate.note(np.array([[3.0]]))
-    assert not plate.measured
+    plate.update(np.array([[3.0]]))
+    assert not plate.is_measured
     assert np.isnan(plate.read_m)
-    assert plate.problem(0.2, 0.2) is None
-    assert plate.problem(0.2, 0.9, 0.002) is None  # what an operator typed was compared before
-    assert "the stage reports 0.9000 m" in str(plate.problem(0.2, 0.9))
-    assert "the stage reports nan m" in str(plate.problem(0.2, nan))
-    assert plate.crept(0.2, nan) is None
+    assert plate.find_error(0.2, 0.2) is None
+    assert plate.find_error(0.2, 0.9, 0.002) is None  # what an operator typed was compared before
+    assert "the stage reports 0.9000 m" in str(plate.find_error(0.2, 0.9))
+    assert "the stage reports nan m" in str(plate.find_error(0.2, nan))
+    assert plate.check_position(0.2, nan) is None
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 from benchtool.bench.ports import (
     HostEnvironment,
     Port,
-    findings,
-    network_findings,
+    diagnose_network,
+    diagnose_port,
     parse_serial_port,
 )
 from benchtool.bench.transport.transport import PortOwner
@@ -21,19 +21,19 @@ LINUX = HostEnvironment(
     port=FTDI.name,
     ports=(FTDI,),
     exists=True,
-    may_open=True,
+    can_open=True,
     group="dialout",
     user="ada",
     groups=frozenset({"ada", "dialout"}),
     groups_on_file=frozenset({"dialout"}),
-    holders=(),
+    owners=(),
 )
 MAC = replace(
     LINUX,
     system="Darwin",
     port="/dev/cu.usbserial-1",
     ports=(replace(FTDI, name="/dev/cu.usbserial-1"),),
-    holders=None,
+    owners=None,
 )
 WINDOWS = HostEnvironment(system="Windows", port="COM12", ports=(replace(FTDI, name="COM12"),))
 BASES = {
@@ -41,7 +41,7 @@ BASES = {
     "mac": MAC,
     "windows": WINDOWS,
     "bare": HostEnvironment(system="Linux"),
-    "terminal": replace(LINUX, holders=(PortOwner(99, "python", is_terminal=True),)),
+    "terminal": replace(LINUX, owners=(PortOwner(99, "python", is_terminal=True),)),
 }
 FOUND = """
 linux | port | ok | is present
@@ -77,7 +77,7 @@ def test_what_is_found(row):
     around, name, verdict, words = row.split(" | ")
     base, *pairs = around.split(" ")
     changes = {key: value_of(key, text) for key, _, text in (pair.partition("=") for pair in pairs)}
-    (hit,) = (item for item in findings(replace(BASES[base], **changes)) if item.name == name)
+    (hit,) = (item for item in diagnose_port(replace(BASES[base], **changes)) if item.name == name)
     assert hit.verdict == verdict
     assert words in f"{hit.sentence} {hit.fix}"
 
@@ -91,10 +91,10 @@ def test_a_udp_port_in_use_is_a_problem():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
         own.bind(("127.0.0.1", 0))
         port = own.getsockname()[1]
-        (finding,) = network_findings(f"mavlink:udpin:127.0.0.1:{port}")
+        (finding,) = diagnose_network(f"mavlink:udpin:127.0.0.1:{port}")
         assert finding.verdict == "problem"
         assert f"another program listens on UDP 127.0.0.1:{port}" in finding.sentence
-    (other,) = network_findings(f"mavlink:udpout:127.0.0.1:{port}")
+    (other,) = diagnose_network(f"mavlink:udpout:127.0.0.1:{port}")
     assert other.verdict == "not checked"
-    (finding,) = network_findings(f"mavlink:udpin:127.0.0.1:{port}")
+    (finding,) = diagnose_network(f"mavlink:udpin:127.0.0.1:{port}")
     assert (finding.verdict, finding.sentence) == ("ok", f"UDP 127.0.0.1:{port} is free")

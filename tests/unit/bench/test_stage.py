@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import BacklashCompensatedStage, FixedStage, ManualStage
+from benchtool.bench.stage.stage import BacklashCompensatedStage, GuardedStage, ManualStage
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import load_rig_by_name
@@ -21,7 +21,7 @@ class Listed:
     """A stage that lists where it was sent."""
 
     facts: ClassVar = {"stage": "listed"}
-    measures_to_m = 0.0
+    position_uncertainty_m = 0.0
 
     def __init__(self) -> None:
         self.sent: list[float] = []
@@ -60,7 +60,7 @@ def test_it_stays_above_idle_and_inside_the_gap():
     bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
     inner = Listed()
     with GuardedBench(bare, rig) as bench:
-        stage = FixedStage(inner, bench)
+        stage = GuardedStage(inner, bench)
         bare.move_plate(0.3)
         assert stage.move(0.3, 0.0, 0.0, pause) == 0.3
         with pytest.raises(StageError, match=r"outside 0\.05 to 1\.5 m"):

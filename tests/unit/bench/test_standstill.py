@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.bench import DeviceInfo
-from benchtool.bench.standstill import StandstillMonitor, standstill_rpm, unmeasured_rotors
+from benchtool.bench.standstill import StandstillMonitor, format_unmeasured_rotors, standstill_rpm
 from benchtool.core.channel import Channel
 from benchtool.core.rig_file import load_rig_by_name, rig_names
 
@@ -65,10 +65,10 @@ def watched(identity: DeviceInfo, text: str) -> StandstillMonitor:
         pulses_us = np.broadcast_to(np.array(us.split(","), float), 4)
         pairs = (word.partition("*") for word in words)
         shown = [float(value) for value, _, count in pairs for _ in range(int(count or 1))]
-        watch.commanded(pulses_us, now_s)
+        watch.record_command(pulses_us, now_s)
         time_s = now_s + np.arange(1, round(100.0 * float(seconds)) + 1) / 100.0
         for block in np.array_split(time_s, max(1, len(time_s) // 5)):
-            watch.take(block, np.tile(np.array(shown, float), (len(block), 1)))
+            watch.update(block, np.tile(np.array(shown, float), (len(block), 1)))
         now_s += float(seconds)
     return watch
 
@@ -78,7 +78,10 @@ def test_what_is_seen_of_the_rotors(row):
     measured, spans, verdict, words = f"{row} ".split(" | ")
     words = words.strip()
     state = watched(BENCHES[measured], spans).state()
-    assert (state.seen, state.only_unmeasured) == (verdict == "seen", verdict == "unmeasured")
+    assert (state.is_confirmed, state.is_only_unmeasured) == (
+        verdict == "seen",
+        verdict == "unmeasured",
+    )
     assert words in state.text
     assert bool(state.text) == bool(words)
     assert state.rpm == 4479.0 or "4479" not in row
@@ -87,24 +90,26 @@ def test_what_is_seen_of_the_rotors(row):
 @pytest.mark.parametrize("shown", [nan, 4500.0])
 def test_readings_from_before_the_command_count_for_nothing(shown):
     watch = watched(bench(RPM), "1500 1 4500*4")
-    watch.commanded(STOP, 1.0)
+    watch.record_command(STOP, 1.0)
     late_s = np.linspace(0.9, 1.0, 11)
-    watch.take(late_s, np.zeros((11, 4)))
-    assert not watch.state().seen
+    watch.update(late_s, np.zeros((11, 4)))
+    assert not watch.state().is_confirmed
     assert "no reading came after zero was commanded" in watch.state().text
 
 
 def test_the_time_that_is_told_is_that_of_the_reading_that_shows_it_not_of_the_question():
     watch = watched(bench(RPM), "1500 1 4500*4; 1000 .3 0*4")
-    watch.take(np.array([60.0]), np.full((1, 4), nan))
+    watch.update(np.array([60.0]), np.full((1, 4), nan))
     assert "seen to stand 0.1 s after zero was commanded" in watch.state().text
     watch = watched(bench(RPM), "1500 1 4500*4; 1000 .2 900*4")
-    watch.take(np.array([60.0]), np.full((1, 4), nan))
+    watch.update(np.array([60.0]), np.full((1, 4), nan))
     assert "rpm4 900, 0.2 s after zero was commanded" in watch.state().text
 
 
 def test_rotors_without_a_measurement_are_named_before_arming():
-    assert unmeasured_rotors(bench(RPM), RIG) == ""
-    assert "rotors 1, 2, 3 and 4 will not be seen to stand" in unmeasured_rotors(bench(PWM), RIG)
-    assert unmeasured_rotors(replace(bench(PWM), outputs_measured=True), RIG) == ""
-    assert unmeasured_rotors(bench(RPM[:3]), RIG).startswith("rotor 4 will not be")
+    assert format_unmeasured_rotors(bench(RPM), RIG) == ""
+    assert "rotors 1, 2, 3 and 4 will not be seen to stand" in format_unmeasured_rotors(
+        bench(PWM), RIG
+    )
+    assert format_unmeasured_rotors(replace(bench(PWM), outputs_measured=True), RIG) == ""
+    assert format_unmeasured_rotors(bench(RPM[:3]), RIG).startswith("rotor 4 will not be")

@@ -76,7 +76,7 @@ def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call):
     stopped = pytest.raises(RunInterrupted, match="Ctrl-C")
     with stopped, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
-        guard.listen(0.1)
+        guard.read_and_buffer(0.1)
         guard.read(0.1)
         guard.stop()
         guard.read(0.1)
@@ -105,7 +105,7 @@ def test_signals_are_ignored_once_begun_and_told_once(capfd):
     now_s = 100.0
     before = signal.getsignal(signal.SIGINT)
     with ClosingSignals(lambda: now_s) as closing:
-        closing.begin()
+        closing.ignore_signals()
         for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM, signal.SIGINT):
             signal.raise_signal(number)
         now_s += SHUTDOWN_TIMEOUT_S - 0.1

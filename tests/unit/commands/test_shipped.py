@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.core.library import read_named
+from benchtool.core.library import read_library_file
 from tests.unit.commands.command_line import said as run
 
 
@@ -18,7 +18,7 @@ from tests.unit.commands.command_line import said as run
 def test_an_entry_is_described_or_printed_as_toml(capsys, tmp_path, command, name, line):
     assert line in run(capsys, "library", command, name)[1]
     text = run(capsys, "library", command, name, "--toml")[1]
-    assert text == read_named(command[:-1], command, name)[0]
+    assert text == read_library_file(command[:-1], command, name)[0]
     file = tmp_path / "own.toml"
     file.write_text(text, encoding="utf-8")
     assert line in run(capsys, "library", command, str(file))[1]

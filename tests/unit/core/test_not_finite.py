@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.library import read_named
+from benchtool.core.library import read_library_file
 from benchtool.core.schedule_file import load_schedule
 from benchtool.core.toml_text import read_strict
 from benchtool.data.column_map import read_column_map
@@ -16,10 +16,10 @@ from benchtool.fit.recipe import read_recipe
 from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.map import read_map
-from benchtool.simulate.gain_file import gains_from_toml
+from benchtool.simulate.gain_file import parse_gains
 from benchtool.simulate.imperfections import Imperfections
 
-S3 = read_named("gain set", "gains", "s3")[0]
+S3 = read_library_file("gain set", "gains", "s3")[0]
 MODEL = "[model]\nname = 'm'\nrig = 'pquad'\n"
 SCHEDULE = "name = 'x'\ntitle = 'x'\n"
 STEP = f"{SCHEDULE}duration_s = 9.0\n"
@@ -27,7 +27,7 @@ RECIPE = "[recipe]\nname = 'r'\ndata = ['d']\nmodel = 'quad_bench'\n"
 
 
 def gains(text: str, folder: Path) -> object:
-    return gains_from_toml(text, "mine.toml")
+    return parse_gains(text, "mine.toml")
 
 
 def model(text: str, folder: Path) -> object:

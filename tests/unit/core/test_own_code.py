@@ -14,7 +14,7 @@ from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.catalogue import user_effects
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.pitch.setup import pitch_setup
-from benchtool.simulate.user_controller import controller_class
+from benchtool.simulate.user_controller import load_controller_class
 
 MODEL = '[model]\nname = "m"\nrig = "pquad_single"\neffects_file = "evil.py"\n'
 
@@ -49,7 +49,7 @@ WAYS = {
     "a model": lambda: load_model("m.toml"),
     "effects": lambda: user_effects("evil.py"),
     "a module": lambda: user_effects("evil"),
-    "a controller": lambda: controller_class("evil:Law", ()),
+    "a controller": lambda: load_controller_class("evil:Law", ()),
     "an address": lambda: open_bench("sim:pquad_single?truth=m.toml"),
     "a pitch address": lambda: open_bench("sim:pquad?mode=pitch&truth=m.toml"),
     "a question": lambda: read_request(["t.csv"], [], "m.toml"),

@@ -8,7 +8,7 @@ import pytest
 
 from benchtool.acquire.inputs import BENCH_KEYS, resolve_rig
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.library import read_named
+from benchtool.core.library import read_library_file
 from benchtool.core.rig import Motor
 from benchtool.core.rig_file import (
     load_rig_by_name,
@@ -22,7 +22,7 @@ from tests.unit.physics.blades import MOTOR, bladed
 
 @pytest.fixture
 def text():
-    return read_named("rig", "rigs", "pquad")[0]
+    return read_library_file("rig", "rigs", "pquad")[0]
 
 
 @pytest.mark.parametrize("name", rig_names())

@@ -15,10 +15,10 @@ import benchtool as bt
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
 from benchtool.data.catalogue.filters import ChoiceInputs, find_entries
-from benchtool.data.catalogue.index import catalogued, index_folder
+from benchtool.data.catalogue.index import index_folder, load_entries
 from benchtool.data.run import entry as run_list
 from benchtool.data.run.entry import Entry, build_entry
-from benchtool.data.run.labels import label
+from benchtool.data.run.labels import update_labels
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.commands.command_line import said
 from tests.unit.data.run_of import small_run
@@ -52,7 +52,7 @@ def root(tmp_path, monkeypatch):
         )  # fmt: skip
         run.close()
     shutil.copytree(TOP / "fits" / "quad", root / "fit")
-    label(root / "three", add=["good", "first-day"], note="the propeller has a nick")
+    update_labels(root / "three", add=["good", "first-day"], note="the propeller has a nick")
     return root
 
 
@@ -96,7 +96,7 @@ def test_a_wrong_choice_is_refused(root, by, said):
 
 
 def test_only_what_changed_is_read_again(root, monkeypatch):
-    first = catalogued(root)
+    first = load_entries(root)
     read: list[str] = []
 
     def noted(folder: RunsFolder, name: str) -> Entry:
@@ -104,22 +104,22 @@ def test_only_what_changed_is_read_again(root, monkeypatch):
         return build_entry(folder, name)
 
     monkeypatch.setattr(run_list, "build_entry", noted)
-    assert catalogued(root) == first
+    assert load_entries(root) == first
     assert read == []
-    label(root / "2026" / "one", add=["x"])
+    update_labels(root / "2026" / "one", add=["x"])
     shutil.rmtree(root / "three")
-    again = {entry.name: entry for entry in catalogued(root)}
+    again = {entry.name: entry for entry in load_entries(root)}
     assert read == ["2026/one"]
     assert again["2026/one"].tags == ("x",)
     assert "three" not in again
     read.clear()
-    assert {entry.name for entry in catalogued(root, rebuild=True)} == again.keys()
+    assert {entry.name for entry in load_entries(root, rebuild=True)} == again.keys()
     assert sorted(read) == sorted(again)
 
 
 @pytest.mark.parametrize("damage", ["lost", "garbage", "another version"])
 def test_a_damaged_index_is_made_anew(root, damage):
-    whole = catalogued(root)
+    whole = load_entries(root)
     assert len(bt.runs(root).query("SELECT * FROM settings"))
     file = index_folder(root) / "index.sqlite"
     if damage == "lost":
@@ -131,7 +131,7 @@ def test_a_damaged_index_is_made_anew(root, damage):
         store.execute("UPDATE version SET text = '0'")
         store.commit()
         store.close()
-    assert catalogued(root) == whole
+    assert load_entries(root) == whole
     assert len(bt.runs(root).query("SELECT * FROM settings")) == 6
 
 
@@ -199,7 +199,7 @@ def test_a_run_that_is_being_measured_is_listed_and_queried(root):
         assert len(live.query("SELECT * FROM points")) == 5
         with pytest.raises(InputError, match=r"no samples: no run is closed"):
             live.query("SELECT * FROM samples")
-        label(run.path, add=["live"])
+        update_labels(run.path, add=["live"])
     run.update_metadata(state="ended")
     assert names(root, tag=("live",)) == {"live"}
 
@@ -207,14 +207,14 @@ def test_a_run_that_is_being_measured_is_listed_and_queried(root):
 def test_labels_of_two_programs_are_both_there(root):
     def add(first: int) -> None:
         for number in range(first, first + 10):
-            label(root / "three", add=[f"t{number}"])
+            update_labels(root / "three", add=[f"t{number}"])
 
     both = [threading.Thread(target=add, args=(first,)) for first in (0, 10)]
     for one in both:
         one.start()
     for one in both:
         one.join()
-    entry = next(one for one in catalogued(root) if one.name == "three")
+    entry = next(one for one in load_entries(root) if one.name == "three")
     assert {f"t{number}" for number in range(20)} <= set(entry.tags)
 
 
@@ -223,9 +223,9 @@ def test_labels_of_two_programs_are_both_there(root):
 )
 def test_a_word_that_is_no_tag_is_refused(root, tag):
     with pytest.raises(InputError, match="cannot name a tag"):
-        label(root / "three", add=[tag])
+        update_labels(root / "three", add=[tag])
     with pytest.raises(InputError, match=r"has no tag 'other' to remove \(it has: good, first-day"):
-        label(root / "three", remove=["other"])
+        update_labels(root / "three", remove=["other"])
 
 
 def test_all_of_a_tag_command_is_checked_before_the_first_run_changes(root, capsys):

@@ -29,7 +29,7 @@ def test_short_rows_are_counted_and_filled():
 
 @pytest.mark.parametrize("own", [False, True])
 def test_a_last_line_without_its_end(own):
-    table = parse_csv(b"a,b\n1,2\n3,4", "x.csv", own=own)
+    table = parse_csv(b"a,b\n1,2\n3,4", "x.csv", is_own=own)
     assert table.rows == ([["1", "2"]] if own else [["1", "2"], ["3", "4"]])
     assert bool(table.repairs) is own
 

@@ -63,7 +63,7 @@ def test_numbers_are_dfreaders(tmp_path):
     path.write_bytes(dataflash(hop()))
     read = import_file(path)
     assert read.format == "ArduPilot DataFlash"
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     check_against_dfreader(read, DFReader_binary(str(path)))
 
 

@@ -15,7 +15,7 @@ from benchtool.core.errors import BenchtoolError, DataWarning, InputError, Would
 from benchtool.data.atomic import data_hash
 from benchtool.data.run.entry import verify_run
 from benchtool.data.run.merge import merge_runs
-from benchtool.data.run.read import parts_of, read_points, read_settings
+from benchtool.data.run.read import find_parts, read_points, read_settings
 from benchtool.data.run.run import Run
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -73,7 +73,7 @@ def test_a_merged_run_holds_its_runs_and_all_their_points(two, tmp_path):
     before = [contents(path) for path in two]
     merged = merge_runs(two, tmp_path / "merged").path
     assert [contents(path) for path in two] == before
-    assert [contents(Path(part)) for part in parts_of(merged)] == before
+    assert [contents(Path(part)) for part in find_parts(merged)] == before
     facts = Run(merged).metadata
     assert [one["sha256"] for one in facts["merged_from"]] == [data_hash(path) for path in two]
     assert [one["from"] for one in facts["merged_from"]] == [str(path) for path in two]
@@ -129,7 +129,7 @@ def test_the_same_data_and_a_single_run_are_refused(two, tmp_path):
 def test_a_part_that_is_missing_or_changed_is_said(tmp_path):
     merged = merge_runs(closed_pair(tmp_path), tmp_path / "merged").path
     assert verify_run(merged) == []
-    part = Path(parts_of(merged)[1])
+    part = Path(find_parts(merged)[1])
     with (part / "points.csv").open("a") as file:
         file.write((part / "points.csv").read_text("utf-8").splitlines()[-1] + "\n")
     with pytest.warns(DataWarning):
@@ -138,7 +138,7 @@ def test_a_part_that_is_missing_or_changed_is_said(tmp_path):
     assert verify_run(merged) == ["002-two: its data have changed"]
     shutil.rmtree(part)
     with pytest.raises(BenchtoolError, match="contains 1 of the 2 runs in"):
-        parts_of(merged)
+        find_parts(merged)
 
 
 def closed_pair(tmp_path: Path) -> list[Path]:

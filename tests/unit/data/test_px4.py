@@ -33,7 +33,7 @@ def finite(read: ImportResult, name: str) -> np.ndarray:
 
 def test_numbers_are_pyulogs(path):
     read, log = import_file(path), ULog(str(path))
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     topics = {(item.name, item.multi_id): item.data for item in log.data_list}
     compared = 0
     for name, (topic, field, sign) in PLAIN.items():

@@ -25,7 +25,7 @@ from benchtool.data.derived import (
 )
 from benchtool.data.quantities import QUANTITIES
 from benchtool.data.run.read import read_points
-from benchtool.data.run.settings import aggregate, settings_quantities
+from benchtool.data.run.settings import average_settings, settings_quantities
 
 ROOT = Path(__file__).parents[3]
 
@@ -189,7 +189,7 @@ def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path):
     run = edited_run(tmp_path, rig={"propeller": geometry}, air={"measured": True})
     points = read_points(run, ["measure", "reference"])
     got = {item.name: item for item in settings_quantities(run, points)}
-    settings = aggregate(points)
+    settings = average_settings(points)
     assert len(got["ct"].value) == len(settings)
     n2 = sum((settings.column(f"rpm{rotor}") / 60.0) ** 2 for rotor in range(1, 5))
     by_hand = settings.column("thrust_N") / (1.225521289 * n2 * 0.24**4)

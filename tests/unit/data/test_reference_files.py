@@ -73,7 +73,7 @@ def test_every_file_imports_and_nothing_is_lost(reference_data, tmp_path):
     table = []
     for name, path in measured.items():
         read = read_one(path, tmp_path)
-        assert read.tally.balanced, name
+        assert read.tally.is_balanced, name
         if read.tally.unit == "row":
             data_lines = [line for line in path.read_bytes().split(b"\n")[1:] if line.strip(b"\r")]
             assert read.tally.total == len(data_lines), name

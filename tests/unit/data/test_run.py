@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import data_hash, json_ready
-from benchtool.data.columns import KINDS, frame, word_to_code
+from benchtool.data.columns import KINDS, to_frame, word_to_code
 from benchtool.data.run.append import AppendFile, Event, EventLog, read_events
 from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
 from benchtool.data.run.read import read_points, read_samples
@@ -262,7 +262,7 @@ def test_numbers_that_json_has_not_become_null():
 
 
 def test_frames_speak_words_and_units(tmp_path):
-    table = frame(read_points(small_run(tmp_path / "run").path))
+    table = to_frame(read_points(small_run(tmp_path / "run").path))
     assert table["kind"].tolist() == ["measure", "reference", "reference", "measure"]
     assert table.attrs["units"]["rpm1"] == "rpm"
     assert table.attrs["units"]["thrust_se_N"] == "N"

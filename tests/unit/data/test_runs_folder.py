@@ -40,7 +40,7 @@ def folder(tmp_path):
 )
 def test_a_name_that_leads_elsewhere_is_refused(folder, name):
     with pytest.raises(InputError):
-        folder.path_of(name)
+        folder.find_path(name)
     with pytest.raises(InputError):
         folder.new_path(name)
 
@@ -49,7 +49,7 @@ def test_a_name_that_leads_elsewhere_is_refused(folder, name):
 def test_no_name_at_all_leads_out(tmp_path_factory, name):
     root = tmp_path_factory.getbasetemp() / "any" / "runs"
     (root / "one").mkdir(parents=True, exist_ok=True)
-    for lead in (RunsFolder(root).path_of, RunsFolder(root).new_path):
+    for lead in (RunsFolder(root).find_path, RunsFolder(root).new_path):
         try:
             path = lead(name)
         except BenchtoolError:
@@ -63,7 +63,7 @@ def test_a_link_that_leads_out_is_refused(folder):
     (folder.root / "file.csv").symlink_to(folder.root.parent / "secret.csv")
     for name in ("away", "away/secret.csv", "away/runs/one/../../secret.csv", "file.csv"):
         with pytest.raises(InputError, match="is outside the runs folder"):
-            folder.path_of(name)
+            folder.find_path(name)
     with pytest.raises(InputError):
         folder.new_path("away")
 
@@ -73,14 +73,14 @@ def test_a_run_that_holds_a_link_out_is_refused_whole(folder):
     samples.unlink()
     samples.symlink_to(folder.root.parent / "secret.csv")
     with pytest.raises(InputError, match=r"samples\.csv is a link to a path outside"):
-        folder.path_of("one")
+        folder.find_path("one")
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with names")
 def test_what_is_no_file_is_refused_before_it_is_opened(folder):
     os.mkfifo(folder.root / "one" / "events.jsonl")
     with pytest.raises(InputError, match="neither a file nor a folder"):
-        folder.path_of("one")
+        folder.find_path("one")
 
 
 def test_nothing_is_written_over(folder):

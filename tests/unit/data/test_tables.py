@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.data.repairs.foreign_units import conversion
+from benchtool.data.repairs.foreign_units import find_conversion
 from tests.unit.data.stand_logs import found, imported
 
 FLIGHT_STAND = "Time;Load [ozf];Torque (ozf in);Speed;Note\n0,0;1,5;0,1;50;a\n0,5;2,5;0,2;60;b\n"
@@ -49,7 +49,7 @@ def test_a_column_map_with_units_that_only_pint_knows(tmp_path):
     ],
 )
 def test_units(text, target, factor):
-    assert conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
+    assert find_conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
 
 
 def test_a_header_whose_unit_measures_something_else_is_refused():

@@ -46,7 +46,7 @@ def check_import(data: bytes, name: str) -> ImportResult | None:
         assert "\n" not in message
         assert len(message) > 20
         return None
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     assert read.tally.refused >= 0
     assert read.tally.not_needed >= 0
     assert np.isinf(read.recording.values).sum() == 0

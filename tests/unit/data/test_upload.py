@@ -27,7 +27,7 @@ def test_a_name_cannot_choose_the_place(tmp_path, name):
     folder = RunsFolder(tmp_path / "runs")
     path = store_table(folder, name, GOOD, "2026-01-02")
     assert path.parent.parent == folder.root
-    assert folder.path_of(folder.name_of(path)) == path
+    assert folder.find_path(folder.relative_name(path)) == path
     assert [item.name for item in tmp_path.iterdir()] == ["runs"]
 
 

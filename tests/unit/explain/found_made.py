@@ -32,14 +32,14 @@ def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> list[
     rests = [says.without(out) for out in outs]
     form = LawForm(
         name="factor", hook="factor", weights=thrust, formula="1 + {f}", code="1.0 + p.a * {f}",
-        matters=0.015,
+        tolerance=0.015,
     )  # fmt: skip
     time = np.arange(n) / n
     return [
         ResidualSummary(
-            variable=variable, form=form, says=says, bare=says,
+            variable=variable, form=form, quadratic=says, bare_quadratic=says,
             folds=[
-                CrossValidationFold(rest=rest, bare_rest=rest, noise=float(out.sum()))
+                CrossValidationFold(training=rest, bare_training=rest, noise=float(out.sum()))
                 for rest, out in zip(rests, outs, strict=True)
             ],
         )
@@ -48,7 +48,8 @@ def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> list[
                      unit="rad/s", values=speed),
             Variable(phrase="plate distance", symbol="z/R", code=DISTANCE, values=other),
             Variable(phrase="time", symbol="t", code="flow.time_s", values=time, scale="time"),
-            Variable(phrase="the visit", symbol="visit", values=PLACES.astype(float), blocks=True),
+            Variable(phrase="the visit", symbol="visit", values=PLACES.astype(float),
+                     is_categorical=True),
         )
     ]  # fmt: skip
 

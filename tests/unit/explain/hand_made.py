@@ -33,7 +33,7 @@ from benchtool.explain.engine.verdict import (
 from benchtool.explain.recordings import RecordingSource
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import LoadedModel, load_model
-from benchtool.physics.tolerances import tolerances
+from benchtool.physics.tolerances import model_tolerances
 
 MODEL = Path(__file__).parents[3] / "datasets" / "pitch_bench" / "model.toml"
 
@@ -120,7 +120,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         bench="pitch",
         effects=effects,
         probabilities=PROBABILITIES,
-        places=(
+        alternatives=(
             AlternativeEffects(effect="coulomb_friction", probabilities=PROBABILITIES),
             *((SECOND,) if kind == "several" else ()),
         ),
@@ -136,7 +136,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             name="coulomb_friction", phrase="Coulomb friction", share_closed=0.61, effect=FRICTION,
             parameters=known, after={"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0},
         ) if kind == "unknown" else None,
-        tolerances=tolerances(model, "pitch"),
+        tolerances=model_tolerances(model, "pitch"),
         unnamed=(),
         other_effects={},
         not_judged={"partial_coverage": UnjudgedEffect(reason="too_weak", size=4.2)},
@@ -212,7 +212,7 @@ def answer(
         model_sha256="c0ffee",
         effects_given="",
         effects_file=None,
-        own=(),
+        user_effects=(),
         learn=(source("learn.csv", "1" * 64),),
         check=(source("check.csv", "2" * 64),),
     )

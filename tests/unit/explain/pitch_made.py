@@ -12,7 +12,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.schedule_file import load_schedule
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
@@ -29,8 +29,8 @@ def recorded(
     schedule: str = "identify",
 ) -> Recording:
     """Return what a bench of that truth logs along a shipped schedule."""
-    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
-    bench = replace(PitchBench.of(truth), inertia_kgm2=inertia)
+    control = PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ)
+    bench = replace(PitchBench.from_model(truth), inertia_kgm2=inertia)
     sampled = load_schedule(schedule).with_duration(seconds).sampled(
         RATE_HZ, truth.rig.propulsion.radius_m
     )  # fmt: skip

@@ -15,7 +15,7 @@ from benchtool.core.parameter import Parameters
 from benchtool.core.schedule_file import load_schedule
 from benchtool.explain.engine.verdict import KINDS, Kind, UnjudgedEffect
 from benchtool.explain.next_steps import next_steps
-from benchtool.explain.updated_model import added_model
+from benchtool.explain.updated_model import format_added_model
 from benchtool.physics.model_file import load_model, model_from_toml
 from benchtool.report.answer.folder import WrittenFiles, answer_tables, write_folder
 from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, verdict
@@ -98,7 +98,7 @@ def known_options(name: str, first: str) -> set[str]:
 
 
 def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_source():
-    again = model_from_toml(added_model(answer()), "new.toml")
+    again = model_from_toml(format_added_model(answer()), "new.toml")
     parent = load_model(MODEL)
     friction = again.model.parameters["coulomb_friction.torque_Nm"]
     assert friction.value == 0.0241
@@ -124,7 +124,7 @@ def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it():
     )
     told = answer()
     swept = verdict("effect", bench="sweep", parameters=found)
-    made = added_model(replace(told, explanation=replace(told.explanation, verdict=swept)))
+    made = format_added_model(replace(told, explanation=replace(told.explanation, verdict=swept)))
     new = model_from_toml(made, "new.toml").model.parameters
     assert new["inertia_kgm2"].free
     assert new["inertia_kgm2"].prior == parent["inertia_kgm2"].prior
@@ -132,12 +132,12 @@ def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it():
     assert (new["k"].prior.kind, new["k"].prior.mean) == ("normal", parent["k"].value)
     assert new["k"].prior.sd == pytest.approx(0.01 * parent["k"].value)
     assert not new["R_m"].free
-    pitch = model_from_toml(added_model(told), "new.toml").model.parameters
+    pitch = model_from_toml(format_added_model(told), "new.toml").model.parameters
     assert not pitch["inertia_kgm2"].free
 
 
 def test_of_a_class_the_likeliest_is_added_alone():
-    model = model_from_toml(added_model(answer("class")), "new.toml").model
+    model = model_from_toml(format_added_model(answer("class")), "new.toml").model
     assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
     assert model.parameters["cog_offset.x_m"].value == 0.0
 
@@ -150,7 +150,7 @@ def test_an_effect_that_the_parent_has_not_is_put_in():
     found = replace(
         asked, explanation=replace(asked.explanation, verdict=verdict(parameters=calibrated))
     )
-    model = model_from_toml(added_model(found), "new.toml").model
+    model = model_from_toml(format_added_model(found), "new.toml").model
     assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
     assert model.parameters["speed_map.gain"].value == 0.003
 

@@ -10,10 +10,10 @@ import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.explain.answer import ExplainResult
-from benchtool.explain.law_search.draft import FOUND, draft_effect
+from benchtool.explain.law_search.draft import DRAFT_NAME, draft_effect
 from benchtool.explain.law_search.families import FAMILIES, LawFamily
 from benchtool.explain.law_search.law import FoundDependence
-from benchtool.explain.law_search.search import dependence
+from benchtool.explain.law_search.search import find_dependence
 from benchtool.explain.next_steps import next_steps
 from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.conditions import Conditions
@@ -30,7 +30,7 @@ RADIUS_M = 0.12
 def test_a_law_is_found_with_its_variable_and_closes_the_gap(name, rng):
     speed = rng.uniform(0.7, 1.3, 150)
     law = LAWS[name](speed)
-    found = dependence(shown(law, rng, speed), RADIUS_M)
+    found = find_dependence(shown(law, rng, speed), RADIUS_M)
     assert found is not None
     assert found.variable.phrase == "rotor speed"
     assert found.probability > 0.9
@@ -44,14 +44,14 @@ def test_a_law_is_found_with_its_variable_and_closes_the_gap(name, rng):
 
 def test_what_is_another_at_every_visit_has_a_variable_and_no_law(rng):
     each = 0.02 * rng.standard_normal(30)
-    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
+    found = find_dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
     assert found is not None
     assert (found.phrase, found.law, found.text) == ("the visit", None, "depends on the visit")
 
 
 def test_noise_depends_on_nothing(rng):
     found = [
-        dependence(shown(np.zeros(150), rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
+        find_dependence(shown(np.zeros(150), rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
         for _ in range(50)
     ]
     assert found == [None] * 50
@@ -60,7 +60,7 @@ def test_noise_depends_on_nothing(rng):
 def drafted(family: LawFamily, rng: np.random.Generator) -> FoundDependence:
     """Return a dependence whose law is of a family."""
     speed = rng.uniform(0.7, 1.3, 150)
-    found = dependence(shown(LAWS["line"](speed), rng, speed), RADIUS_M)
+    found = find_dependence(shown(LAWS["line"](speed), rng, speed), RADIUS_M)
     assert found is not None
     assert found.law is not None
     grid = family.grid(speed)
@@ -90,26 +90,28 @@ def test_a_draft_keeps_the_contract_of_effects(family, hook, tmp_path, rng, monk
         variable=replace(found.variable, code=seen, reference=reference),
         form=replace(found.form, hook=hook, code=code, bench=bench),
     )
-    path = tmp_path / f"{FOUND}.py"
+    path = tmp_path / f"{DRAFT_NAME}.py"
     path.write_text(draft_effect(found), encoding="utf-8")
     (effect,) = user_effects(str(path), lambda _: None)
-    monkeypatch.setitem(EFFECTS, FOUND, effect)
-    monkeypatch.setitem(contract.TWO_SIDED, f"{FOUND}.a", "nobody knows its cause")
+    monkeypatch.setitem(EFFECTS, DRAFT_NAME, effect)
+    monkeypatch.setitem(contract.TWO_SIDED, f"{DRAFT_NAME}.a", "nobody knows its cause")
     rig = load_rig_by_name("pquad")
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         rig, speed_rad_s=np.array([[460.0], [470.0], [480.0], [590.0]]),
         plate_z_m=np.array([0.1, 0.15, 0.2, 0.1, 0.3, 0.6]),
         plate_x_m=np.array([0.0, 0.0, 0.0, 0.6, 0.6, 0.0]), elapsed_s=60.0, time_s=60.0,
     )  # fmt: skip
-    contract.test_it_describes_itself(FOUND)
-    contract.test_it_says_what_does_not_matter_on_any_vehicle(FOUND, bench, "pquad")
-    contract.test_physics_bounds_every_number_that_may_be_named(FOUND)
-    contract.test_at_its_neutral_value_it_is_exactly_absent(FOUND, rig, conditions)
-    contract.test_its_hooks_at_neutral_change_nothing_when_they_are_called(FOUND, rig, conditions)
-    contract.test_at_neutral_a_hinge_is_left_exactly_alone(FOUND, 0.5)
-    contract.test_away_from_neutral_it_shows_somewhere(FOUND, rig, conditions)
-    contract.test_scalars_arrays_and_complex_steps_agree(FOUND, rig, conditions)
-    contract.test_its_hooks_branch_nowhere(FOUND)
+    contract.test_it_describes_itself(DRAFT_NAME)
+    contract.test_it_says_what_does_not_matter_on_any_vehicle(DRAFT_NAME, bench, "pquad")
+    contract.test_physics_bounds_every_number_that_may_be_named(DRAFT_NAME)
+    contract.test_at_its_neutral_value_it_is_exactly_absent(DRAFT_NAME, rig, conditions)
+    contract.test_its_hooks_at_neutral_change_nothing_when_they_are_called(
+        DRAFT_NAME, rig, conditions
+    )
+    contract.test_at_neutral_a_hinge_is_left_exactly_alone(DRAFT_NAME, 0.5)
+    contract.test_away_from_neutral_it_shows_somewhere(DRAFT_NAME, rig, conditions)
+    contract.test_scalars_arrays_and_complex_steps_agree(DRAFT_NAME, rig, conditions)
+    contract.test_its_hooks_branch_nowhere(DRAFT_NAME)
     assert effect.phrase == "found effect"
 
 
@@ -122,7 +124,7 @@ def unknown(found: FoundDependence) -> ExplainResult:
 
 def test_a_draft_is_written_once_and_told_of(tmp_path, rng):
     speed = rng.uniform(0.7, 1.3, 150)
-    found = dependence(shown(LAWS["resonance"](speed), rng, speed), RADIUS_M)
+    found = find_dependence(shown(LAWS["resonance"](speed), rng, speed), RADIUS_M)
     assert found is not None
     made, folder = unknown(found), tmp_path / "found"
     assert "; it depends on rotor speed; closes " in made.verdict.sentence

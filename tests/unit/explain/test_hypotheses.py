@@ -40,7 +40,7 @@ def test_two_effects_are_both_named():
 def test_the_spread_is_that_of_linear_regression():
     evidence = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 2)
     hypotheses = Hypotheses(evidence)
-    best = hypotheses.fit(("a",), hypotheses.null().values)
+    best = hypotheses.fit(("a",), hypotheses.fit_null().values)
     sd = float(np.sqrt(hypotheses.covariance(best)[0, 0]))
     alone = 1.0 / np.sqrt(np.sum(evidence.design[:, 0] ** 2))
     assert sd == pytest.approx(alone, rel=0.15)
@@ -105,7 +105,7 @@ def test_a_number_at_its_bound_is_not_determined():
 def test_what_the_data_cannot_show_is_told():
     evidence = Linear(np.array([0.0, 0.0, 0.0, 0.0]), 4)
     evidence.design[:, 0] *= 1e-3
-    unseen = Hypotheses(evidence).find_unjudged(Hypotheses(evidence).null())
+    unseen = Hypotheses(evidence).find_unjudged(Hypotheses(evidence).fit_null())
     assert list(unseen) == ["a"]
     assert unseen["a"] > 50.0
 
@@ -113,12 +113,12 @@ def test_what_the_data_cannot_show_is_told():
 def test_p_values_of_nothing_are_spread_out_and_of_something_small():
     rng = np.random.default_rng(0)
     hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
-    null = hypotheses.null()
+    null = hypotheses.fit_null()
     best = hypotheses.add_candidates(null)[0]
     assert p_value(hypotheses, null, best, Bootstrap(), rng) < 1e-6
     assert p_value(hypotheses, null, best, Bootstrap(draws=60), rng) == pytest.approx(1.0 / 61.0)
     nothing = Hypotheses(Linear(np.zeros(4), 6))
-    base = nothing.null()
+    base = nothing.fit_null()
     assert p_value(nothing, base, nothing.add_candidates(base)[0], Bootstrap(draws=60), rng) > 0.1
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.law_search.law import FoundDependence
-from benchtool.explain.law_search.search import dependence
+from benchtool.explain.law_search.search import find_dependence
 from benchtool.explain.pitch.dependences import summarize_residuals
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
@@ -58,8 +58,8 @@ def model():
 
 def found_on(model: Model, truth: Model) -> FoundDependence | None:
     evidence = PitchEvidence(model, [pitch_log(recorded(truth, 1), truth.rig).logged])
-    missed = summarize_residuals(evidence, Hypotheses(evidence).null().values, [])
-    return dependence(missed, model.rig.propulsion.radius_m)
+    missed = summarize_residuals(evidence, Hypotheses(evidence).fit_null().values, [])
+    return find_dependence(missed, model.rig.propulsion.radius_m)
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.next_experiment import MINUTES
 from benchtool.explain.sweep.subject import SweepSubject
-from benchtool.explain.updated_model import added_model
+from benchtool.explain.updated_model import format_added_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.discrepancy import DiscrepancyTolerances
@@ -64,7 +64,7 @@ def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story):
 def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(story, tmp_path):
     """It carries what explain adjusted within what was known; held, K_b alone would be too sure."""
     given = answer(loaded=load_model("quad"), explanation=story)
-    (tmp_path / "model.toml").write_text(added_model(given), encoding="utf-8")
+    (tmp_path / "model.toml").write_text(format_added_model(given), encoding="utf-8")
     run = str(DATASETS / "quad" / "run")
     recipe = Recipe(name="again", model=str(tmp_path / "model.toml"), data=(run,))
     fitted = run_recipe(recipe).results[0]
@@ -111,13 +111,13 @@ def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first, second):
     assert chosen.minutes <= MINUTES
     assert chosen.candidates == (first, second)
     assert chosen.expected[second] > 3.0
-    assert chosen.decides
+    assert chosen.is_decisive
     assert chosen.schedule is None
 
 
 def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided():
     chosen, _ = proposed("single_rotor", "load_cell_hysteresis", "tare_offset")
-    assert not chosen.decides
+    assert not chosen.is_decisive
 
 
 def test_a_measured_rotor_pair_follows_another_law(reference_data):

@@ -81,7 +81,7 @@ def test_nothing_missing_says_what_could_not_be_judged():
     )
     assert most.sentence.startswith("This data can show only 1 of 3 effects, and none of those")
     half = {name: 1.0 for name in BLIND if name[:4] != "body"}
-    assert not verdict("none", tolerances=half, not_judged=some).mostly_blind
+    assert not verdict("none", tolerances=half, not_judged=some).is_mostly_unjudged
 
 
 def test_an_unknown_says_what_it_is_and_what_is_beside_it():
@@ -115,7 +115,7 @@ def test_each_stage_says_all_that_is_missing_there():
     ],
 )  # fmt: skip
 def test_the_whole_answer_is_as_likely_as_its_least_likely_part(kind, probability, holds):
-    assert verdict(kind).holds(probability) is holds
+    assert verdict(kind).has_probability(probability) is holds
 
 
 @pytest.mark.parametrize(
@@ -146,5 +146,5 @@ def test_numbers_of_a_verdict():
         "no_trace",
         float("inf"),
     )
-    assert replace(NEXT, expected={"a": 0.2, "b": 1.0}).decides
-    assert not replace(NEXT, expected={"a": 0.2, "b": 0.9}).decides
+    assert replace(NEXT, expected={"a": 0.2, "b": 1.0}).is_decisive
+    assert not replace(NEXT, expected={"a": 0.2, "b": 0.9}).is_decisive

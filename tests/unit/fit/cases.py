@@ -114,7 +114,7 @@ def quad_conditions(
     rig = load_rig_by_name("pquad")
     z_m = np.repeat(np.array(distances) * 0.12, speeds)
     speed = np.tile(np.linspace(350.0, 700.0, speeds), len(distances))
-    return Conditions.of(rig, speed_rad_s=np.tile(speed, (4, 1)), plate_z_m=z_m)
+    return Conditions.build(rig, speed_rad_s=np.tile(speed, (4, 1)), plate_z_m=z_m)
 
 
 def quad_thrust(model: Model, conditions: Conditions) -> Array:

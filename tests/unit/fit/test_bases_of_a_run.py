@@ -9,7 +9,7 @@ import pytest
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Motor, Rig
 from benchtool.core.rig_file import rig_to_toml
-from benchtool.data.run.run_rig import differences, with_blades_of
+from benchtool.data.run.run_rig import fill_missing_parts, find_differences
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -63,9 +63,9 @@ def test_a_rig_that_is_named_adds_blades_to_an_older_run(tmp_path):
     assert found is not None
     assert (found.blade, found.motor) == (RIG.blade, RIG.motor)
     assert rig_for_data([older], "single") == replace(found, blade=None, motor=None)
-    assert with_blades_of(RIG, bare()) == RIG
+    assert fill_missing_parts(RIG, bare()) == RIG
     other = replace(RIG, blade=replace(BLADE, solidity=0.2), motor=Motor(governed=True))
-    assert [text.split(" of ")[0] for text in differences(RIG, other)] == [
+    assert [text.split(" of ")[0] for text in find_differences(RIG, other)] == [
         "different blades", "different motors",
     ]  # fmt: skip
     now.write_text(rig_to_toml(other))

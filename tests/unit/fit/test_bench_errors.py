@@ -50,7 +50,7 @@ def sweep(on: Rig, repeats: int = 3) -> tuple[Conditions, Visits]:
     z_m = RADIUS_M * np.tile(np.repeat(NEAR, 2), repeats)
     speed = np.tile([420.0, 560.0], len(NEAR) * repeats)
     time = 10.0 * np.arange(1.0, len(z_m) + 1.0)
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         on, speed_rad_s=np.tile(speed, (4, 1)), plate_z_m=z_m, time_s=time, elapsed_s=time
     )
     n = len(z_m)
@@ -76,7 +76,7 @@ def test_a_place_is_shared_by_the_points_of_a_stay():
     (columns,) = sources(rig(repeatability_m=1e-4)).values()
     on = rig()
     conditions, visits = sweep(on)
-    slope = model(on).thrust_N(conditions.moved_by(1e-4)) - model(on).thrust_N(conditions)
+    slope = model(on).thrust_N(conditions.with_plate_offset(1e-4)) - model(on).thrust_N(conditions)
     covariance = columns @ columns.T
     together = visits.stay[:, None] == visits.stay
     np.testing.assert_allclose(covariance, np.where(together, np.outer(slope, slope), 0.0))
@@ -147,7 +147,7 @@ def test_points_of_two_tares_do_not_wander_together():
     conditions, visits = sweep(on)
     two = concatenate_visits([visits, visits])
     assert two.stay.max() == 2 * visits.stay.max() + 1
-    twice = Conditions.of(
+    twice = Conditions.build(
         on,
         speed_rad_s=np.tile(conditions.speed_rad_s, 2),
         plate_z_m=np.tile(conditions.plate_z_m, 2),
@@ -199,7 +199,7 @@ def test_the_scatter_of_places_can_be_estimated():
 
 def test_a_place_that_nothing_feels_cannot_be_estimated():
     on = rig(repeatability_m=1e-4)
-    conditions = Conditions.of(on, speed_rad_s=np.full((4, 6), 500.0), plate_z_m=np.full(6, 1e6))
+    conditions = Conditions.build(on, speed_rad_s=np.full((4, 6), 500.0), plate_z_m=np.full(6, 1e6))
     with pytest.raises(InputError, match="no point depends on the plate position"):
         problem_from_model(
             model(on).with_free("noise.place_m"), conditions, np.full(6, 10.0), np.full(6, 0.01)
@@ -208,10 +208,10 @@ def test_a_place_that_nothing_feels_cannot_be_estimated():
 
 def test_play_is_an_offset_where_places_are_approached_from_one_side():
     plain = load_rig_by_name("pquad")
-    assert plain.place_sd_m() == pytest.approx(plain.plate.backlash_m / 12.0**0.5)
-    assert plain.place_sd_m(one_sided=True) == 0.0
+    assert plain.position_sd_m() == pytest.approx(plain.plate.backlash_m / 12.0**0.5)
+    assert plain.position_sd_m(one_sided=True) == 0.0
     stated = replace(plain, plate=replace(plain.plate, repeatability_m=5e-5))
-    assert stated.place_sd_m() == stated.place_sd_m(one_sided=True) == 5e-5
+    assert stated.position_sd_m() == stated.position_sd_m(one_sided=True) == 5e-5
 
 
 def still_samples(walk: float, seed: int) -> Recording:

@@ -37,22 +37,22 @@ def region(lower: list[float], upper: list[float]) -> BoundedRegion:
 )
 def test_it_finds_what_scipy_finds(lower, upper):
     search = BoundedSearch.of(curved, WIDE)
-    found = search.minimum(np.zeros(3), region(lower, upper), enough=1e-9, most_steps=40)
+    found = search.minimize(np.zeros(3), region(lower, upper), min_gain=1e-9, max_steps=40)
     theirs = least_squares(
         lambda x: curved(x[None])[:, 0], np.full(3, 0.05), bounds=(lower, upper), xtol=1e-12,
         ftol=1e-12, gtol=1e-12,
     )  # fmt: skip
     assert found.cost == pytest.approx(2.0 * theirs.cost, rel=1e-4)
-    np.testing.assert_allclose(found.at, theirs.x, atol=0.02)  # differences over steps of 0.05
+    np.testing.assert_allclose(found.values, theirs.x, atol=0.02)  # differences over steps of 0.05
 
 
 def test_a_penalty_is_a_prior():
     """One residual (x - 3) beside a prior of width 1/2 about 0: the mean is 3 / (1 + 4)."""
     search = BoundedSearch.of(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
-    found = search.minimum(
+    found = search.minimize(
         np.zeros(1),
         BoundedRegion(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
-        enough=1e-12,
+        min_gain=1e-12,
     )
-    assert found.at[0] == pytest.approx(0.6, rel=1e-6)
+    assert found.values[0] == pytest.approx(0.6, rel=1e-6)
     assert found.cost == pytest.approx(2.4**2 + 4.0 * 0.36, rel=1e-6)

@@ -244,7 +244,7 @@ def test_a_source_that_the_residuals_do_not_show_is_entered_as_stated():
 def level_bench(model: Model) -> Conditions:
     speeds = np.tile([400.0, 600.0], (model.rig.n_rotors, 4))
     z = np.repeat([0.07, 0.12, 0.3, 1e6], 2)
-    return Conditions.of(model.rig, speed_rad_s=speeds, plate_z_m=z, load_direction=1.0)
+    return Conditions.build(model.rig, speed_rad_s=speeds, plate_z_m=z, load_direction=1.0)
 
 
 def test_what_a_model_holds_counts_by_its_prior_or_tolerance():

@@ -39,7 +39,7 @@ def test_the_true_model_foretells_best():
     assert found.scores[0].model == "quad_body_lift"
     assert found.settings == 8
     assert {score.model for score in found.scores[1:]} == {"single", "quad"}
-    assert all(score.clearly_behind for score in found.scores[1:])
+    assert all(score.is_clearly_behind for score in found.scores[1:])
     best = found.scores[0]
     assert SIGMA_N < best.held_out_rms < 0.5 * min(s.held_out_rms for s in found.scores[1:])
     assert best.behind_best == 0.0

@@ -41,7 +41,7 @@ def compared(
     """
     z_over_R = np.repeat(np.array(at), REPEATS)
     rig = truth.rig
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         rig,
         speed_rad_s=np.full((rig.n_rotors, len(z_over_R)), 550.0),
         plate_z_m=z_over_R * rig.propulsion.radius_m,
@@ -79,8 +79,8 @@ def test_the_law_that_made_the_data_is_the_one_that_the_bench_follows(law, value
 
 def test_what_the_scatter_hides_is_not_told_apart():
     found = compared(asked(), sd=0.01, at=(1.0, 1.5, 2.0, 3.0, 5.0))
-    assert found.named("refused") == []
-    assert len(found.named("indistinguishable")) >= 5
+    assert found.find_laws("refused") == []
+    assert len(found.find_laws("indistinguishable")) >= 5
 
 
 def test_a_law_that_misses_more_than_repeats_scatter_is_refused_with_a_free_scale():
@@ -99,15 +99,15 @@ def test_a_law_that_misses_more_than_repeats_scatter_is_refused_with_a_free_scal
 
 def test_a_bench_that_follows_no_formula_follows_the_table_or_none():
     found = compared(asked(), sd=3e-4, bump=0.01)
-    assert found.named("best") in ([], ["monotone_table"])
+    assert found.find_laws("best") in ([], ["monotone_table"])
     assert "follows no" in found.sentence
-    assert "rotor_images" in found.named("refused")
+    assert "rotor_images" in found.find_laws("refused")
 
 
 def test_nearer_than_half_a_radius_only_laws_that_are_finite_there_are_tried():
     truth = asked().with_law("exponential_law", Ca=0.8, Cb=1.5)
     found = compared(truth, sd=3e-4, at=(0.1, 0.3, *FROM_HALF))
-    assert set(found.named("not applied")) == {"rotor_images", "hayden", "power_law"}
+    assert set(found.find_laws("not applied")) == {"rotor_images", "hayden", "power_law"}
     reasons = {score.reason for score in found.scores if score.verdict == "not applied"}
     assert reasons == {"points at z/R 0.1, valid from 0.5"}
     assert found.scores[0].law == "exponential_law"

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.core.errors import EstimationError, InputError, NotConverged
-from benchtool.fit.diagnose import refusal
-from benchtool.fit.ensemble import convergence_of, fit_ensemble, split_rhat
+from benchtool.fit.diagnose import find_error
+from benchtool.fit.ensemble import check_convergence, fit_ensemble, split_rhat
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.sampling import log_probability
 from tests.unit.fit.cases import SMALL, X, free, line_problem
@@ -77,11 +77,11 @@ def test_a_normal_posterior_is_sampled_as_algebra_has_it():
 def test_ensembles_that_disagree_are_seen():
     rng = np.random.default_rng(1)
     chains = rng.standard_normal((400, 4, 8, 2))
-    good = convergence_of(chains)
-    assert good.reached
+    good = check_convergence(chains)
+    assert good.is_converged
     assert np.all(np.abs(good.tau_steps - 1.0) < 0.5)
     chains[:, 2, :, 1] += 0.5
-    bad = convergence_of(chains)
+    bad = check_convergence(chains)
     assert bad.rhat[0] < 1.01 < bad.rhat[1]
     assert not bad.is_mixed
     # A drift within every ensemble shows between their halves.
@@ -93,10 +93,10 @@ def test_too_few_steps_give_advice_and_are_refused():
     result = fit_ensemble(line_problem(), max_steps=60)
     assert result.outcome.status == "not_converged"
     assert "allow more than 60 steps" in result.outcome.message
-    refused = refusal([result])
+    refused = find_error([result])
     assert isinstance(refused, NotConverged)
     assert "allow more than 60 steps" in str(refused)
-    assert refusal([fit_ensemble(line_problem())]) is None
+    assert find_error([fit_ensemble(line_problem())]) is None
 
 
 def test_walkers_are_even_and_enough():

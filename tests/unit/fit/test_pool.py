@@ -55,9 +55,9 @@ def test_one_parameter_is_as_integrated_on_a_grid_of_mean_and_spread():
     found = pool_rigs(schools(), ["K_b"])
     assert found.scale == pytest.approx([s])
     assert found.mean.mean() == pytest.approx(mean, abs=0.15)
-    assert found.own[:, 0, 0].mean() == pytest.approx(first, abs=0.2)
+    assert found.rig_values[:, 0, 0].mean() == pytest.approx(first, abs=0.2)
     np.testing.assert_allclose(np.quantile(found.tau, [0.25, 0.5, 0.75, 0.9]), quantiles, rtol=0.05)
-    assert found.alike[0] == pytest.approx(zero / (1.0 + zero), rel=0.02)
+    assert found.identical_probability[0] == pytest.approx(zero / (1.0 + zero), rel=0.02)
 
 
 def test_a_shared_parameter_is_the_weighted_mean_and_sharpens_the_others():
@@ -65,21 +65,23 @@ def test_a_shared_parameter_is_the_weighted_mean_and_sharpens_the_others():
     rigs = [rig(str(k), np.array([0.5 * k, 3.0 * k]), covariance, ("a", "b")) for k in range(3)]
     apart, together = (pool_rigs(rigs, ["a", "b"], shared) for shared in ((), ("a",)))
     assert np.all(together.tau[:, 0] == 0.0)
-    assert np.nanmax(np.ptp(together.own[:, :, 0], axis=1)) < 1e-9
+    assert np.nanmax(np.ptp(together.rig_values[:, :, 0], axis=1)) < 1e-9
     sure, unsure = (each.differences["b"][0] for each in (together, apart))
-    assert sure.real
+    assert sure.is_significant
     # Two values of variance 1 - 0.9^2 where a is known, hardly pooled at so wide a spread.
     assert sure.sd == pytest.approx(np.sqrt(2.0 * (1.0 - 0.9**2)), rel=0.05)
     assert sure.sd < unsure.sd
-    assert np.isnan(together.alike[0])
+    assert np.isnan(together.identical_probability[0])
 
 
 def test_a_parameter_that_one_rig_lacks_is_pooled_of_the_others():
     whole = [rig(str(k), np.array([k, 9.0 + k]), np.eye(2), ("a", "b")) for k in range(3)]
     lacks = [*whole[:2], rig("2", np.array([2.0]), np.eye(1), ("a",))]
     found, alone = pool_rigs(lacks, ["a", "b"]), pool_rigs(whole[:2], ["b"])
-    assert np.isnan(found.own[:, 2, 1]).all()
-    assert found.own[:, 0, 1].mean() == pytest.approx(alone.own[:, 0, 0].mean(), abs=0.1)
+    assert np.isnan(found.rig_values[:, 2, 1]).all()
+    assert found.rig_values[:, 0, 1].mean() == pytest.approx(
+        alone.rig_values[:, 0, 0].mean(), abs=0.1
+    )
     assert len(found.differences["a"]) == 3
     assert len(found.differences["b"]) == 1
     with pytest.raises(InputError, match="b is in 1 fit of 2; pooling needs 2"):

@@ -12,7 +12,7 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.prior import JointPrior
 from benchtool.fit.problem import function_problem
-from benchtool.physics.bases import factor_at
+from benchtool.physics.bases import ground_effect_ratio
 from tests.unit.fit.cases import (
     QUAD_TRUTH,
     free,
@@ -109,7 +109,7 @@ def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference():
     made = model.with_values(model.parameters.with_values(np.array([*truth.values()])))
     ratio = made.thrust_N(near) / made.thrust_N(parked)
     bare = made.without("tare_offset").without("load_cell_drift")
-    assert np.ptp(ratio / factor_at(bare, "equal_rpm2", near)) > 1e-3
+    assert np.ptp(ratio / ground_effect_ratio(bare, "equal_rpm2", near)) > 1e-3
     at = model.with_fixed("k", QUAD_TRUTH["k"])
     problem = problem_from_model(
         at, near, ratio, np.full(35, 0.01), basis="equal_rpm2", reference=parked
@@ -123,7 +123,7 @@ def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference():
 def test_ratios_hold_the_thrust_coefficient():
     model, conditions = quad_model(), quad_conditions()
     made = model.with_values(model.parameters.with_values(np.array([*QUAD_TRUTH.values()])))
-    truth = factor_at(made, "equal_rpm2", conditions)
+    truth = ground_effect_ratio(made, "equal_rpm2", conditions)
     problem = problem_from_model(
         model, conditions, truth, np.full(len(truth), 0.01), basis="equal_rpm2"
     )

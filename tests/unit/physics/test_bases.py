@@ -16,10 +16,10 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.recipe import Basis
 from benchtool.physics.bases import (
-    factor_at,
+    ground_effect_ratio,
     thrust_per_power_N_W,
     thrust_ratio,
-    with_blades_of_rig,
+    with_rig_blades,
 )
 from benchtool.physics.blade_element import (
     inflow_at_equal_thrust,
@@ -79,7 +79,7 @@ def measured(basis: Basis, radius_m: float, parked_m: float, rig: Rig) -> NDArra
 
 
 def sweep(rig: Rig, z_m: Any, **options: Any) -> Conditions:
-    return Conditions.of(
+    return Conditions.build(
         rig, speed_rad_s=SPEED_RAD_S[None, :], plate_z_m=np.broadcast_to(z_m, (6,)), **options
     )
 
@@ -87,7 +87,7 @@ def sweep(rig: Rig, z_m: Any, **options: Any) -> Conditions:
 @pytest.mark.parametrize("basis", RATIOS)
 def test_a_ratio_at_any_basis_gives_the_same_radius(basis):
     rig, true_m, parked_m = bladed("pquad_single"), 0.128, 1.0
-    model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
+    model = with_rig_blades(Model.single(rig)).with_free("R_m")
     observed = measured(basis, true_m, parked_m, rig)
     near, reference, u = sweep(rig, Z_M), sweep(rig, parked_m), np.full(6, 1e-4)
     problem = problem_from_model(model, near, observed, u, basis=basis, reference=reference)
@@ -100,7 +100,7 @@ def test_a_ratio_at_any_basis_gives_the_same_radius(basis):
 def test_speeds_from_pulses_are_those_near_the_plate():
     """Same points with measured speeds or speeds from pulse widths: equal ratios at equal pulse."""
     rig = bladed("pquad")
-    model = with_blades_of_rig(Model.single(rig).with_effect("neighbour_images"))
+    model = with_rig_blades(Model.single(rig).with_effect("neighbour_images"))
     values = model.parameters.values_array()
     pulses = sweep(rig, Z_M, speed_measured=False, plate_x_m=0.6)
     far = pulses.out_of_ground_effect()
@@ -118,7 +118,7 @@ def test_speeds_from_pulses_are_those_near_the_plate():
 
 def test_without_blades_every_basis_is_the_papers():
     rig = load_rig_by_name("pquad_single")
-    assert with_blades_of_rig(Model.single(rig)).effects == Model.single(rig).effects
+    assert with_rig_blades(Model.single(rig)).effects == Model.single(rig).effects
     model = Model.single(bladed("pquad_single"))
     values = model.parameters.values_array()
     near, far = sweep(rig, Z_M), sweep(rig, 1e6)
@@ -130,7 +130,7 @@ def test_without_blades_every_basis_is_the_papers():
 
 def test_equal_pulse_width_without_a_motor_is_rejected():
     rig = bladed("pquad_single", None)
-    model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
+    model = with_rig_blades(Model.single(rig)).with_free("R_m")
     with pytest.raises(InputError, match=r"no \[motor\] table, .*governed = true"):
         problem_from_model(model, sweep(rig, Z_M), np.ones(6), basis="equal_pwm")
     power = problem_from_model(model, sweep(rig, Z_M), np.ones(6), basis="equal_power")
@@ -142,7 +142,7 @@ def test_thrust_per_power_follows_from_thrust_and_torque():
     for motor in (MOTOR, None):
         rig = bladed("pquad_single", motor)
         k, c = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.drag_coefficient_Nm_s2
-        model = with_blades_of_rig(Model.single(rig))
+        model = with_rig_blades(Model.single(rig))
         expected = []
         for z, w in zip(Z_M, SPEED_RAD_S, strict=True):
             t, q = response(0.12, z)
@@ -154,4 +154,4 @@ def test_thrust_per_power_follows_from_thrust_and_torque():
         near = thrust_per_power_N_W(model, sweep(rig, Z_M))
         np.testing.assert_allclose(near, expected, rtol=1e-12)
         far = thrust_per_power_N_W(model, sweep(rig, Z_M).out_of_ground_effect())
-        assert np.all(near / far > factor_at(model, "equal_rpm2", sweep(rig, Z_M)))
+        assert np.all(near / far > ground_effect_ratio(model, "equal_rpm2", sweep(rig, Z_M)))

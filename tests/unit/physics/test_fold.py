@@ -13,7 +13,7 @@ import pytest
 
 from benchtool.physics import expression as compiling
 from benchtool.physics.expression import compiled_closure, expression
-from benchtool.physics.fold import BoundHook, chained, multiply_hooks, summed, unrolled
+from benchtool.physics.fold import BoundHook, chain_hooks, multiply_hooks, sum_hooks, unrolled
 
 
 class Two(NamedTuple):
@@ -55,17 +55,20 @@ def apply_changes(i: int, quantity: Any, flow: Any, p: Any) -> Any:
 
 
 CASES = {
-    "sum": (lambda i, flow, p: summed(TERMS)(i, flow, p), sum_terms),
+    "sum": (lambda i, flow, p: sum_hooks(TERMS)(i, flow, p), sum_terms),
     "product": (
         lambda i, flow, p: multiply_hooks(TERMS[:2])(i, 1.5, flow, p),
         lambda i, flow, p: 1.5 * (p[0] * flow[i] + p[1]) * flow[i] ** p[2],
     ),
     "chain": (
-        lambda i, flow, p: chained(CHANGES)(i, 0.9, flow, p),
+        lambda i, flow, p: chain_hooks(CHANGES)(i, 0.9, flow, p),
         lambda i, flow, p: apply_changes(i, 0.9, flow, p),
     ),
-    "nothing to add": (lambda i, flow, p: summed(())(i, flow, p), lambda i, flow, p: 0.0),
-    "nothing to change": (lambda i, flow, p: chained(())(i, 7.0, flow, p), lambda i, flow, p: 7.0),
+    "nothing to add": (lambda i, flow, p: sum_hooks(())(i, flow, p), lambda i, flow, p: 0.0),
+    "nothing to change": (
+        lambda i, flow, p: chain_hooks(())(i, 7.0, flow, p),
+        lambda i, flow, p: 7.0,
+    ),
 }
 
 
@@ -79,8 +82,8 @@ def test_combined_hooks_equal_the_explicit_expression(name):
 def test_a_compiled_loop_gives_the_same_numbers():
     numba = pytest.importorskip("numba")
     compiling.compile_expressions()
-    total = unrolled(3, expression(lambda i, flow, p: summed(TERMS)(i, flow, p)))
-    fold, change_all = summed(TERMS), chained(CHANGES)
+    total = unrolled(3, expression(lambda i, flow, p: sum_hooks(TERMS)(i, flow, p)))
+    fold, change_all = sum_hooks(TERMS), chain_hooks(CHANGES)
 
     @numba.njit(error_model="numpy")
     def loop(flow, p):
@@ -96,7 +99,7 @@ def test_a_compiled_loop_gives_the_same_numbers():
 
 def loop_over(count: int) -> Any:
     """Return a compiled loop over the first `count` terms; all loops have the same source."""
-    total = summed(TERMS[:count])
+    total = sum_hooks(TERMS[:count])
 
     def run(flow, p):
         out = 0.0
@@ -131,7 +134,7 @@ def test_a_second_process_compiles_nothing(tmp_path):
     """Closures from the same source line are distinguished by their keys."""
     pytest.importorskip("numba")
     first, second = run_in_process(tmp_path), run_in_process(tmp_path)
-    expected = [sum(summed(TERMS[:count])(i, FLOW, P) for i in range(3)) for count in (1, 3)]
+    expected = [sum(sum_hooks(TERMS[:count])(i, FLOW, P) for i in range(3)) for count in (1, 3)]
     assert [float(row[0]) for row in first] == pytest.approx(expected, rel=1e-15)
     assert [row[0] for row in second] == [row[0] for row in first]
     assert [row[1:] for row in first] == [["0", "1"], ["0", "1"]]

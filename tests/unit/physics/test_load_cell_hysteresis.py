@@ -56,7 +56,7 @@ def test_the_direction_is_from_a_column_or_the_order_of_points():
 
 def test_unloading_reads_twice_the_half_width_more_and_a_tare_row_zero():
     model = Model.single(RIG).with_effect("load_cell_hysteresis", half_width_N=0.1)
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         RIG,
         speed_rad_s=np.array([[400.0, 400.0, 0.0]]),
         plate_z_m=np.full(3, 1e6),

@@ -9,7 +9,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.physics.bases import factor_at
+from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.partial_coverage import factors
 from benchtool.physics.model import Model
@@ -23,7 +23,7 @@ SPEEDS = np.full((4, 1), 576.0)
 def test_the_model_of_the_quadrotor_is_eq_2_3_and_4():
     rig = load_rig_by_name("pquad")
     radius, spacing = rig.propulsion.radius_m, rig.disc_distances_m[0, 1]
-    conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
+    conditions = Conditions.build(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
     single = Model.single(rig)
     quad = single.with_effect("neighbour_images")
     lifted = quad.with_effect("body_lift", K_b=2.0)
@@ -33,7 +33,9 @@ def test_the_model_of_the_quadrotor_is_eq_2_3_and_4():
         (quad, quad_factor(radius, Z_M, spacing)),
         (lifted, quad_body_lift_factor(radius, Z_M, spacing, half, 2.0)),
     ):
-        np.testing.assert_allclose(factor_at(model, "equal_rpm2", conditions), expected, rtol=1e-12)
+        np.testing.assert_allclose(
+            ground_effect_ratio(model, "equal_rpm2", conditions), expected, rtol=1e-12
+        )
         thrust = 4.0 * rig.propulsion.thrust_coefficient_N_s2 * 576.0**2 * expected
         np.testing.assert_allclose(model.thrust_N(conditions), thrust, rtol=1e-12)
 
@@ -41,10 +43,12 @@ def test_the_model_of_the_quadrotor_is_eq_2_3_and_4():
 def test_coaxial_rotors_count_as_one_disc():
     rig = load_rig_by_name("amuse")
     z = np.array([1.0, 2.0]) * rig.propulsion.radius_m
-    conditions = Conditions.of(rig, speed_rad_s=np.full((8, 1), 400.0), plate_z_m=z)
+    conditions = Conditions.build(rig, speed_rad_s=np.full((8, 1), 400.0), plate_z_m=z)
     model = Model.single(rig).with_effect("neighbour_images")
     expected = quad_factor(rig.propulsion.radius_m, z, rig.disc_distances_m[0, 1])
-    np.testing.assert_allclose(factor_at(model, "equal_rpm2", conditions), expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        ground_effect_ratio(model, "equal_rpm2", conditions), expected, rtol=1e-12
+    )
     assert model.thrust_N(conditions)[0] == pytest.approx(
         8 * rig.propulsion.thrust_coefficient_N_s2 * 400.0**2 * expected[0]
     )
@@ -57,13 +61,13 @@ def test_area_factors_follow_their_shares():
     shares = {f"partial_coverage.share_{k + 1}": v for k, v in enumerate((0.5, 0.2, 0.5))}
     for name, value in shares.items():
         model = model.with_fixed(name, value)
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         model.rig,
         speed_rad_s=np.array([576.0]),
         plate_z_m=np.full(3, radius),
         coverage=np.array([[0.25, 0.5, 0.75]]),
     )
-    increment = factor_at(model, "equal_rpm2", conditions) - 1.0
+    increment = ground_effect_ratio(model, "equal_rpm2", conditions) - 1.0
     full = single_rotor_factor(radius, radius) - 1.0
     np.testing.assert_allclose(increment / full, factors([0.5, 0.2, 0.5]), rtol=1e-12)
 
@@ -72,8 +76,8 @@ def test_effects_on_speed_apply_only_to_speeds_that_were_not_measured():
     rig = load_rig_by_name("pquad")
     model = Model.single(rig).with_effect("battery_sag", rate_per_s=0.001)
     common = {"speed_rad_s": SPEEDS, "plate_z_m": Z_M, "time_s": 100.0}
-    measured = Conditions.of(rig, **common)
-    commanded = Conditions.of(rig, **common, speed_measured=False)
+    measured = Conditions.build(rig, **common)
+    commanded = Conditions.build(rig, **common, speed_measured=False)
     np.testing.assert_allclose(
         model.thrust_N(commanded), 0.81 * model.thrust_N(measured), rtol=1e-12
     )

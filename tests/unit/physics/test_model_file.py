@@ -25,11 +25,11 @@ def test_a_library_model_round_trips(name):
         effect.name for effect in loaded.model.effects
     ]
     conditions = (
-        Conditions.of(
+        Conditions.build(
             loaded.model.rig, speed_rad_s=np.array([500.0]), plate_z_m=np.array([0.1, 0.2])
         )
         if loaded.model.rig.n_rotors == 1
-        else Conditions.of(
+        else Conditions.build(
             loaded.model.rig,
             speed_rad_s=np.full((loaded.model.rig.n_rotors, 1), 500.0),
             plate_z_m=np.array([0.1, 0.2]),

@@ -19,7 +19,7 @@ from benchtool.physics.wake_rules import WAKE_RULES, wake_rule
 
 def over_plate(model: Model, **position: float) -> Conditions:
     """Return conditions with all rotors running over a large plate at 0.2 m, fully covered."""
-    return Conditions.of(
+    return Conditions.build(
         model.rig,
         speed_rad_s=np.full(model.rig.n_rotors, 500.0),
         plate_z_m=np.array([0.2]),

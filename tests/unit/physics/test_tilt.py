@@ -7,13 +7,13 @@ import pytest
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.physics.bases import factor_at
+from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import partial_factor
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
-from benchtool.physics.precomputed import Prepared
+from benchtool.physics.precomputed import PrecomputedModel
 from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
 
@@ -29,7 +29,7 @@ def quad(rule: str = "axis", **changes: str) -> Model:
 
 def over(z_m: float, tilt_rad: float, coverage: tuple[float, ...] = (1.0,) * 4) -> Conditions:
     """Return conditions with a plate at distance z from the body's centre, along the normal."""
-    return Conditions.of(
+    return Conditions.build(
         RIG,
         speed_rad_s=np.full(4, 550.0),
         plate_z_m=np.array([z_m / np.cos(tilt_rad)]),
@@ -79,14 +79,14 @@ def test_a_precomputed_model_equals_the_model_under_tilt(rule, free):
     model = model.with_effect("plate_tilt", angle_rad=0.02).with_free(*free)
     m = 12
     speeds = np.where(np.arange(m) % 3 == 0, np.array([[1.0], [1.0], [0.0], [1.0]]), 1.0) * 550.0
-    conditions = Conditions.of(
+    conditions = Conditions.build(
         RIG,
         speed_rad_s=speeds,
         plate_z_m=np.linspace(0.15, 0.6, m),
         plate_x_m=np.linspace(-0.3, 0.3, m),
         plate_tilt_rad=np.linspace(-0.1, 0.1, m),
     )
-    precomputed, values = Prepared(model, conditions), model.parameters.values_array()
+    precomputed, values = PrecomputedModel(model, conditions), model.parameters.values_array()
     for step in (0.0, 0.01, -0.013):
         values[list(model.parameters).index(free[0])] += step
         np.testing.assert_allclose(
@@ -96,8 +96,10 @@ def test_a_precomputed_model_equals_the_model_under_tilt(rule, free):
 
 def test_a_rotor_at_rest_has_no_thrust_over_a_plate_of_free_height():
     model = Model.single(load_rig_by_name("pquad_single")).with_effect("plate_offset")
-    stopped = Conditions.of(model.rig, speed_rad_s=np.zeros((1, 2)), plate_z_m=np.array([0.1, 0.2]))
-    precomputed = Prepared(model.with_free("plate_offset.dz_m"), stopped, merge=False)
+    stopped = Conditions.build(
+        model.rig, speed_rad_s=np.zeros((1, 2)), plate_z_m=np.array([0.1, 0.2])
+    )
+    precomputed = PrecomputedModel(model.with_free("plate_offset.dz_m"), stopped, merge=False)
     assert not precomputed.thrust_N(model.parameters.values_array()).any()
 
 
@@ -109,8 +111,8 @@ def test_all_laws_of_distance_apply_along_the_rotor_axis():
             continue
         model = bare.with_effect(effect)
         terms = [
-            1.0 - 1.0 / factor_at(
-                model, "equal_rpm2", Conditions.of(
+            1.0 - 1.0 / ground_effect_ratio(
+                model, "equal_rpm2", Conditions.build(
                     model.rig,
                     speed_rad_s=np.array([550.0]),
                     plate_z_m=np.array([0.15 / np.cos(tilt_rad)]),

@@ -9,7 +9,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import model_from_toml
-from benchtool.physics.tolerances import tolerances, with_tolerances
+from benchtool.physics.tolerances import model_tolerances, with_tolerances
 
 ON_THE_BEAM = {  # from the owner of the pitch bench
     "coulomb_friction.torque_Nm": 0.002,
@@ -35,7 +35,7 @@ def with_all(rig: Rig) -> Model:
 
 
 def test_tolerances_of_the_beam_are_those_of_its_owner():
-    values = tolerances(with_all(load_rig_by_name("beam")), "pitch")
+    values = model_tolerances(with_all(load_rig_by_name("beam")), "pitch")
     assert {name: values[name] for name in ON_THE_BEAM} == pytest.approx(ON_THE_BEAM, rel=1e-12)
 
 
@@ -52,7 +52,7 @@ torque_Nm = { value = 0.0, tolerance = 0.07 }
 x_m = 0.0
 """
     model = model_from_toml(text, "stated.toml").model
-    assert tolerances(model) == pytest.approx(
+    assert model_tolerances(model) == pytest.approx(
         {
             "rotor_images.own_strength": 0.05,
             "coulomb_friction.torque_Nm": 0.07,

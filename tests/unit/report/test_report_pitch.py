@@ -15,13 +15,13 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import read_recording
-from benchtool.explain.pitch.replay import ReplayInputs, controller_of_run, run_replay
-from benchtool.explain.pitch.replay_track import LEAST_RAD, pitch_track, tracking_error
+from benchtool.explain.pitch.replay import ReplayInputs, find_controller, run_replay
+from benchtool.explain.pitch.replay_track import MIN_LIMIT_RAD, pitch_track, tracking_error
 from benchtool.physics.model_file import load_model
 from benchtool.report.replay.page import errors_deg
-from benchtool.report.report_file import kind_of, page_text
-from benchtool.simulate.controllers.laws import pitch_controller
-from benchtool.simulate.gain_file import gains_named
+from benchtool.report.report_file import detect_kind, page_text
+from benchtool.simulate.controllers.laws import build_pitch_controller
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
@@ -37,7 +37,7 @@ KNOWN = {"controller": "pid", "gains": "s3"}
 def flown():
     """Fly 12 s with a step of the reference and the plate under rotor 1 from 6 to 9 s."""
     model = load_model(MODEL).model
-    control = pitch_controller("pid", gains_named("s3"))
+    control = build_pitch_controller("pid", load_gains("s3"))
     schedule = Schedule(
         name="short",
         title="a step, then the plate",
@@ -47,7 +47,7 @@ def flown():
     )
     rig = model.rig
     sampled = schedule.sampled(control.control_rate_Hz, rig.propulsion.radius_m)
-    run = simulate_pitch(PitchJob(PitchBench.of(model), control), sampled, seed=4)
+    run = simulate_pitch(PitchJob(PitchBench.from_model(model), control), sampled, seed=4)
     return run.recording(rig, {"model": MODEL, **KNOWN})
 
 
@@ -91,7 +91,7 @@ def test_logged_pulses_drive_the_plant_to_what_was_recorded(log):
     track = pitch_track(read_recording(log))
     run, warned = run_replay(track, ReplayInputs(model=MODEL, plate_z_m=0.12), {})
     assert run is not None
-    assert run.by == "pulses"
+    assert run.driven_by == "pulses"
     assert warned == []
     recorded, simulated = errors_deg(track, run)
     apart = np.sqrt(np.nanmean((recorded - simulated) ** 2))
@@ -101,7 +101,7 @@ def test_logged_pulses_drive_the_plant_to_what_was_recorded(log):
     assert apart < 0.5
     without, _ = run_replay(track, ReplayInputs(model="pitch_pquad", plate_z_m=0.99), {})
     assert without is not None
-    inside = track.any_over > 0.0
+    inside = track.max_coverage > 0.0
     far = errors_deg(track, without)[1]
     assert np.sqrt(np.nanmean((recorded - far)[inside] ** 2)) > 3.0 * np.sqrt(
         np.nanmean((recorded - simulated)[inside] ** 2)
@@ -112,8 +112,8 @@ def test_a_known_controller_flies_the_same_reference_and_windows(flown):
     track = pitch_track(flown)
     run, _ = run_replay(track, ReplayInputs(model=MODEL), KNOWN)
     assert run is not None
-    assert run.by == "controller"
-    assert "controller pid with gains s3" in run.words
+    assert run.driven_by == "controller"
+    assert "controller pid with gains s3" in run.description
     recorded, simulated = errors_deg(track, run)
     # Noise of its own; the reference and the plate are the same.
     assert np.sqrt(np.nanmean((recorded - simulated) ** 2)) < 0.5
@@ -123,7 +123,7 @@ def test_a_known_controller_flies_the_same_reference_and_windows(flown):
 
 
 def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
-    assert kind_of(log) == "recording"
+    assert detect_kind(log) == "recording"
     page = page_text([log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12))
     check_self_contained(page)
     text, facts = words_of(page), facts_of(page)
@@ -131,7 +131,7 @@ def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
     track = pitch_track(read_recording(log))
     run, _ = run_replay(track, ReplayInputs(model=MODEL, plate_z_m=0.12), {})
     recorded, simulated = errors_deg(track, run)
-    inside = track.any_over > 0.0
+    inside = track.max_coverage > 0.0
     rows = rows_of(page, "Pitch minus reference")
     for cells, part in zip(rows, (inside, ~inside), strict=True):
         for shown, errors in ((cells[2], recorded), (cells[4], simulated)):
@@ -178,13 +178,16 @@ def test_how_far_a_run_may_be_from_its_log(flown):
         tracking_error(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
     )
     away = 2.0 * mean - track.theta_rad  # the same swing the opposite way: two swings away
-    assert swing > LEAST_RAD
+    assert swing > MIN_LIMIT_RAD
     assert "the error of a constant" in tracking_error(track, track.time_s, away, "pulses")
     farther = mean + 1.2 * (away - mean)
     assert "the opposite motion" in tracking_error(track, track.time_s, farther, "controller")
     # A log that stands still: noise alone parts a run from it.
     still = replace(track, theta_rad=np.zeros(len(track)))
-    assert tracking_error(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
+    assert (
+        tracking_error(still, track.time_s, np.full(len(track), 0.9 * MIN_LIMIT_RAD), "pulses")
+        == ""
+    )
     assert "42.0°" in tracking_error(
         still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses"
     )
@@ -195,7 +198,7 @@ def test_how_far_a_run_may_be_from_its_log(flown):
     assert "its range is 12°" in tracking_error(never, track.time_s, jump, "pulses")
     # A miss over the surface counts, however long the rest is.
     long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
-    bad = np.where(long.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
+    bad = np.where(long.max_coverage > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
     assert "42.0° RMS over the surface" in tracking_error(long, track.time_s, bad, "controller")
 
 
@@ -228,14 +231,14 @@ def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown):
 
 
 def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it():
-    assert controller_of_run({}, ReplayInputs()) is None
-    assert controller_of_run({"controller": "pid"}, ReplayInputs()) is None
-    assert controller_of_run({"controller": "mine.py:Own", "gains": "s3"}, ReplayInputs()) is None
-    found = controller_of_run({"controller": "observer", "gains": "s3"}, ReplayInputs())
+    assert find_controller({}, ReplayInputs()) is None
+    assert find_controller({"controller": "pid"}, ReplayInputs()) is None
+    assert find_controller({"controller": "mine.py:Own", "gains": "s3"}, ReplayInputs()) is None
+    found = find_controller({"controller": "observer", "gains": "s3"}, ReplayInputs())
     assert found is not None
     assert found.observer
     with pytest.raises(InputError, match="pdi"):
-        controller_of_run({}, ReplayInputs(controller="pdi", gains="s3"))
+        find_controller({}, ReplayInputs(controller="pdi", gains="s3"))
 
 
 def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path, capsys):
@@ -248,5 +251,5 @@ def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path, 
     facts = facts_of(page)
     assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
     track = pitch_track(read_pitch(run))
-    told = np.sqrt(np.nanmean(errors_deg(track, None)[0][track.any_over > 0.0] ** 2))
+    told = np.sqrt(np.nanmean(errors_deg(track, None)[0][track.max_coverage > 0.0] ** 2))
     assert facts["RMS pitch error, over a surface"] == f"{told:.2f}°"

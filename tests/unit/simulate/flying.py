@@ -16,14 +16,14 @@ from benchtool.simulate.flight.ground import Below
 from benchtool.simulate.flight.records import geometry_slot
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from tests.unit.simulate.euler_lagrange import from_euler
 
 PQUAD = FlightVehicle.of_rig(load_rig_by_name("pquad"))
 
 
 def case(name: str = "over", gains: str = "s3", **numbers: object) -> FlightCase:
-    return flight_case(name, PQUAD, gains_named(gains), **numbers)  # type: ignore[arg-type]
+    return flight_case(name, PQUAD, load_gains(gains), **numbers)  # type: ignore[arg-type]
 
 
 def flown(name: str = "over", gains: str = "s3", **numbers: object) -> Flight:
@@ -36,7 +36,7 @@ def look_below(
 ) -> Below:  # fmt: skip
     """Return what a flight finds below a vehicle at a place (m) in an attitude (rad)."""
     stands = FlightCase(
-        name="", vehicle=vehicle, gains=gains_named("s3"), below=environment, start_m=place
+        name="", vehicle=vehicle, gains=load_gains("s3"), below=environment, start_m=place
     )
     loop = FlightLoop(stands)
     turned = dict(zip(("qw", "qx", "qy", "qz"), from_euler(*attitude), strict=True))

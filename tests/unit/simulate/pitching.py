@@ -8,9 +8,9 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.laws import build_pitch_controller
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 
@@ -20,12 +20,12 @@ def quiet_bench(rig: str = "beam", **effects: dict[str, float]) -> PitchBench:
     model = Model.single(load_rig_by_name(rig))
     for name, values in effects.items():
         model = model.with_effect(name, **values)
-    return PitchBench.of(model, sensors={}, pwm_quantum_us=0.0)
+    return PitchBench.from_model(model, sensors={}, pwm_quantum_us=0.0)
 
 
 def noisy_bench(model: str = "pitch_pquad") -> PitchBench:
     """Return a shipped bench with all its noise."""
-    return PitchBench.of(load_model(model).model)
+    return PitchBench.from_model(load_model(model).model)
 
 
 def nobody() -> PitchControl:
@@ -35,7 +35,7 @@ def nobody() -> PitchControl:
 
 def soft(name: str = "pid", feedforward: Feedforward | None = None) -> PitchControl:
     """Return a built-in controller with the gains of the paper's baseline."""
-    return pitch_controller(name, gains_named("s3"), feedforward)
+    return build_pitch_controller(name, load_gains("s3"), feedforward)
 
 
 def job(bench: PitchBench, control: PitchControl | None = None) -> PitchJob:

@@ -19,7 +19,7 @@ from benchtool.physics.model_file import load_model
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal, fly
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
@@ -93,7 +93,7 @@ def test_in_flight_the_torque_turns_the_vehicle_where_blades_answer(rig):
     expected = torque_at_equal_speed(kappa, m, share) if rig.blade else np.ones(4)
     np.testing.assert_allclose(below.drag, expected, rtol=1e-13)
     case = FlightCase(
-        name="edge", vehicle=vehicle, gains=gains_named("s3"), below=edge, start_m=(0.0, 0.0, 0.12),
+        name="edge", vehicle=vehicle, gains=load_gains("s3"), below=edge, start_m=(0.0, 0.0, 0.12),
         goals=(Goal(x_m=0.0, z_m=0.12),), duration_s=0.1, log_Hz=250.0,
     )  # fmt: skip
     turned = np.abs(fly(case)["r_rad_s"]).max()

@@ -17,12 +17,12 @@ from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, with_changes
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 
 SETUP = FlightSetup(
     case="over",
     vehicle=FlightVehicle.of_rig(load_rig_by_name("pquad")),
-    gains=gains_named("s3"),
+    gains=load_gains("s3"),
     gyro_noise_rad_s=0.015,
 )
 
@@ -42,7 +42,7 @@ def test_every_row_is_the_flight_as_flown_alone():
     ]
     again = list(campaign(OGE, "pid").rows(design, threads=1))
     pd.testing.assert_frame_equal(pd.DataFrame(again), pd.DataFrame(rows))
-    slow = with_changes(SETUP, {"speed_m_s": 0.2}).flown("pid", 6)
+    slow = with_changes(SETUP, {"speed_m_s": 0.2}).build_case("pid", 6)
     for row, case in ((rows[5], slow), (rows[1], replace(slow, below=Environment()))):
         found = measure(fly(case))
         assert row["rms_pitch_deg"] == found.rms_pitch_deg

@@ -15,9 +15,9 @@ from benchtool.simulate.controllers.flight_law import (
     pitch_command,
     velocity_command,
 )
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 
-POSITION = gains_named("s3").position
+POSITION = load_gains("s3").position
 LOOP = PositionLoop(*(getattr(POSITION, name) for name in PositionLoop._fields))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
-from benchtool.simulate.gain_file import gain_names, gains_named
+from benchtool.simulate.gain_file import gain_names, load_gains
 
 
 def estimated(rates_per_s: float | np.ndarray, known: np.ndarray, disturbance: np.ndarray,
@@ -37,7 +37,7 @@ def test_switched_on_it_starts_from_zero():
 
 def test_the_published_numbers():
     assert gain_names() == ("s1a", "s3", "stiff")
-    s3, s1a, stiff = (gains_named(name) for name in ("s3", "s1a", "stiff"))
+    s3, s1a, stiff = (load_gains(name) for name in ("s3", "s1a", "stiff"))
     shown = [
         (
             set_.position.k_x_per_s,
@@ -57,7 +57,7 @@ def test_the_published_numbers():
 
 
 def test_a_factor_acts_on_the_gains_of_a_table_and_leaves_limits_alone():
-    before = gains_named("stiff")
+    before = load_gains("stiff")
     after = before.with_values(attitude=1.5)
     assert after.attitude.k_q_per_s == pytest.approx(18.0)
     assert after.attitude.k_i_q_per_s2 == pytest.approx(7.5)

@@ -65,7 +65,7 @@ def test_levels_visited_up_and_down_read_as_the_settled_model_says():
         bench.command_pwm(np.array([pwm_us]))
         bench.advance(400)
         shown = bench.advance(10)[-1, thrust]
-        settled = Conditions.of(
+        settled = Conditions.build(
             RIG_PLAY,
             speed_rad_s=np.array([max(0.0, pwm_us - 1050.0) * 1.05]),
             plate_z_m=np.array([RIG_PLAY.plate.z_park_m]),
@@ -87,7 +87,7 @@ def settled_rad(load: float, give_rad: float) -> float:
     model = model.with_effect("cog_offset", x_m=offset_m).with_effect(
         "viscous_friction", damping_Nms=0.2
     )
-    bench = PitchBench.of(model, sensors={}, plant_rate_Hz=500.0)
+    bench = PitchBench.from_model(model, sensors={}, plant_rate_Hz=500.0)
     row, rotors = np.zeros(ROWS), np.zeros((RIG.n_discs, ROWS))
     logged = LoggedPitch(
         rate_Hz=250.0, pwm_us=rotors + RIG.propulsion.pwm_start_us, plate_z_m=row + 1.0,

@@ -10,7 +10,7 @@ from benchtool.explain.pitch.filter import pitch_filter
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, filter_log, predict_windows
 from benchtool.simulate.pitch.run import PitchJob
@@ -20,11 +20,11 @@ RATE_HZ = 250.0
 
 
 def bench_of(model: Model) -> PitchBench:
-    return PitchBench.of(model, pwm_quantum_us=1.0)
+    return PitchBench.from_model(model, pwm_quantum_us=1.0)
 
 
 def logged_from(model: Model, seed: int) -> LoggedPitch:
-    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
+    control = PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ)
     schedule = load_schedule("identify").sampled(RATE_HZ, model.rig.propulsion.radius_m)
     run = simulate_pitch(PitchJob(bench_of(model), control), schedule, seed)
     return LoggedPitch(
@@ -40,7 +40,7 @@ def logged_from(model: Model, seed: int) -> LoggedPitch:
 
 
 def whitened(model: Model, logged: LoggedPitch) -> tuple[np.ndarray, np.ndarray]:
-    bench = PitchBench.of(model, plant_rate_Hz=1000.0)
+    bench = PitchBench.from_model(model, plant_rate_Hz=1000.0)
     filter_ = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True)
     found = filter_log([bench], logged, filter_.gains)
     innovation = np.array(
@@ -71,7 +71,9 @@ def test_the_true_plant_leaves_white_noise_of_unit_size(true_model):
 def test_windows_of_a_log_are_what_its_parts_are_alone(true_model):
     model = true_model.with_effect("transport_delay", delay_s=0.006)
     logged = logged_from(model, 3)
-    benches = [PitchBench.of(model.with_fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)]
+    benches = [
+        PitchBench.from_model(model.with_fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)
+    ]
     states = [np.full((5, 2), 0.01 * k) for k in (1, 2)]
     for state in states:
         state[3:] = 600.0

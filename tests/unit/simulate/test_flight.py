@@ -13,15 +13,15 @@ from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.measures import arrival_s, count_push_backs, measure
 from benchtool.simulate.flight.study import fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.flight.warnings import warnings_of
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.flight.warnings import collect_warnings
+from benchtool.simulate.gain_file import load_gains
 from tests.unit.simulate.flight_table import TABLE, Row
 from tests.unit.simulate.flying import PQUAD, Slice, case, flown
 
 
 @pytest.mark.parametrize("row", TABLE, ids=Row.label)
 def test_the_notes_table(row):
-    found = measure(fly(row.case(PQUAD, gains_named("s3"))))
+    found = measure(fly(row.case(PQUAD, load_gains("s3"))))
     assert row.departures(found) == []
 
 
@@ -34,9 +34,7 @@ def test_in_the_plane_it_is_the_planar_model(lag_s, rounding):
     """
     vehicle = PQUAD.with_numbers(lag_s=lag_s)
     flight = fly(
-        flight_case(
-            "edge", vehicle, gains_named("s3"), speed_m_s=1.0, duration_s=12.0, log_Hz=250.0
-        )
+        flight_case("edge", vehicle, load_gains("s3"), speed_m_s=1.0, duration_s=12.0, log_Hz=250.0)
     )
     planar = Slice(goal_m=2.8, speed_m_s=1.0).fly(12.0, lag_s)
     ours = np.column_stack([flight[n] for n in ("time_s", "x_m", "z_m", "pitch_rad")])
@@ -83,7 +81,7 @@ def test_a_vehicle_comes_from_a_model():
     short = replace(case(duration_s=4.0), vehicle=FlightVehicle(model=quad))
     beside = replace(short, vehicle=hinged)
     np.testing.assert_array_equal(fly(beside).log, fly(short).log)
-    said = warnings_of([fly_and_measure(beside)] * 2)
+    said = collect_warnings([fly_and_measure(beside)] * 2)
     assert "coulomb_friction: effects of the model that do not act in flight; ignored" in said
 
 

@@ -18,8 +18,8 @@ from benchtool.simulate.controllers.controller import (
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Goal, fly
 from benchtool.simulate.flight.user_controller import fly_user_controller
-from benchtool.simulate.gain_file import gains_named
-from benchtool.simulate.user_controller import make_controllers
+from benchtool.simulate.gain_file import load_gains
+from benchtool.simulate.user_controller import make_controller
 from tests.unit.simulate.flying import PQUAD, case
 
 SHORT = case(duration_s=0.4)
@@ -46,7 +46,7 @@ class Cascade:
         return 1.5 * off + self.integral[axis]
 
     def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> FlightCommand:
-        gains = gains_named("s3")
+        gains = load_gains("s3")
         ax = self.acceleration(0, want.x_m - seen.x_m, want.speed_m_s, seen.vx_m_s, dt_s)
         limit = gains.position.pitch_limit_rad
         pitch = limited(ax / 9.81, limit)
@@ -73,8 +73,8 @@ class Hover:
 def test_the_same_law_in_python_gives_the_same_flight():
     flown = case(duration_s=25.0, log_Hz=250.0)
     own, built_in = fly_user_controller(flown, Cascade(), "tests:Cascade"), fly(flown)
-    assert own.own == "tests:Cascade"
-    assert built_in.own == ""
+    assert own.user_controller == "tests:Cascade"
+    assert built_in.user_controller == ""
     for name in ("x_m", "z_m", "pitch_rad", "speed1_rad_s", "coverage1", "pitch_ground_Nm"):
         np.testing.assert_allclose(own[name], built_in[name], rtol=0.0, atol=1e-9, err_msg=name)
     assert np.abs(own["pitch_rad"]).max() > np.radians(5.0)  # it has met the wall
@@ -146,4 +146,4 @@ def test_what_is_no_command_is_refused_with_file_and_line(what, says):
 
 def test_a_class_that_needs_arguments_is_refused():
     with pytest.raises(InputError, match=r"without arguments.*test_flight_own\.py line"):
-        make_controllers(Returns, "tests:Returns")
+        make_controller(Returns, "tests:Returns")

@@ -8,15 +8,15 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.setup import FlightSetup, with_changes
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 
 VEHICLE = FlightVehicle.of_rig(load_rig_by_name("pquad"))
-SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=gains_named("s3"))
+SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=load_gains("s3"))
 
 
 def test_without_changes_it_is_the_shipped_flight():
-    assert SETUP.flown("observer", 4) == flight_case(
-        "over", VEHICLE, gains_named("s3"), control="observer", seed=4
+    assert SETUP.build_case("observer", 4) == flight_case(
+        "over", VEHICLE, load_gains("s3"), control="observer", seed=4
     )
 
 
@@ -26,7 +26,7 @@ def test_every_name_changes_its_number():
         {"z_over_R": 3.0, "speed": 0.5, "gyro_noise": 0.01, "map_strength": 0.5, "K_b": 1.5,
          "lag": 0.02, "map_offset_y_m": 0.1, "gains.attitude": 2.0, "gains.position.k_x_per_s": 0.9,
          "neighbours": 0.5, "drag": 0.1},
-    ).flown("pid")  # fmt: skip
+    ).build_case("pid")  # fmt: skip
     radius_m = VEHICLE.rig.propulsion.radius_m
     assert case.start_m[2] == case.goals[0].z_m == pytest.approx(3.0 * radius_m)
     assert case.goals[0].speed_m_s == 0.5

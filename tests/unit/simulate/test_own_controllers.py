@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.simulate.user_controller import controller_class
+from benchtool.simulate.user_controller import load_controller_class
 
 
 def allow(file: str) -> None:
@@ -23,7 +23,7 @@ def test_a_class_beside_the_user_is_found(here):
     (here / "found_law.py").write_text(
         "class Law:\n    def step(self, m, r, dt_s):\n        return 0\n"
     )
-    assert controller_class("found_law:Law", (), allow).__name__ == "Law"
+    assert load_controller_class("found_law:Law", (), allow).__name__ == "Law"
 
 
 @pytest.mark.parametrize(
@@ -40,4 +40,4 @@ def test_a_class_beside_the_user_is_found(here):
 def test_what_cannot_be_imported_is_told_with_file_and_line(here, module, text, says):
     (here / f"{module}.py").write_text(text)
     with pytest.raises(InputError, match=says):
-        controller_class(f"{module}:Law", (), allow)
+        load_controller_class(f"{module}:Law", (), allow)

@@ -12,11 +12,11 @@ from benchtool.simulate.controllers.pid import (
     attitude_torque,
     next_pid_state,
 )
-from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.gain_file import load_gains
 
 
 def soft(**changes: float) -> AttitudePid:
-    attitude = gains_named("s3").attitude
+    attitude = load_gains("s3").attitude
     numbers = {name: getattr(attitude, name) for name in attitude.__slots__}
     return AttitudePid(**numbers, inertia_kgm2=0.018, torque_limit_Nm=1.0)._replace(**changes)
 
@@ -27,7 +27,7 @@ REST = PidState(0.0, 0.0)
 def test_the_static_stiffness_of_s3_is_the_published_one():
     """K = J k_theta k_q = 0.386 N m/rad; the set of an autopilot has 1.08."""
     assert attitude_torque(0.001, 0.0, 0.0, REST, soft()) / 0.001 == pytest.approx(0.386, abs=5e-4)
-    stiff = gains_named("stiff").attitude
+    stiff = load_gains("stiff").attitude
     assert 0.018 * stiff.k_theta_per_s * stiff.k_q_per_s == pytest.approx(1.08)
 
 

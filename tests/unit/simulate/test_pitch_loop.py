@@ -110,7 +110,7 @@ def test_noise_has_the_stated_size_and_wake_torque_its_own_spectrum():
     assert np.std(run.column("gyro_rad_s")) == pytest.approx(
         np.hypot(0.0017453, 0.0010647 / np.sqrt(12.0)), rel=0.03
     )
-    heavy = PitchBench.of(
+    heavy = PitchBench.from_model(
         bench.model.with_fixed("coulomb_friction.torque_Nm", 0.0), inertia_kgm2=1e3
     )
     rate = simulate_pitch(job(heavy), sampled(600.0), seed=6).column("true_rate_rad_s")

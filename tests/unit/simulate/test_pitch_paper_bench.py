@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
-from benchtool.simulate.pitch.result import PlateNumbers
+from benchtool.simulate.pitch.result import PlateVisitMeasures
 from benchtool.simulate.pitch.setup import pitch_setup, with_changes
 
 SETS = {
@@ -24,7 +24,7 @@ SETS = {
 
 
 @lru_cache
-def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> PlateNumbers:
+def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> PlateVisitMeasures:
     """Return the medians over five seeds."""
     name, values = SETS[gains]
     setup = with_changes(pitch_setup(rig=rig, gains=name, controllers=(controller,)), values)
@@ -35,10 +35,10 @@ def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> Pla
     for seed in range(5):
         run = pitch_study(setup, seed).runs[0]
         found.append(visit_numbers(run, setup.schedule.plate[0], setup.schedule.duration_s))
-    return PlateNumbers(
+    return PlateVisitMeasures(
         **{
             field: float(np.median([getattr(each, field) for each in found]))
-            for field in PlateNumbers.__slots__
+            for field in PlateVisitMeasures.__slots__
         }
     )
 

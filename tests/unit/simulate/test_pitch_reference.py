@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch, predict_windows
+from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M, LoggedPitch, predict_windows
 from benchtool.simulate.pitch.filter_ticks import FREE
 
 WINDOW, TICKS = 250, 7500
@@ -25,7 +25,7 @@ def test_logged_pulses_predict_the_encoder(reference_data):
     table = np.genfromtxt(
         reference_data / "pitch_bench" / "nothing_hidden.csv", delimiter=",", names=True
     )
-    bench = PitchBench.of(
+    bench = PitchBench.from_model(
         Model.single(load_rig_by_name("beam")), sensors={}, inertia_kgm2=0.03096, pwm_quantum_us=0.0
     )
     rate, theta = table["gyro"], table["theta"]
@@ -34,7 +34,7 @@ def test_logged_pulses_predict_the_encoder(reference_data):
         rate_Hz=250.0,
         pwm_us=np.array([table["pwm1"], table["pwm2"]]),
         plate_z_m=table["plate_z"],
-        plate_share=(table["plate_z"] < PARKED_FROM_M).astype(float),
+        plate_share=(table["plate_z"] < MIN_PARKED_Z_M).astype(float),
         theta_rad=theta,
         gyro_rad_s=rate,
         speed_rad_s=speed,

@@ -14,7 +14,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
-from benchtool.physics.fold import identity
+from benchtool.physics.fold import source_key
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import Feedforward
 from benchtool.simulate.pitch.bench import PitchBench
@@ -28,7 +28,7 @@ VISIT = (PlateVisit(z_over_R=1.0, in_s=1.0, out_s=1e6, move_s=0.5),)
 
 def with_effect(effect: Effect, **values: float) -> PitchBench:
     model = Model.single(load_rig_by_name("beam")).with_effect("viscous_friction", damping_Nms=0.5)
-    return PitchBench.of(model.with_effect(effect, **values), sensors={})
+    return PitchBench.from_model(model.with_effect(effect, **values), sensors={})
 
 
 def test_an_effect_that_is_not_in_the_catalogue_acts_without_any_change_elsewhere():
@@ -44,7 +44,7 @@ def test_any_effect_may_lag_but_only_one():
     first, second = (simulate_pitch(job(bench), sampled(0.1)).log for bench in (slow, usual))
     np.testing.assert_array_equal(first, second)
     with pytest.raises(InputError, match="'sluggish' of model 'single' both have the hook lag_s"):
-        PitchBench.of(usual.model.with_effect(SLUGGISH), sensors={})
+        PitchBench.from_model(usual.model.with_effect(SLUGGISH), sensors={})
 
 
 def peak(feedforward: Feedforward, bench: PitchBench | None = None) -> float:
@@ -89,6 +89,6 @@ def test_an_edit_of_one_s_own_effect_is_noticed(tmp_path, monkeypatch):
         sys.modules.pop("edited_effect", None)
         importlib.invalidate_caches()
         module = importlib.import_module("edited_effect")
-        found.append(identity(module.torque))
+        found.append(source_key(module.torque))
     sys.modules.pop("edited_effect", None)
     assert found[0] != found[1]

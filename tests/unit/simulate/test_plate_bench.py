@@ -34,7 +34,7 @@ def settled(plant, pwm_us=1500.0, z_m=0.2, duration_s=30.0):
 
 
 def model_N(truth, speed_rad_s, z_m, **conditions):
-    at = Conditions.of(
+    at = Conditions.build(
         RIG, speed_rad_s=np.full((4, 1), speed_rad_s), plate_z_m=np.array([z_m]), **conditions
     )
     return truth.thrust_N(at)[0]

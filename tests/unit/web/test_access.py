@@ -77,7 +77,7 @@ def test_another_bind_wants_the_token_and_takes_numeric_addresses():
 
 def test_loopback_needs_no_token_unless_asked_for():
     assert build_access("127.0.0.1").token is None
-    assert build_access("127.0.0.1", wants_token=True).token is not None
+    assert build_access("127.0.0.1", requires_token=True).token is not None
 
 
 @pytest.mark.parametrize(

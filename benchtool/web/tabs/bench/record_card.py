@@ -14,8 +14,8 @@ from benchtool.acquire.pitch_experiment import (
     expected_extremes,
     hover_pulse_us,
 )
-from benchtool.acquire.visit_order import minutes
-from benchtool.commands.record import RecordInputs, experiment_of
+from benchtool.acquire.visit_order import format_duration
+from benchtool.commands.record import RecordInputs, build_experiment
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import format_value
 from benchtool.core.inputs import to_arguments, with_changes
@@ -112,7 +112,7 @@ class RecordCard:
         self._start.set_enabled(not sweep.active)
         status = f"{sweep.status}: {sweep.run}"
         if sweep.status == "running":
-            status += f", about {minutes(sweep.remaining_s)} left"
+            status += f", about {format_duration(sweep.remaining_s)} left"
         elif sweep.reason:
             status += f"; {sweep.reason}"
         self._status.set_text(status if sweep.kind == "pitch" else "")
@@ -131,7 +131,7 @@ class RecordCard:
         if identity is None or rig is None:
             raise InputError("no bench is connected; connect one first")
         inputs = self._form.make(self._base)
-        experiment = experiment_of(inputs, rig)
+        experiment = build_experiment(inputs, rig)
         text = arming_text(experiment, rig, expected_extremes(identity, experiment, rig))
 
         def start(typed: str, needs_page: bool) -> None:

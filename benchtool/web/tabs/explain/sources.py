@@ -123,7 +123,7 @@ class RecordingSources(NamedTuple):
     def find_path(self, choice: str) -> Path:
         """Return the path of a recording; raise if it is missing or outside the folders."""
         folder, name = self._folder(choice)
-        return folder.path_of(name)
+        return folder.find_path(name)
 
     def suggest_model(self, choice: str) -> str:
         """Return the library model for a recording's bench and rig, or "".
@@ -172,7 +172,7 @@ def _recordings(entries: Iterable[Entry]) -> dict[str, str]:
 def _model_files(folder: RunsFolder) -> list[str]:
     """Return the names of model files in a folder and its subfolders, except hidden ones."""
     files = sorted((*folder.root.glob("[!.]*.toml"), *folder.root.glob("[!.]*/[!.]*.toml")))
-    return [folder.name_of(file) for file in files if _is_model(file)]
+    return [folder.relative_name(file) for file in files if _is_model(file)]
 
 
 def _is_model(file: Path) -> bool:

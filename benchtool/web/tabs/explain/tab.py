@@ -112,7 +112,7 @@ class ResultView:
         if job.accepted_model is None:
             files = "model.toml, report and figures" if result.new_effects else "report and figures"
             return f'<span class="soft">writes {files} to {escape(str(job.out))}</span>'
-        address = "?" + urlencode({"tab": "runs", "run": self._sources.runs.name_of(job.out)})
+        address = "?" + urlencode({"tab": "runs", "run": self._sources.runs.relative_name(job.out)})
         link = f'<a href="{escape(address)}">{escape(job.out.name)}</a>'
         if not job.accepted_model:
             return f"saved as {link}"

@@ -16,7 +16,7 @@ from benchtool.data.column_map import guess_columns, read_column_map
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
-from benchtool.data.run.runs_folder import columns_file
+from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.tabs.fit.work import stand_summary_html, store_columns, store_radius
 from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, show_errors
@@ -53,7 +53,7 @@ def allowed_units(channel: str) -> tuple[str, ...]:
 
 def load_columns(table: Path, radius_m: float | None = None) -> dict[str, ColumnSource]:
     """Return the stored column map of a table, or one guessed from its header."""
-    stored = columns_file(table)
+    stored = column_map_path(table)
     if stored.is_file():
         return dict(read_column_map(stored))
     return guess_columns(read_csv_header(table), FIT_CHANNELS, radius_m)
@@ -101,7 +101,7 @@ class DataCard:
         await self.refresh()
         for name in names:
             if name not in self.entries:
-                self._folder.path_of(name)  # raises for an invalid name
+                self._folder.find_path(name)  # raises for an invalid name
                 notify(f"{name} is not selected: it is neither a sweep nor a readable table")
         self.choice.set_value([name for name in names if name in self.entries])
 
@@ -125,7 +125,7 @@ class DataCard:
             for name in self.names:
                 if self.entries[name].kind == "table":
                     try:
-                        if is_stand_table(self._folder.file_of(name)):
+                        if is_stand_table(self._folder.find_file(name)):
                             self._add_import_report(name)
                         else:
                             self._add_column_form(name)
@@ -175,12 +175,12 @@ class DataCard:
 
     def _add_column_form(self, name: str) -> None:
         """Add the form for the column map of a table."""
-        path = self._folder.file_of(name)
+        path = self._folder.find_file(name)
         header, columns = read_csv_header(path), load_columns(path)
         main = [channel for channel, label in FIT_CHANNELS.items() if label or channel in columns]
         extra = [channel for channel in FIT_CHANNELS if channel not in main]
         readers: dict[str, Callable[[], ColumnSource | None]] = {}
-        with ui.expansion(f"Columns of {name}", value=not columns_file(path).is_file()) as form:
+        with ui.expansion(f"Columns of {name}", value=not column_map_path(path).is_file()) as form:
             form.classes("w-full bordered")
             hint = "Select the column of each channel; channels without a column are not used."
             ui.label(hint).classes("soft")

@@ -23,8 +23,8 @@ from benchtool.data.csv_text import read_csv_header
 from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
-from benchtool.data.run.runs_folder import RunsFolder, columns_file
-from benchtool.data.run.state import recall_state
+from benchtool.data.run.runs_folder import RunsFolder, column_map_path
+from benchtool.data.run.state import list_state_files
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.fit_data import RATIO_BASIS
 from benchtool.fit.recipe import FitInputs, Recipe
@@ -78,7 +78,7 @@ def model_path(folder: RunsFolder, name: str) -> str:
     """
     if name in model_names():
         return name
-    path = folder.file_of(name)
+    path = folder.find_file(name)
     table = parse_toml(read_text(path), name).get("model", {})
     table = table if isinstance(table, dict) else {}
     parent = PurePosixPath(name).parent
@@ -91,7 +91,7 @@ def model_path(folder: RunsFolder, name: str) -> str:
                 f"rig {rig!r} of {name} is outside its folder, but the page reads the runs folder "
                 f"only; use benchtool fit --model"
             )
-        folder.file_of(f"{parent}/{rig}")
+        folder.find_file(f"{parent}/{rig}")
     return str(path)
 
 
@@ -149,9 +149,9 @@ def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, 
         raise InputError(
             "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
         )
-    paths = [folder.path_of(name) for name in request.data]
+    paths = [folder.find_path(name) for name in request.data]
     tables = [name for name in request.data if entries[name].kind == "table"]
-    maps = [columns_file(folder.file_of(name)) for name in tables]
+    maps = [column_map_path(folder.find_file(name)) for name in tables]
     stored = [path for path in maps if path.is_file()]
     if len(tables) > 1 and stored:
         raise InputError(
@@ -162,7 +162,7 @@ def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, 
     columns = read_column_map(stored[0]) if stored else {}
     if tables and not stored and not load_choice(model).columns:
         for name in tables:
-            path = folder.file_of(name)
+            path = folder.find_file(name)
             if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
                 raise InputError(
                     f"{name} has no column thrust_N; select its columns above and press Use these "
@@ -184,7 +184,7 @@ def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, 
         options["basis"] = RATIO_BASIS
     if {"thrust_sd_N", "thrust_ratio_sd"} & columns.keys() and not options.get("noise"):
         options["noise"] = "scale"
-    calibrations = recall_state("calibration")  # the page opens no other calibration files
+    calibrations = list_state_files("calibration")  # the page opens no other calibration files
     calibration = options.get("calibration")
     if calibration is not None and calibration not in calibrations:
         raise UnknownChoice("calibration", str(calibration), calibrations)
@@ -197,13 +197,13 @@ def _has_no_plate(
     """Return whether tables contain no plate distance."""
     if columns:
         return "plate_z_m" not in columns
-    return all(is_stand_table(folder.file_of(name)) for name in tables)
+    return all(is_stand_table(folder.find_file(name)) for name in tables)
 
 
 def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
     """Return the rig of the data; None for the rig of the model file."""
     rig = check_rig_choice(request.options.get("rig"), folder)
-    return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, rig)
+    return rig_for_data([str(folder.find_path(name)) for name in request.data], request.model, rig)
 
 
 def rig_choices(folder: RunsFolder) -> dict[str, str]:
@@ -211,7 +211,7 @@ def rig_choices(folder: RunsFolder) -> dict[str, str]:
     labels = {name: name for name in rig_names()}
     for path in sorted(folder.root.glob("*.toml")):
         try:
-            file = folder.file_of(path.name)
+            file = folder.find_file(path.name)
             labels[str(file)] = f"{load_rig_by_name(file).name} ({path.name})"
         except InputError:
             continue  # another kind of file, or an invalid rig

@@ -13,7 +13,7 @@ from benchtool.commands.terminal.table_fit import MODEL
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.state import recall_state
+from benchtool.data.run.state import list_state_files
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
 from benchtool.report.numbers import display_unit
 from benchtool.web.context import PageContext, RunsListing
@@ -151,7 +151,7 @@ class MethodCard:
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
             self._form.add("rig", options=rigs)
-            self._form.add("calibration", options=recall_state("calibration"))
+            self._form.add("calibration", options=list_state_files("calibration"))
         options = ui.expansion("More options").classes("w-full")
         with options, ui.element("div").classes("field-grid"):
             self._form.add("compare", options={LAWS: "all ground-effect laws", **models})
@@ -276,7 +276,7 @@ class FitTab:
 
     @show_errors
     async def _done(self, job: Job[str]) -> None:
-        name = self._folder.name_of(job.out)
+        name = self._folder.relative_name(job.out)
         self._context.server.forms.store(self._context.tab, RESULT_KEY, name)
         await self.show_result(name, job.command)
         self._result.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})

@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError
 from benchtool.data.atomic import replace_text, write_atomically
 from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.formats.formats import is_stand_table
-from benchtool.data.run.runs_folder import RunsFolder, columns_file
+from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.uncertainty.budget import BudgetMethod
@@ -53,7 +53,7 @@ def view_fit(root: Path, name: str) -> PageSection:
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import FigureImage, blocks_html
 
-    path = RunsFolder(root).path_of(name)
+    path = RunsFolder(root).find_path(name)
     stored = read_stored(path)
     blocks = [block for block in stored.blocks if block != Paragraph(SIMULATED)]
     warnings, tables = blocks[-1], blocks[1:-1]
@@ -73,17 +73,17 @@ def stand_summary_html(root: Path, name: str) -> str:
     """Return the import report of a test-stand table as HTML; "" for other tables."""
     from benchtool.web.drawing import blocks_html
 
-    return blocks_html(stand_blocks(RunsFolder(root).file_of(name)))
+    return blocks_html(stand_blocks(RunsFolder(root).find_file(name)))
 
 
 def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
     """Write a rig file with the rotor radius for a table and return its path."""
-    from benchtool.commands.terminal.table_fit import radius_rig
+    from benchtool.commands.terminal.table_fit import build_radius_rig
     from benchtool.core.rig_file import parse_rig
 
     folder = RunsFolder(root)
-    table = folder.file_of(name)
-    text = radius_rig(str(table), radius_m, known=is_stand_table(table))
+    table = folder.find_file(name)
+    text = build_radius_rig(str(table), radius_m, is_stand=is_stand_table(table))
     if not text:
         raise InputError(f"{name} contains no rotor radius; type one in m")
     parse_rig(text, f"rig of {name}")
@@ -101,7 +101,7 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
     from benchtool.report.page import Paragraph, Table
     from benchtool.web.drawing import blocks_html
 
-    path = RunsFolder(root).file_of(name)
+    path = RunsFolder(root).find_file(name)
     recording = read_table(path, columns)
     rows = []
     for channel in recording.channels:
@@ -109,7 +109,7 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
         finite = values[np.isfinite(values)]
         low, high = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
         rows.append((channel.name, channel.unit, str(finite.size), f"{low:.4g}", f"{high:.4g}"))
-    replace_text(columns_file(path), column_map_to_toml(columns))
+    replace_text(column_map_path(path), column_map_to_toml(columns))
     header = ("channel", "unit", "values", "minimum", "maximum")
     repairs = recording.provenance["repairs"]
     return blocks_html(

@@ -206,7 +206,7 @@ class RunDetail:
 
     async def _load_content(self, download: Download, names: tuple[str, ...]) -> bytes | Path:
         if download.path:
-            return self._folder.file_of(download.path)
+            return self._folder.find_file(download.path)
         if not download.table:
             return bytes(await self._run(EXPORT_WORKER, report_bytes, names))
         suffix = Path(download.file).suffix

@@ -31,7 +31,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     """Return the first section of an entry and the titles for `view_part`."""
     folder = RunsFolder(root)
     entry = build_entry(folder, name)
-    path = folder.path_of(name)
+    path = folder.find_path(name)
     if entry.problem:
         has_name = entry.problem.startswith(name)
         raise InputError(entry.problem if has_name else f"{name}: {entry.problem}")
@@ -68,8 +68,8 @@ def view_part(root: Path, name: str, title: str) -> PageSection:
 
     folder = RunsFolder(root)
     if title == MOTOR_PART:
-        return _view_motor(folder.path_of(name))
-    report = _report(folder.path_of(name), build_entry(folder, name))
+        return _view_motor(folder.find_path(name))
+    report = _report(folder.find_path(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == title:
             return PageSection(
@@ -113,7 +113,7 @@ def export_file(root: Path, name: str, target: str) -> tuple[str, bytes]:
     from benchtool.export.targets import file_for
     from benchtool.export.vehicle import build_vehicle
 
-    file, text = file_for(build_vehicle(RunsFolder(root).path_of(name)), target)
+    file, text = file_for(build_vehicle(RunsFolder(root).find_path(name)), target)
     return file, text.encode("utf-8")
 
 
@@ -127,7 +127,7 @@ def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | No
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import blocks_html
 
-    paths = [RunsFolder(root).path_of(name) for name in names]
+    paths = [RunsFolder(root).find_path(name) for name in names]
     comparison = compare_runs(paths, over, thrust_N)
     blocks = [block for section in COMPARISON.sections(comparison) for block in section.blocks]
     option = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
@@ -145,7 +145,7 @@ def view_fits(root: Path, names: Sequence[str]) -> PageSection:
     from benchtool.report.fit.tables import fits_table
     from benchtool.web.drawing import blocks_html
 
-    fits = {name: read_stored(RunsFolder(root).path_of(name)) for name in names}
+    fits = {name: read_stored(RunsFolder(root).find_path(name)) for name in names}
     return PageSection(
         title=f"{len(names)} fits compared",
         html=blocks_html([fits_table({name: fit.results for name, fit in fits.items()})]),
@@ -159,7 +159,7 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     from benchtool.report.sweep.run import read_sweep_run
     from benchtool.web.drawing import blocks_html
 
-    paths = [RunsFolder(root).path_of(name) for name in names]
+    paths = [RunsFolder(root).find_path(name) for name in names]
     if len(paths) < 2:
         raise InputError("a comparison needs two sweeps or more; select more")
     report = COMPARED.report([read_sweep_run(path) for path in paths])
@@ -244,9 +244,9 @@ def report_bytes(root: Path, names: Sequence[str]) -> bytes:
     from benchtool.report.report_file import page_text
 
     folder = RunsFolder(root)
-    return page_text([folder.path_of(name) for name in names]).encode("utf-8")
+    return page_text([folder.find_path(name) for name in names]).encode("utf-8")
 
 
 def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:
     """Return one table of a run as a CSV or Parquet file."""
-    return export_table(RunsFolder(root).path_of(name), table, suffix)
+    return export_table(RunsFolder(root).find_path(name), table, suffix)

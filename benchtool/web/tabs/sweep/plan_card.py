@@ -13,7 +13,12 @@ from benchtool.acquire.arming import arming_prompt
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
-from benchtool.acquire.visit_order import expected_duration_s, minutes, plan_settings, plan_visits
+from benchtool.acquire.visit_order import (
+    expected_duration_s,
+    format_duration,
+    plan_settings,
+    plan_visits,
+)
 from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.input_text import format_value
@@ -79,7 +84,7 @@ def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | Non
             f"{len(visits)}, of {len(plan_settings(plan, rig))} settings: "
             f"{plan.repeats} repeats{extra}"
         ),
-        "duration": f"about {minutes(expected_duration_s(plan, rig, visits))}",
+        "duration": f"about {format_duration(expected_duration_s(plan, rig, visits))}",
         "expected maxima": (
             f"{expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
             f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N"
@@ -244,7 +249,7 @@ class PlanCard:
 
             @show_errors
             def resume() -> None:
-                path = RunsFolder(self._context.runs).path_of(select.value)
+                path = RunsFolder(self._context.runs).find_path(select.value)
                 with self._card:
                     self._confirm(f"The remaining points of {select.value} are measured.", path)
                 dialog.close()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.acquire.visit_order import minutes
+from benchtool.acquire.visit_order import format_duration
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.charts import ChartCard
@@ -60,7 +60,7 @@ class RunCard:
         share = sweep.n_measured / sweep.n_points if sweep.n_points else 0.0
         self._bar.value = round(share, 3)
         text = f"{sweep.n_measured} of {sweep.n_points} points"
-        text += f", about {minutes(sweep.remaining_s)} left" if sweep.active else ""
+        text += f", about {format_duration(sweep.remaining_s)} left" if sweep.active else ""
         self._progress.set_text(f"{text}  {sweep.point_text}")
         self._reason.set_text(sweep.reason)
         self._reason.set_visibility(bool(sweep.reason))

@@ -74,7 +74,7 @@ def test_a_recording_proposes_the_model_of_its_bench(sources, recording, model):
 )
 def test_a_choice_that_leads_elsewhere_is_refused(sources, choice):
     with pytest.raises(InputError, match="is outside the runs folder"):
-        sources.path_of(choice)
+        sources.find_path(choice)
     with pytest.raises(InputError, match="is outside the runs folder"):
         sources.model_of(choice)
 

@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
-from benchtool.data.run.runs_folder import columns_file
+from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.tabs.fit.data import allowed_units, check_columns, load_columns
 from benchtool.web.tabs.fit.work import store_columns
 
@@ -37,7 +37,7 @@ def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
         store_columns(table.parent, "lab.csv", {"thrust_N": ColumnSource(column="x")})
     with pytest.raises(InputError, match="is outside the runs folder"):
         store_columns(table.parent, "../lab.csv", wrong)
-    assert not columns_file(table).exists()
+    assert not column_map_path(table).exists()
 
 
 def test_a_map_needs_thrust_and_a_speed():

@@ -12,7 +12,7 @@ from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.atomic import partial_folder
 from benchtool.data.catalogue.index import list_entries
-from benchtool.data.run.runs_folder import RunsFolder, columns_file
+from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.run.state import store_state
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
@@ -86,11 +86,11 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(folder, entries):
 
 
 def test_a_tables_own_map_goes_with_it(folder, entries):
-    table = folder.path_of("lab.csv")
-    columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
+    table = folder.find_path("lab.csv")
+    column_map_path(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
     form = request(data=["lab.csv"], options={"rig": "pquad_single"})
     recipe = build_recipe(form, folder, entries)
-    assert recipe.columns == str(columns_file(table))
+    assert recipe.columns == str(column_map_path(table))
     (folder.root / "two.csv").write_text("thrust_N,rpm1\n1,2\n", "utf-8")
     both = {entry.name: entry for entry in list_entries(folder)}
     with pytest.raises(InputError, match="a fit uses one"):
