@@ -252,9 +252,9 @@ def parse_rows(data: bytes, where: str) -> TextTable:
         # A delimiter or line end in quotes becomes a blank, as numbers contain neither.
         blanks = str.maketrans(f"{delimiter}\n", "  ")
         names = [name.translate(blanks).strip() for name in names]
-        joined = [delimiter.join(cell.translate(blanks) for cell in row) for row in rows]
-        text = "".join(f"{row}\n" for row in joined).encode()
-        if is_cut and joined and joined[-1]:
+        texts = [delimiter.join(cell.translate(blanks) for cell in row) for row in rows]
+        text = "".join(f"{row}\n" for row in texts).encode()
+        if is_cut and texts and texts[-1]:
             text = text[:-1]
     decimal = "."
     if delimiter != "," and _CELL_WITH_COMMA.search(bytes(text[:START_BYTES])):

@@ -54,6 +54,7 @@ def test_windows_text_is_read_with_words():
         (b"PK\3\4\0\0", "not a text file"),
         (b"PAR1\0\0", "cannot be read as a Parquet table"),
         (b",,\n1,2,3\n", "names no columns"),
+        (b"# ", "names no columns"),
         (b"a,b\n1,2,3\n", "line 2 has 3 cells, the header names 2 columns"),
     ],
 )
