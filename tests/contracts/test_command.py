@@ -180,7 +180,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
     "pool": [
         ("", "0 fits given; pooling needs folders of 2 or more fits"),
         ("a b --seed -1", "--seed is -1, allowed is 0 or more"),
-        ("nowhere elsewhere", "nowhere holds no fit; name folders of benchtool fit --out"),
+        ("nowhere elsewhere", "nowhere contains no fit; give folders of benchtool fit --out"),
     ],
     "motor": [
         ("steps --mass-kg 0", "--mass-kg is 0 kg, allowed is above 0, at most 1,000 kg"),

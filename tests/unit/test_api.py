@@ -44,7 +44,7 @@ def test_every_public_name_exists_after_submodule_imports():
 
 def test_a_run_has_summary_tables_and_plots():
     run = bt.read(RUN)
-    assert run.summary().startswith("80 visits of 16 settings on rig pquad")
+    assert run.summary().startswith("80 points of 16 settings on rig pquad")
     points = run.to_dataframe()
     assert points["thrust_N"].to_numpy() == pytest.approx(read_points(RUN).column("thrust_N"))
     assert points.attrs["units"]["thrust_N"] == "N"

@@ -105,7 +105,7 @@ def test_one_point_gives_no_answer_to_use(lab, capsys):
     Path("one.csv").write_text("\n".join(ROWS[:2]), "utf-8")
     with pytest.raises(SystemExit):
         main(["fit", "one.csv", "--model", "lab.toml", "--out", "one"])
-    assert "No answer to use from 1 of 1 points" in capsys.readouterr().out
+    assert "No valid result from 1 of 1 points" in capsys.readouterr().out
     output = run_recipe(Recipe(name="one", data=("one.csv",), model="lab.toml"))
     assert output.results[0].outcome.status != "converged"
     assert not np.isfinite(output.results[0].covariance).all()

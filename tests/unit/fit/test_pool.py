@@ -122,7 +122,7 @@ def test_what_cannot_be_pooled_is_refused(fits, tmp_path):
         bt.pool(fits, of=["K_c"])
     with pytest.raises(InputError, match="is named twice"):
         bt.pool([fits[0], fits[0]])
-    with pytest.raises(InputError, match="holds no fit"):
+    with pytest.raises(InputError, match="contains no fit"):
         bt.pool([fits[0], tmp_path])
     copy = tmp_path / "copy"
     shutil.copytree(fits[0], copy)

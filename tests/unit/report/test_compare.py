@@ -107,7 +107,7 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
 
 def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path):
     path = written(tmp_path, "one", stand(6.0, (1.0, 2.0)))
-    with pytest.raises(InputError, match="choose --over thrust or rpm or power or throttle"):
+    with pytest.raises(InputError, match="use --over thrust or rpm or power or throttle"):
         compare_runs([path], "distance")
     with pytest.raises(UnknownChoice, match="volts"):
         compare_runs([path], "volts")  # type: ignore[arg-type]

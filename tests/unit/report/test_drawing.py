@@ -21,11 +21,11 @@ def test_runs_are_counted_and_judged():
     assert runs_of_sign(values).tolist() == [2, -3, 1]
     # Three above, three below: 1 + 2*3*3/6 and 18 (18 - 6) / (36 * 5).
     assert expected_runs(values) == pytest.approx((4.0, np.sqrt(1.2)))
-    assert judge_runs(3, 4.0, np.sqrt(1.2)) == "as independent residuals show"
+    assert judge_runs(3, 4.0, np.sqrt(1.2)) == "consistent with independent residuals"
     few = np.repeat([1.0, -1.0], 20)
     assert judge_runs(2, *expected_runs(few)).startswith("too few")
     assert judge_runs(40, *expected_runs(few)).startswith("too many")
-    assert judge_runs(1, *expected_runs(np.ones(5))) == "as independent residuals show"
+    assert judge_runs(1, *expected_runs(np.ones(5))) == "consistent with independent residuals"
     assert runs_of_sign(np.empty(0)).tolist() == []
 
 

@@ -44,7 +44,7 @@ def test_texts_name_the_subject_and_the_stamp_is_its_own():
 def test_a_name_is_taken_once_and_an_unknown_one_refused():
     register = figure(page="fit", name="line", title="Line", caption="A line.")
     register(line)
-    with pytest.raises(ValueError, match="page fit has a figure line already"):
+    with pytest.raises(ValueError, match="duplicate figure name line on page fit"):
         register(line)
     with pytest.raises(UnknownChoice, match="figure of the page fit 'lime'; did you mean 'line'"):
         render_figures("fit", Subject(), ["lime"])

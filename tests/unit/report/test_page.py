@@ -83,7 +83,7 @@ def test_simulated_data_is_said_at_the_top():
 
 
 def test_a_row_of_the_wrong_length_is_refused():
-    with pytest.raises(InputError, match=r"'Some\.' has 2 columns, but a row of 1"):
+    with pytest.raises(InputError, match=r"'Some\.': row with 1 cells"):
         Table("Some.", ("name", "value"), [("a",)])
 
 

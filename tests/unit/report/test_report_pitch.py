@@ -140,7 +140,7 @@ def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
     assert facts[f"sha256 of {log.name}"] == file_hash(log)
     told = json.loads(log.with_name("flight-42.csv.json").read_text())
     assert facts["sha256"] == told["provenance"]["sha256"]
-    findings = rows_of(page, "What was repaired")
+    findings = rows_of(page, "Findings of the import")
     assert [cells[3] for cells in findings] == [item["words"] for item in told["findings"]]
 
 
@@ -160,12 +160,12 @@ def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log):
 def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log):
     good = page_text([log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12))
     assert "does not follow" not in words_of(good)
-    assert "simulated RMS error, over it" in facts_of(good)
+    assert "simulated RMS error, over a surface" in facts_of(good)
     page = page_text(
         [log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12, motors=(3, 2, 1, 4))
     )
     facts = facts_of(page)
-    assert facts["simulated run"] == "does not follow the log"
+    assert facts["simulated run"] == "deviates from the log"
     assert not [name for name in facts if "RMS" in name and "simulated" in name]
 
 

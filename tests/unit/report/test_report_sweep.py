@@ -49,7 +49,7 @@ def page(run):
 
 def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run, page):
     settings = read_settings(run)
-    rows = rows_of(page, "Each setting")
+    rows = rows_of(page, "Settings")
     assert len(rows) == len(settings) == 8
     for cells, thrust, rpm, kind in zip(
         rows,
@@ -100,7 +100,7 @@ def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run, tmp_path):
     assert call("fit", str(run), "--model", "single_bench", "--out", str(fit)) == 0
     page = page_text([run], ReplayInputs(model=str(fit)))
     assert 'id="f0-1-band-95"' in page
-    assert "fitted to one. Its bands: covariance of the fit in fit." in words_of(page)
+    assert "fitted to one. Bands: covariance of the fit in fit." in words_of(page)
     own = (fit / "report.html").read_text()
     assert facts_of(own)["air"] == f"{facts_of(page)['density']}, measured"
     assert facts_of(own)["device"] == facts_of(page)["device"]
@@ -140,10 +140,10 @@ def test_nothing_is_written_over_unless_asked(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((), "nothing to report: name a run folder"),
-        (("nowhere",), "there is no such file or folder"),
-        (("{empty}",), "(it holds: nothing) is none of a run folder"),
-        (("{run}/points.csv",), "name its folder"),
+        ((), "no input; give a run folder"),
+        (("nowhere",), "file or folder not found"),
+        (("{empty}",), "(contains: nothing); give a run folder"),
+        (("{run}/points.csv",), "give the run folder"),
         (("{run}", "--out", "page.pdf"), "does not end in .html"),
         (("{run}", "--motors", "1,1"), "--motors is 1,1"),
         (("{run}", "--controller", "pid"), "a sweep has no controller"),
