@@ -71,7 +71,7 @@ class PlateCheck:
         Args:
             target_m: commanded position.
             stage_m: position that the stage reports.
-            extra_tolerance_m: added to the tolerance, for a position measured by an operator and compared
+            extra_tolerance_m: added to the tolerance, for a position measured by hand and compared
                 with the target.
         """
         allowed_m = self.tolerance_m + extra_tolerance_m

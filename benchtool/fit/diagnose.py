@@ -121,8 +121,8 @@ def find_error(results: Sequence[FitResult]) -> BenchtoolError | None:
         return None
     return ModelRejected(
         f"the data reject model {first.model!r}: points scatter {format_scatter_ratio(first)} as "
-        f"much as their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
-        f"the missing effect is known: {_remedy(first)}"
+        f"much as their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its "
+        f"numbers before the missing effect is known: {_remedy(first)}"
     )
 
 
