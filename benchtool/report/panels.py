@@ -22,7 +22,7 @@ DASHED = (0, (5, 2.2))
 DOTTED = (0, (1.5, 1.5))
 
 
-def rows_of(
+def stack_panels(
     figure: Figure, heights: Sequence[float], *, sharex: bool = True, sharey: bool = False
 ) -> list[Axes]:
     """Return stacked panels with the given relative heights."""

@@ -19,7 +19,7 @@ from benchtool.explain.engine.verdict import (
 from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
-from benchtool.report.panels import named_rows, rows_of
+from benchtool.report.panels import named_rows, stack_panels
 
 BEFORE, AFTER = ORANGE, BLUE  # colours of the model before and after an effect was added
 LOGARITHMIC_FROM = 12.0  # multiple of the noise above which an axis is logarithmic
@@ -78,7 +78,7 @@ def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
 def draw_disagreements(figure: Figure, answer: ExplainResult) -> None:
     """Draw one panel per stage and one bar per regime; 1 is noise alone."""
     stages, changed = _disagreements(answer), answer.has_model
-    panels = rows_of(figure, [len(_regimes(answer, item)) for item in stages])
+    panels = stack_panels(figure, [len(_regimes(answer, item)) for item in stages])
     half, height = (0.19, 0.36) if changed else (0.0, 0.6)
     for axes, item in zip(panels, stages, strict=True):
         names = _regimes(answer, item)

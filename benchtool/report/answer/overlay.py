@@ -15,7 +15,7 @@ from benchtool.explain.engine.evidence import Overlay
 from benchtool.report.answer.figures import AFTER, BEFORE
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
-from benchtool.report.panels import legend_below, rows_of, spread
+from benchtool.report.panels import legend_below, spread, stack_panels
 
 AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}  # labels of x axes
 
@@ -51,7 +51,7 @@ def _overlay_title(answer: ExplainResult, overlay: Overlay) -> str:
 def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
     """Draw one channel over its residuals; right column: enlarged where the old model is worst."""
     if answer.verdict.bench != "pitch":
-        panels = rows_of(figure, (1.8, 1.0))
+        panels = stack_panels(figure, (1.8, 1.0))
         _overlay_column(panels, answer, overlay, as_lines=False)
         legend_below(figure, panels[:1], 3)
         return

@@ -59,7 +59,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         for index, percent in zip(most_reduced, 100.0 * reduction.max(axis=1), strict=True)
     ]
     rows = [
-        (_name(budget, row), _stated(budget, row), halved[row], *shares(budget.parts[row]))
+        (_name(budget, row), _format_source(budget, row), halved[row], *shares(budget.parts[row]))
         for row in lines
     ]
 
@@ -99,7 +99,7 @@ def _name(budget: Budget, row: int) -> str:
     return line.name if line.in_fit else f"{line.name} *"
 
 
-def _stated(budget: Budget, row: int) -> str:
+def _format_source(budget: Budget, row: int) -> str:
     line = budget.lines[row]
     measured = " from residuals" if line.kind == "A" and not line.in_fit else ""
     return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit) + measured
@@ -110,7 +110,7 @@ def budget_sentence(budget: Budget) -> str:
     text = "* not in the statistical error: fixed by the model, error of its law, or misfit"
     if (monte_carlo := budget.monte_carlo) is not None:
         indices = shown_quantities(budget)
-        unconfirmed = [budget.names[place] for place in indices if not budget.confirmed[place]]
+        unconfirmed = [budget.names[index] for index in indices if not budget.confirmed[index]]
         text += f". {monte_carlo.draws} Monte Carlo refits (seed {monte_carlo.seed}) " + (
             f"do not confirm the interval of {', '.join(unconfirmed)}; use the Monte Carlo interval"
             if unconfirmed
@@ -124,7 +124,7 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
     if budget is None:
         return [Paragraph("No budget: the points do not determine all parameters.")]
     indices = shown_quantities(budget)
-    names = [budget.names[place] for place in indices]
+    names = [budget.names[index] for index in indices]
     sources = Table(
         "Sources: origin of each value, and the points that share its error.",
         ("source", "type", "distribution", "correlation", "origin", "u", "unit", "dof"),
@@ -142,7 +142,7 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
         "Sensitivities: derivative of each quantity with respect to the source, in SI units.",
         ("source", *names),
         [
-            (line.name, *(format_number(line.sensitivity[place], ".3g") for place in indices))
+            (line.name, *(format_number(line.sensitivity[index], ".3g") for index in indices))
             for line in budget.lines
         ],
     )
@@ -176,13 +176,13 @@ def budget(figure: Figure, subject: Any) -> None:
     indices, lines = _select_bars(budget)
     panels = figure.subplots(1, len(indices), sharey=True, squeeze=False)[0]
     colors = [BLUE if budget.lines[row].in_fit else ORANGE for row in lines]
-    for axes, place in zip(panels, indices, strict=True):
-        size = np.nan_to_num(budget.one_percent[place], nan=1.0)
-        axes.barh(range(len(lines)), budget.parts[lines, place] / size, color=colors, height=0.7)
-        axes.axvline(budget.combined[place] / size, color=BLACK, linestyle="--", linewidth=1.0)
-        axes.set_title(fill(budget.names[place], max(12, 56 // len(indices))))
-        is_zero = np.isnan(budget.one_percent[place])
-        unit = display_unit(budget.units[place])
+    for axes, index in zip(panels, indices, strict=True):
+        size = np.nan_to_num(budget.one_percent[index], nan=1.0)
+        axes.barh(range(len(lines)), budget.parts[lines, index] / size, color=colors, height=0.7)
+        axes.axvline(budget.combined[index] / size, color=BLACK, linestyle="--", linewidth=1.0)
+        axes.set_title(fill(budget.names[index], max(12, 56 // len(indices))))
+        is_zero = np.isnan(budget.one_percent[index])
+        unit = display_unit(budget.units[index])
         axes.set_xlabel(f"uncertainty [{unit}]" if is_zero else "percent of value")
     panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
     panels[0].invert_yaxis()

@@ -22,7 +22,7 @@ from benchtool.physics.effects.partial_coverage import PARTIAL_COVERAGE, factor_
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import scored_laws
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION, Role
-from benchtool.report.panels import DASHED, points, rows_of
+from benchtool.report.panels import DASHED, points, stack_panels
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,
@@ -171,7 +171,7 @@ def thrust(figure: Figure, fit: FitOutput) -> None:
     data = fit.data
     predicted = np.broadcast_to(fit.fitted.thrust_N(data.conditions), data.observed.shape)
     error = data.standard_error if data.errors != "none" else np.full(len(data.observed), np.nan)
-    above, below = rows_of(figure, (2.4, 1.0))
+    above, below = stack_panels(figure, (2.4, 1.0))
     for label, rows, color, marker in _levels(fit):
         rpm = from_si(_mean_speed(data.conditions)[rows], "rpm")
         points(above, rpm, data.observed[rows], error[rows], color, marker, ms=4.2, label=label)
@@ -229,7 +229,7 @@ def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
 )
 def area(figure: Figure, fit: FitOutput) -> None:
     """Draw shares of the full increment; below: deviations from the straight line."""
-    share, departure = rows_of(figure, (2.2, 1.0))
+    share, departure = stack_panels(figure, (2.2, 1.0))
     ends = np.array([0.0, 1.0])
     share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="proportional to the area")
     departure.axhline(0.0, color=BLACK, linestyle=DASHED, linewidth=1.2)

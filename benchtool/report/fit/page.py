@@ -50,10 +50,10 @@ def _comparisons(fit: FitOutput) -> list[Block]:
 
 def _facts(fit: FitOutput) -> FactTable:
     rig = fit.loaded.model.rig
-    stated = len(rig.sources) - len(rig.not_stated)
+    n_sources = len(rig.sources) - len(rig.not_stated)
     facts = {
         "rig": f"{rig.name}: {rig.title}",
-        "assumed numbers of the rig": f"{len(rig.assumed)} of {stated}",
+        "assumed numbers of the rig": f"{len(rig.assumed)} of {n_sources}",
         "missing numbers of the rig": str(len(rig.not_stated)),
         "wake rule": fit.loaded.model.wake_rule,
         "tilt rule": fit.loaded.model.tilt_rule,

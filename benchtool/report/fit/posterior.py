@@ -17,7 +17,7 @@ from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
 from benchtool.report.numbers import display_unit, with_statistical
 from benchtool.report.palette import BLUE, CYCLE, VERMILION
-from benchtool.report.panels import rows_of
+from benchtool.report.panels import stack_panels
 
 SIGMAS_2D = (1.0, 2.0)  # contours of a plane normal: 39 % and 86 % of the draws
 _LEVELS = tuple(1.0 - float(np.exp(-0.5 * sigma**2)) for sigma in SIGMAS_2D)
@@ -140,7 +140,7 @@ def chains(figure: Figure, fit: FitOutput) -> None:
     convergence = check_convergence(draws)
     tau_steps = convergence.tau_steps * float(facts["steps_kept"] or 1) / steps
     step_stride, walker_stride = -(-steps // SHOWN_STEPS), -(-walkers // SHOWN_WALKERS)
-    rows = rows_of(figure, [1.0] * len(labels))
+    rows = stack_panels(figure, [1.0] * len(labels))
     for index, axes in enumerate(rows):
         for ensemble in range(ensembles):
             lines = axes.plot(

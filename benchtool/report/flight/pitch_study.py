@@ -19,7 +19,7 @@ from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREY, VERMILION
-from benchtool.report.panels import legend_below, rows_of, shade, spans
+from benchtool.report.panels import legend_below, shade, spans, stack_panels
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
@@ -184,7 +184,7 @@ def _gain_set_name(control: PitchControl) -> str:
 )
 def pitch(figure: Figure, study: PitchStudy) -> None:
     """Draw one panel per run with common axes, as in figures 26 to 28 of the paper."""
-    panels = rows_of(figure, [1.0] * len(study.runs), sharey=True)
+    panels = stack_panels(figure, [1.0] * len(study.runs), sharey=True)
     for axes, run, away in zip(panels, study.runs, study.away, strict=True):
         shade(axes, spans(run.time_s, run.column("plate_share") > 0.0), "over-plate")
         lines: list[tuple[PitchRun, str, str, dict[str, Any]]] = [

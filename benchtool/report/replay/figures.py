@@ -17,7 +17,14 @@ from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import PitchTrack
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
-from benchtool.report.panels import OVER, broken_line, rotor_color, rotor_legend, rows_of, shade
+from benchtool.report.panels import (
+    OVER,
+    broken_line,
+    rotor_color,
+    rotor_legend,
+    shade,
+    stack_panels,
+)
 from benchtool.report.replay.replay_source import ReplaySource
 
 CLOSER_S = 5.0  # time shown before and after a surface interval
@@ -105,7 +112,7 @@ def _panels(log: ReplayedLog) -> list[Panel]:
 def log(figure: Figure, log: ReplayedLog) -> None:
     """Draw the whole log: attitude, and below outputs, speeds, torque and height."""
     draw, time_s = _panels(log), log.track.time_s
-    panels = rows_of(figure, [2.0] + [1.0] * (len(draw) - 1))
+    panels = stack_panels(figure, [2.0] + [1.0] * (len(draw) - 1))
     for axes, panel in zip(panels, draw, strict=True):
         shade(axes, log.intervals)
         panel(axes, log)
@@ -124,7 +131,7 @@ def log(figure: Figure, log: ReplayedLog) -> None:
 def closer(figure: Figure, log: ReplayedLog) -> None:
     """Draw the attitude around each of the first surface intervals."""
     time_s, shown_intervals = log.track.time_s, log.intervals[:MAX_CLOSER]
-    panels = rows_of(figure, [1.0] * len(shown_intervals), sharex=False)
+    panels = stack_panels(figure, [1.0] * len(shown_intervals), sharex=False)
     for axes, (start_s, end_s) in zip(panels, shown_intervals, strict=True):
         margin_s = min(CLOSER_S, max(1.0, 0.5 * (end_s - start_s)))
         shade(axes, log.intervals)

@@ -22,7 +22,7 @@ from benchtool.physics.model import Model
 from benchtool.report.figure import figure
 from benchtool.report.fit.budget import budget, chart_height
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
-from benchtool.report.panels import points, rows_of
+from benchtool.report.panels import points, stack_panels
 from benchtool.report.quantities import panels_height, quantity_panels
 from benchtool.report.ratio import (
     Curve,
@@ -309,7 +309,7 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
         np.array(calibration_data["residuals_N"], float),
     )
     loading = np.arange(len(force_N)) <= int(force_N.argmax())
-    line, residuals = rows_of(figure, (1.6, 1.0))
+    line, residuals = stack_panels(figure, (1.6, 1.0))
     order = np.argsort(force_N + residual_N, kind="stable")
     line.plot((force_N + residual_N)[order], counts[order], color=GREY, lw=1.2, label="line")
     for rows, marker, color, label in (

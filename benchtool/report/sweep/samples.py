@@ -27,8 +27,8 @@ from benchtool.report.panels import (
     points,
     rotor_color,
     rotor_legend,
-    rows_of,
     spread,
+    stack_panels,
 )
 from benchtool.report.sweep.run import SweepRun
 
@@ -78,7 +78,7 @@ def draw_samples(
     time_s, signals = recording.to_si("time_s"), _signals(recording)
     last_s = float(np.nanmax(time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
-    panels = rows_of(figure, [_PANELS[name] for name in signals])
+    panels = stack_panels(figure, [_PANELS[name] for name in signals])
     panel_by_signal = dict(zip(signals, panels, strict=True))
     labels = ("thrust [N]", "rotor speed\n[rpm]", "pwm [µs]", "plate [mm]")
     single = {"thrust": BLUE, "plate": VERMILION}
@@ -181,7 +181,7 @@ def visits(figure: Figure, run: SweepRun) -> None:
     raw = _raw_thrust(run)
     assert raw is not None
     sample_points, sample_N = raw
-    top, bottom = rows_of(figure, (1.0, 1.0))
+    top, bottom = stack_panels(figure, (1.0, 1.0))
     number, mean_N = run.points.column("point"), run.points.column("thrust_N")
     position, deviation_N = np.full((2, len(sample_N)), np.nan)
     for point, mean in zip(number, mean_N, strict=True):
@@ -235,7 +235,7 @@ def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
 )
 def order(figure: Figure, run: SweepRun) -> None:
     """Draw plate distances in order of measurement; below: anchors and tares."""
-    distances, drift = rows_of(figure, (1.3, 1.0))
+    distances, drift = stack_panels(figure, (1.3, 1.0))
     minutes, z = run.points.column("time_s") / 60.0, run.z_over_R(run.points)
     for kind, rows in _rows_of_kinds(run).items():
         distances.plot(
