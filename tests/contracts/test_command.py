@@ -178,7 +178,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
         ("sim:pquad", "has no port to check"),
     ],
     "pool": [
-        ("", "0 fits given; pooling needs folders of 2 or more fits"),
+        ("", "0 fits given; minimum for pooling: 2"),
         ("a b --seed -1", "--seed is -1, allowed is 0 or more"),
         ("nowhere elsewhere", "nowhere contains no fit; give folders of benchtool fit --out"),
     ],

@@ -82,7 +82,7 @@ def test_its_sample_is_imported_and_every_row_is_counted(member):
     where, data = SAMPLES[member.name]
     read = import_bytes(data, where, ImportOptions())
     assert read.format.startswith(member.name)
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     assert read.tally.kept > 0
     assert read.tally.unit == ("message" if member.kind == "log" else "row")
     assert set(read.sources) <= set(read.recording.names)

@@ -116,7 +116,7 @@ def test_a_run_is_read_before_its_bench_is_opened(tmp_path, monkeypatch):
 
         monkeypatch.setattr(where, name, call)
 
-    noted(Run, "ready_samples", "samples read")
+    noted(Run, "prepare_samples", "samples read")
     noted(resume, "read_points", "points read")
     noted(SerialBench, "open", "opened")
     noted(SerialBench, "set_pwm", "turning")

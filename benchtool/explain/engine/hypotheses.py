@@ -247,10 +247,7 @@ class Hypotheses:
         return sorted(candidates, key=self.log_evidence, reverse=True)
 
     def add_law_discrepancies(self, fits: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Return hypotheses with a law discrepancy of their last effect.
-
-        Its columns are smooth variations of the contribution of the effect.
-        """
+        """Return hypotheses with a law discrepancy (smooth variations) of their last effect."""
         laws = []
         for fit in fits:
             effect = fit.active[-1]
@@ -277,10 +274,7 @@ class Hypotheses:
         return self.log_evidence(replace(fit, values=values, cost=cost, amplitudes=amplitudes))
 
     def refit_linear(self, fit: Hypothesis) -> Hypothesis:
-        """Return a hypothesis of another data set refitted to this one by one linear step.
-
-        Law discrepancies are dropped.
-        """
+        """Return another data set's hypothesis after one linear step, without law discrepancies."""
         amplitudes = {
             name: size for name, size in fit.amplitudes.items() if name in self.discrepancies
         }

@@ -141,7 +141,7 @@ def percentage(value: float) -> str:
     caption=lambda answer, _: WHICH_OF_SEVERAL if answer.verdict.kind == "several" else WHICH,
     each=lambda answer: {
         alternatives.effect if answer.verdict.kind == "several" else "": alternatives
-        for alternatives in answer.verdict.places
+        for alternatives in answer.verdict.alternatives
     },
     height_in=lambda _, item: 1.1 + 0.27 * len(shown_explanations(item.probabilities)),
 )

@@ -138,7 +138,7 @@ def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any
         ],
         "class": list(verdict.class_members),
         "probabilities": dict(verdict.probabilities),
-        "places": [_fields(item, "effect", "probabilities") for item in verdict.places],
+        "places": [_fields(item, "effect", "probabilities") for item in verdict.alternatives],
         "stages": dict(verdict.stages),
         "unnamed": [
             _fields(effect, "name", "phrase", "stage", "probability", "share", "tolerances")

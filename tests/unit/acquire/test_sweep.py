@@ -274,7 +274,7 @@ def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path):
         asked.append(bench.now_s())
         return len(watcher.points) == 2 and len(asked) < 30
 
-    summary, run = sweep(bench, tmp_path / "run", watcher=watcher, waits=waits)
+    summary, run = sweep(bench, tmp_path / "run", watcher=watcher, is_paused=waits)
     assert summary.measured == len(watcher.points) > 3
     between = watcher.words[watcher.words.index("paused") : watcher.words.index("went_on")]
     assert between == ["paused"]

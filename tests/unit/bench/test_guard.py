@@ -49,7 +49,7 @@ def test_what_was_seen_of_rotors_is_said_before_the_guard_is_left(fake):
         assert guard.standstill is None
         guard.stop()
         guard.read(0.5)
-        assert guard.standstill.seen
+        assert guard.standstill.is_confirmed
         guard.set_pwm(np.array([1600.0]))
         assert guard.standstill is None
 

@@ -58,8 +58,8 @@ def test_the_tolerance_is_that_of_drive_and_sensor():
         ((0.2016,), 0.2, 0.2008, 0.0, r"reads 0\.2016 m .* the stage reports 0\.2008 m"),
         ((0.2004,), 0.2, 0.1996, 0.0, None),
         ((LEAST_M - TOLERANCE_M,), LEAST_M - 0.5 * TOLERANCE_M, LEAST_M - TOLERANCE_M, 0.0, None),
-        ((), 0.2, 0.2, 0.0, "brought no reading after the move to 0.2 m"),
-        ((nan,), 0.2, 0.2, 0.0, "brought no reading after the move to 0.2 m"),
+        ((), 0.2, 0.2, 0.0, "has no reading after the move to 0.2 m"),
+        ((nan,), 0.2, 0.2, 0.0, "has no reading after the move to 0.2 m"),
         ((LEAST_M - 0.002,), 0.06, 0.06, 9.0, "reads 0.0480 m .*, inside the least gap of 0.05 m"),
         (
             (0.6,),
@@ -99,7 +99,7 @@ def test_a_move_within_the_tolerance_is_not_called_frozen():
         (1.0, TO_HALF_M, None),
         (0.51, 0.0, r"moved while motors turned: .* 0\.5100 m .* 0\.5000 m, tolerance 1\.\d mm"),
         (0.6, 0.05, r"moved while motors turned: .*, tolerance 51\.\d mm"),
-        (nan, 0.0, "brought no reading during the point at 0.5 m"),
+        (nan, 0.0, "has no reading during the point at 0.5 m"),
     ],
 )
 def test_a_plate_that_moves_during_a_point(mean_m, more_m, said):
@@ -160,7 +160,7 @@ class Idling:
     def now_s(self) -> float:
         return self.time_s
 
-    def listen(self, timeout_s: float) -> Readings:
+    def read_and_buffer(self, timeout_s: float) -> Readings:
         self.time_s += timeout_s
         values = np.array([[nan, rpm] for rpm in self._rpm])
         return Readings(np.full(len(values), self.time_s), np.zeros(len(values)), values)

@@ -47,11 +47,11 @@ FOUND = """
 linux | port | ok | is present
 linux | permission | ok | ada may open
 linux | other users | ok | no program
-linux may_open=no groups= groups_on_file= | permission | problem | -aG dialout ada
-linux may_open=no groups=ada | permission | problem | log out and in again
+linux can_open=no groups= groups_on_file= | permission | problem | -aG dialout ada
+linux can_open=no groups=ada | permission | problem | log out and in again
 linux port=/dev/ttyUSB7 exists=no | port | problem | present: /dev/ttyUSB0
 bare | port | problem | `benchtool bench serve` makes a virtual bench
-linux holders=minicom:812 | other users | problem | minicom (pid 812)
+linux owners=minicom:812 | other users | problem | minicom (pid 812)
 terminal | other users | ok | python (pid 99)
 mac port=/dev/tty.usbserial-1 | port | problem | use /dev/cu.usbserial-1
 mac | other users | not checked | Darwin does not report
@@ -64,7 +64,7 @@ windows port=\\\\.\\COM12 | port | ok | is present
 
 
 def value_of(key, text):
-    if key == "holders":
+    if key == "owners":
         name, _, pid = text.partition(":")
         return (PortOwner(int(pid), name),)
     if key in ("groups", "groups_on_file"):

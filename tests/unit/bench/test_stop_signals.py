@@ -61,10 +61,10 @@ def test_only_the_first_is_raised_at_once(signals):
             signal.raise_signal(signal.SIGTERM)
 
 
-@pytest.mark.parametrize("call", ["set_pwm", "read", "listen", "stop", "close"])
+@pytest.mark.parametrize("call", ["set_pwm", "read", "read_and_buffer", "stop", "close"])
 def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call):
     done = []
-    plain = getattr(fake, "read" if call == "listen" else call)
+    plain = getattr(fake, "read" if call == "read_and_buffer" else call)
 
     def signalled(*words):
         if not done:
@@ -72,7 +72,7 @@ def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call):
         done.append(call)
         return plain(*words)
 
-    setattr(fake, "read" if call == "listen" else call, signalled)
+    setattr(fake, "read" if call == "read_and_buffer" else call, signalled)
     stopped = pytest.raises(RunInterrupted, match="Ctrl-C")
     with stopped, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))

@@ -76,7 +76,7 @@ def test_a_user_effect_is_a_candidate(capsys, tmp_path):
     ("arguments", "message"),
     [
         (("a.csv", "--check", "b.csv"), "no model; use --model"),
-        (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
+        (("short.csv", "--model", str(MODEL), "--check", CHECK), "too short: 2.0 s"),
         ((LEARN, "--model", str(MODEL), "--check", CHECK, "--effects", "no.py"), "no such file"),
         (("--check", "b.csv", "a.csv"), "(all arguments after --check are validation recordings)"),
         ((LEARN, "no.csv", "--model", "bad.csv"), "3 problems: (1) no.csv: "),

@@ -92,5 +92,5 @@ def test_a_changed_recording_is_rejected(log):
     target.write_text(target.read_text() + "7\n")
     with pytest.raises(FileFormatError, match="has changed since"):
         read_recording(target)
-    with pytest.raises(FileFormatError, match=r"\.csv or \.parquet"):
+    with pytest.raises(FileFormatError, match=r"allowed: \.csv, \.parquet"):
         write_recording(log.with_name("mine.xls"), recording, {})

@@ -49,7 +49,7 @@ def imported(text: str | bytes, where: str = "log.csv", **options: object) -> Im
     """Import text; the account must balance."""
     data = text.encode() if isinstance(text, str) else text
     read = import_bytes(data, where, ImportOptions(**options))  # type: ignore[arg-type]
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     assert read.tally.kept == len(read.recording)
     return read
 

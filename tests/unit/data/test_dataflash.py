@@ -106,7 +106,7 @@ def test_a_cut_log_gives_what_is_whole():
     data = dataflash(hop())
     whole = import_bytes(data, "hop.bin", ImportOptions())
     cut = import_bytes(data[:-9], "hop.bin", ImportOptions())
-    assert cut.tally.balanced
+    assert cut.tally.is_balanced
     assert cut.tally.refused == 1
     assert f"byte {len(data) - 9:,}" in found(cut, "cut off")[0].words
     assert len(whole.recording) - len(cut.recording) <= 1
@@ -140,5 +140,5 @@ def test_a_stray_time_is_refused():
     data = dataflash(hop()) + record("ATT", (1 << 60, 0, 0, 0, 0, 0, 0))
     read = import_bytes(data, "hop.bin", ImportOptions())
     assert found(read, "stray time")[0].count == 1
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     assert read.recording.column("time_s")[-1] < 10.0

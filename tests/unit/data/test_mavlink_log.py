@@ -60,7 +60,7 @@ def finite_values(read: ImportResult, name: str) -> np.ndarray:
 def test_messages_become_channels_on_the_autopilots_clock(version):
     items = [item for item in hop() if version == 2 or item[1].id < 256]
     read = import_bytes(tlog(items, version=version), "hop.tlog", ImportOptions())
-    assert read.tally.balanced
+    assert read.tally.is_balanced
     assert read.tally.kept == len(items)
     recording = read.recording
     rows = np.isfinite(recording.column("theta_rad"))
@@ -81,14 +81,14 @@ def test_a_cut_log_and_garbage_inside():
     items = hop()
     data = tlog(items)
     cut = import_bytes(data[:-3], "hop.tlog", ImportOptions())
-    assert cut.tally.balanced
+    assert cut.tally.is_balanced
     assert (cut.tally.refused, cut.tally.kept) == (1, len(items) - 1)
     assert f"byte {len(data) - 3:,}" in found(cut, "cut off")[0].words
     middle = len(tlog(items[:40]))
     hurt = import_bytes(
         data[:middle] + b"\xfd\x00garbage" * 5 + data[middle:], "x.tlog", ImportOptions()
     )
-    assert hurt.tally.balanced
+    assert hurt.tally.is_balanced
     assert hurt.tally.kept >= len(items) - 1
     assert found(hurt, "corrupt bytes")
 

@@ -91,14 +91,14 @@ def good(model):
 
 
 MENDED: dict[str, tuple[Fault, str]] = {
-    "angle 12 ms late": (late("theta_rad", 3), "theta_rad comes 1[12]"),
-    "angle 40 ms late": (late("theta_rad", 10), "theta_rad comes (39|40)"),
-    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s comes 1[12]"),
-    "speeds 12 ms late": (late("rpm", 3), "rpm comes 1[123]"),
-    "pulses 12 ms late": (late("pwm", 3), "pwm_us comes 1[123]"),
+    "angle 12 ms late": (late("theta_rad", 3), "theta_rad is 1[12]"),
+    "angle 40 ms late": (late("theta_rad", 10), "theta_rad is (39|40)"),
+    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s is 1[12]"),
+    "speeds 12 ms late": (late("rpm", 3), "rpm is 1[123]"),
+    "pulses 12 ms late": (late("pwm", 3), "pwm_us is 1[123]"),
     "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "converted from rad/s"),
     "plate in mm": (scaled("plate_z_m", 1000.0), "converted from mm"),
-    "speeds exchanged": (exchanged, "columns of speed were exchanged"),
+    "speeds exchanged": (exchanged, "rpm2 follows pwm1_us"),
     "spikes of the angle": (spikes("theta_rad", 0.3), "7 spikes of theta_rad"),
     "spikes of the rate": (spikes("gyro_rad_s", -2.0), "7 spikes of gyro_rad_s"),
     "spikes of a speed": (spikes("rpm1", -3000.0), "7 spikes of rpm1"),

@@ -27,9 +27,9 @@ def test_a_number_that_does_not_exist_is_none(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"results": {}}, "no method has a result"),
-        ({"results": {"least_squares": {}}}, "there is no 'order'"),
-        ({"points": 3}, "no result of a fit"),
+        ({"results": {}}, "results are empty"),
+        ({"results": {"least_squares": {}}}, "key 'order' is missing"),
+        ({"points": 3}, "invalid fit result"),
         ({"format": "x"}, "format 'x' is not supported"),
     ],
 )

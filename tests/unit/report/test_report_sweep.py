@@ -106,7 +106,7 @@ def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run, tmp_path):
     assert facts_of(own)["device"] == facts_of(page)["device"]
     assert write_report([fit]) == fit / "report.html"
     with pytest.raises(InputError, match="already has a page"):
-        write_report([fit], beside=ReplayInputs(model="single"))
+        write_report([fit], replay_inputs=ReplayInputs(model="single"))
     (fit / "report.html").unlink()
     with pytest.raises(FileFormatError, match="is missing; repeat benchtool fit"):
         write_report([fit])

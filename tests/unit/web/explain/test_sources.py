@@ -76,7 +76,7 @@ def test_a_choice_that_leads_elsewhere_is_refused(sources, choice):
     with pytest.raises(InputError, match="is outside the runs folder"):
         sources.find_path(choice)
     with pytest.raises(InputError, match="is outside the runs folder"):
-        sources.model_of(choice)
+        sources.find_model(choice)
 
 
 def test_the_command_names_everything(sources):
