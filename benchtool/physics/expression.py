@@ -241,7 +241,7 @@ def _register_records() -> None:
 
 
 def inlined_expression(function: Function) -> Function:
-    """Register a part of a compiled loop and return it unchanged: scalars only, with branches.
+    """Register a scalar function for use in compiled loops and return it unchanged.
 
     Unlike an expression it may contain `if`, `while` and indexed arrays. Without numba it runs as
     Python.

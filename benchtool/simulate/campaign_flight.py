@@ -64,7 +64,7 @@ def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, .
 
 
 def _probe(control: str, setup: FlightSetup, point: Point, design: Design) -> None:
-    """Fly the first control periods of a point, to find errors of its start."""
+    """Fly the first two control periods of a point; raise InputError if it cannot start."""
     has_noise = setup.gyro_noise_rad_s > 0.0 or "gyro_noise_rad_s" in design.names
     if design.seeds > 1 and not has_noise:
         raise InputError(

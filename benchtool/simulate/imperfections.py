@@ -223,7 +223,7 @@ class Axis:
         return self.reported != self.target
 
     def advance(self, elapsed_s: Array) -> tuple[Array, Array]:
-        """Return reported and true positions (m,) at times from now; keep the last ones as state.
+        """Return reported and true positions (m,) after these times, and store the last ones.
 
         The target is constant, so the motion is monotonic and the clipping of the true position is
         exact.

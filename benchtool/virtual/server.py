@@ -128,7 +128,7 @@ class BenchServer:
         self.outbox.flush(self._link.write)
 
     def _greet(self) -> None:
-        """Reset the counts of problems on every hello."""
+        """Reset the problem counters if the host has sent a new hello."""
         if self._device.host_since_s != self._host_since_s:
             self._host_since_s = self._device.host_since_s
             self._dropped_before, self._report_from = self.outbox.dropped, 1

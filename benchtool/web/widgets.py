@@ -121,7 +121,7 @@ def titled_card(title: str) -> Iterator[ui.card]:
 
 
 def show_facts(container: ui.element, facts: Mapping[str, str]) -> None:
-    """Replace the contents of a container by names and texts."""
+    """Replace the contents of a container by labels: each name, then its text."""
     container.clear()
     with container:
         for name, text in facts.items():

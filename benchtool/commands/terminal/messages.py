@@ -1,4 +1,4 @@
-"""Messages on standard error, and errors of full or closed outputs."""
+"""Messages on standard error, and detection of a full disk or a closed standard output."""
 
 from __future__ import annotations
 

@@ -217,7 +217,7 @@ def _read_tables(entries: Sequence[tuple[Path, Entry]], name: str) -> Sequence[A
 
 
 def _parse_rows(names: list[str], runs: Sequence[tuple[Path, Entry, list[bytes]]]) -> list[Any]:
-    """Return the rows of runs with the same header, with path, rig and z/R; skip invalid runs."""
+    """Return tables of runs with equal headers, plus path, rig and z/R; skip invalid runs."""
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import csv

@@ -29,11 +29,11 @@ class ZeroNoise:
 
 
 def zero_covariance(since_s: Array, noise: ZeroNoise) -> Array:
-    """Return the covariance (m, m) of the zero at times (m,) since it was last known: N2.
+    """Return the covariance (m, m) of the zero drift, at times (m,) since the last known zero: N2.
 
     A random walk has w^2 min(t, t'). 1/f noise is a sum of Ornstein-Uhlenbeck processes of equal
-    variance, their time constants a decade apart (Kasdin, Proc. IEEE 83, 1995), minus its value
-    when the zero was known.
+    variance, with time constants a decade apart (Kasdin, Proc. IEEE 83, 1995), minus its value at
+    the last known zero.
     """
     t = np.concatenate([[0.0], since_s])
     lag_s = np.abs(t[:, None] - t)

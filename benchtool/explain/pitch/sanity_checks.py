@@ -72,10 +72,9 @@ def check_consistency(logged: LoggedPitch, rig: Rig, name: str) -> None:
         outer = np.argsort(-np.abs(_arms(rig)), kind="stable")[:2]
         expected = " and ".join(rig.rotors[rig.first_rotors[disc]].name for disc in outer)
         raise InputError(
-            f"the beam of {name} is turned by pwm{first}_us against pwm{second}_us, but in rig "
-            f"{rig.name!r} by {expected}: pulses are in columns of other rotors; record with the "
-            f"motor map (map=FILE, see benchtool bench map), or swap the columns in the model's "
-            f"[columns]"
+            f"pwm columns of {name} do not match rig {rig.name!r}: the beam is turned by "
+            f"pwm{first}_us and pwm{second}_us; expected: {expected}; record with the motor map "
+            f"(map=FILE, see benchtool bench map), or swap the columns in the model's [columns]"
         )
     if agreement < -MIN_CORRELATION or cosine < 0.0:
         raise InputError(

@@ -316,7 +316,7 @@ class SweepSubject(Subject):
         return result
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
-        """Return the first validation sweep: thrust over plate distance, speeds over time.
+        """Return overlays of the first validation sweep: thrust over z/R, speeds over time.
 
         Rows are sorted by level and distance; lines break between levels.
         """

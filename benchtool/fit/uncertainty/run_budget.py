@@ -102,7 +102,7 @@ def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:
 
 
 def _fastest(data: FitData, visit: NDArray[np.intp], names: list[str]) -> list[str]:
-    """Return the nearest, a middle and the farthest setting of the fastest level."""
+    """Return the names of the nearest, a middle and the farthest setting at the highest speed."""
     speed = data.conditions.speed_rad_s[:, data.rows].max(axis=0)
     z = data.z_over_R[data.rows]
     settings = range(len(names))

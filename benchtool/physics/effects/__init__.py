@@ -1,1 +1,1 @@
-"""Physical effects, one file each. The catalogue reads this folder."""
+"""Physical effects, one file each. `physics.catalogue` imports all files of this folder."""

@@ -54,7 +54,7 @@ class ReplaySource:
         return self.recording.simulated
 
     def with_quantities(self) -> Recording:
-        """Return the recording with derived quantities; a pitch run unchanged."""
+        """Return the recording, with derived quantities unless it is a pitch run."""
         if self.is_run:
             return self.recording
         return add_quantities(self.recording, build_recording_context(self.facts, str(self.path)))

@@ -165,7 +165,7 @@ def next_velocity(time_s: Any, body: Any, lift_N: Any, craft: Any, gusts: Any, d
 def move_vehicle(
     arrays: Any, now: Any, slots: Any, hooks: Any, look_below: Any, rotor_disc: Any, ones: Any
 ) -> None:  # fmt: skip
-    """Advance one plant step: half drift, forces at the middle, half drift."""
+    """Advance one plant step by drift-kick-drift, with the forces at mid-step."""
     w, discs, dt_s = arrays.w, now.geometry, now.geometry.dt_s
     craft, motion = read_record(w, slots.craft, 0, 1), read_record(w, slots.motion, 0, 1)
     p, targets = read_record(w, slots.effects, 0, 1), read_record(w, slots.targets, 0, 1)
