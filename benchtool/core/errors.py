@@ -160,7 +160,7 @@ class DataWarning(UserWarning):
 
 
 class PlanError(InputError):
-    """Plan that exceeds the bench or its limits."""
+    """Invalid plan, or a plan that exceeds the limits of the bench."""
 
 
 class CalibrationError(InputError):
@@ -168,7 +168,7 @@ class CalibrationError(InputError):
 
 
 class WouldOverwrite(InputError):
-    """Target that exists already.
+    """Rejected write to an existing file or folder.
 
     Args:
         path: of the target.

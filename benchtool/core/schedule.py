@@ -154,7 +154,7 @@ class Schedule(FiniteTable):
             if visit.out_s < visit.in_s + visit.move_s:
                 raise InputError(
                     f"the plate of schedule {self.name!r} moves out at {visit.out_s:g} s, before "
-                    f"it is in at {visit.in_s + visit.move_s:g} s; increase out_s"
+                    f"it has moved in at {visit.in_s + visit.move_s:g} s; increase out_s"
                 )
         for visit, later in pairwise(self.plate):
             if later.in_s < visit.out_s:

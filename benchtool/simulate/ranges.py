@@ -1,4 +1,4 @@
-"""Range check of simulation numbers."""
+"""Range checks of numerical inputs of simulations."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Autopilots as benches."""
+"""Bench driver for autopilots, over MAVLink."""

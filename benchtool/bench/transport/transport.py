@@ -99,7 +99,7 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
         )
     if _is_denied(number, text):
         return PortDenied(
-            f"no permission to open {where}; `benchtool doctor` names the missing group"
+            f"no permission to open {where}; `benchtool ports PORT` names the missing group"
         )
     if isinstance(error, socket.gaierror | UnicodeError):
         return NoDevice(f"the host of {where} is unknown; correct its name in the address")

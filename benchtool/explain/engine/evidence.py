@@ -27,7 +27,7 @@ LATE, EARLY = "late in the run", "early in the run"  # regimes of time: weak hin
 class RowGroups:
     """Masks (n_rows,) of the rows of each stage and of each regime.
 
-    Errors of a stage without rows appear in those of another stage. Regimes may overlap.
+    Errors of a stage (subsystem) without rows appear in rows of others. Regimes may overlap.
     """
 
     stages: Mapping[Subsystem, NDArray[np.bool_]]

@@ -49,7 +49,7 @@ class ScaledParameter:
 def owner_parameter(
     name: str, item: Parameter, sd: float, lower: float, first: float = 0.0
 ) -> ScaledParameter:
-    """Return a roughly known parameter with a standard error."""
+    """Return a parameter of the bench, not of an effect; `sd` is its scale."""
     return ScaledParameter(
         name=name, unit=item.unit, effect="", start=item.value, scale=sd, lower=lower,
         upper=item.upper, held=True, first=first,
@@ -150,7 +150,7 @@ _SHARES = {"k": (K_KNOWN, K_FITTED), "R_m": (RADIUS_KNOWN, RADIUS_FITTED)}
 
 
 def known_prior(name: str, item: Parameter) -> Prior | None:
-    """Return a parameter's normal prior in a sweep: stated, else assumed for k and R_m, or None."""
+    """Return a parameter's normal prior in a sweep; else an assumed one for k and R_m, or None."""
     if item.prior.kind == "normal":
         return item.prior
     if name not in _SHARES:

@@ -94,7 +94,7 @@ def summarize_residuals(
 
 @dataclass(frozen=True, eq=False)
 class _Nuisances:
-    """Nuisance columns of a law: parameters and discrepancies, each by one prior sd."""
+    """Nuisance columns of a law: effect of one prior sd of each parameter and discrepancy."""
 
     columns: Array  # (n_rows, r), of parameters the first `n_parameters`
     n_parameters: int

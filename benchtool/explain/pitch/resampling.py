@@ -66,7 +66,7 @@ def resample_evenly(recording: Recording, name: str) -> ResampledRecording:
         remarks.append(f"{pluralize(int((~has_time).sum()), 'row')} without a time dropped")
         recording, time_s = recording.select(has_time), time_s[has_time]
     if len(time_s) < 3:
-        raise InputError(f"{name} has {pluralize(len(time_s), 'row')} with a time; record it again")
+        raise InputError(f"{name} has {pluralize(len(time_s), 'row')} with a time; minimum: 3 rows")
     steps = np.diff(time_s)
     has_angle = np.isfinite(recording.column("theta_rad"))
     gaps_s = np.diff(time_s[has_angle])

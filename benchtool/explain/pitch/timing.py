@@ -59,7 +59,7 @@ class TimeOffset:
 
     @property
     def text(self) -> str:
-        """Absolute offset with its standard error."""
+        """Absolute offset ± its standard error in ms, as text."""
         return f"{1e3 * abs(self.offset_s):.1f} ± {1e3 * self.se_s:.2g} ms"
 
 

@@ -61,8 +61,8 @@ class ThrustLaw:
     def single_k(self) -> tuple[float, float, float, float, float]:
         """The k of T = k w^2, its standard uncertainty, maximum relative error, speed range.
 
-        The k of the law, else the k with the smallest maximum error above `MIN_THRUST_SHARE` of the
-        highest thrust; that error is a rectangular distribution in the uncertainty.
+        For another law, k minimises the maximum relative error above `MIN_THRUST_SHARE` of the
+        highest thrust; that error adds to the uncertainty as a rectangular distribution.
         """
         used = self.level_thrust_N >= MIN_THRUST_SHARE * self.level_thrust_N.max()
         speed, thrust = self.level_speed_rad_s[used], self.level_thrust_N[used]

@@ -60,7 +60,7 @@ def test_switches_act_from_their_time_on():
 
 def test_bad_schedules_are_refused(tmp_path):
     early = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=2.2)
-    with pytest.raises(InputError, match=r"moves out at 2\.2 s, before it is in at 2\.5 s"):
+    with pytest.raises(InputError, match=r"moves out at 2\.2 s, before it has moved in at 2\.5 s"):
         Schedule(name="x", title="x", duration_s=10.0, plate=(early,))
     with pytest.raises(InputError, match="not in order of time"):
         Schedule(name="x", title="x", duration_s=1.0, switches=(Switch(at_s=1), Switch(at_s=0)))
