@@ -373,10 +373,9 @@ class _Sweep:
         """
         if self._n_failed:
             raise RunInterrupted(
-                f"{pluralize(self._n_failed, 'visit')} failed for samples that were "
-                f"too few, late or frozen, {self._n_measured} are measured; check the link and the "
-                f"sensors (see events.jsonl), then repeat the failed points with benchtool sweep "
-                f"--resume"
+                f"{pluralize(self._n_failed, 'visit')} failed ({self._n_measured} measured): "
+                f"samples too few, late or frozen; check the link and the sensors (see "
+                f"events.jsonl), then repeat the failed visits with benchtool sweep --resume"
             )
         quality, duration_s = self.recorder.quality, self.recorder.now_s
         summary = SweepSummary(

@@ -83,7 +83,7 @@ class LimitCheck:
         self._last_value_s: Array = np.full(len(watched), now_s)
 
     def tighten_limits(self, limits: Limits) -> None:
-        """Apply other limits from now on, on the same channels."""
+        """Replace the limits; the set of checked channels does not change."""
         channels = _find_watched(self._names, limits, self._rotor_stale_s)
         new = {channel.index: channel for channel in channels}
         self._watched = [new.get(channel.index, channel) for channel in self._watched]

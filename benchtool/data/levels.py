@@ -98,7 +98,7 @@ def _means(part: Array) -> tuple[Array, Array]:
 
 
 def _number_levels(recording: Recording) -> NDArray[np.intp] | None:
-    """Return the level of each row (n,), -1 for excluded rows; None if rows are levels."""
+    """Return the level of each row (n,), -1 if excluded; None if every row is a level."""
     n, step_s = len(recording), BIN_S
     if "time_s" in recording and n > 2:
         time_s = recording.to_si("time_s")

@@ -77,7 +77,7 @@ class Slot(NamedTuple):
 
     Attributes:
         first: first row.
-        like: record of the same type, of numbers, tuples and named tuples.
+        like: example of the record's type: numbers, tuples and named tuples.
     """
 
     first: int

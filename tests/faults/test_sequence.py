@@ -81,7 +81,7 @@ def test_a_visit_that_fails_is_marked_and_measured_on_resuming(tmp_path):
     outcome = sweep(tmp_path, plan(), [fault])
     assert fault.hit > 100
     assert outcome.code == 5
-    assert "1 visit failed for samples that were too few, late or frozen, 0 are" in outcome.said
+    assert "1 visit failed (0 measured): samples too few, late or frozen" in outcome.said
     (point,) = outcome.points()
     assert (point["kind"], point["settled"]) == ("failed", "0")
     said = [

@@ -49,7 +49,7 @@ class LoadCellDecoder:
 
 
 class AuxiliaryLoadCell:
-    """Load cell that sends text, with readings in an autopilot's time.
+    """Load cell that sends text; its readings are stamped in the autopilot's time.
 
     The time of a reading is the arrival of its line. The earlier delay of amplifier and link (for
     an HX711 about 15 ms at 80 Hz, 100 ms at 10 Hz) is unknown and not subtracted.

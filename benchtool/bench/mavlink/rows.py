@@ -198,7 +198,7 @@ class MavlinkRows:
         return True
 
     def _process_thrust_or_distance(self, message: Message, arrival_us: int | None) -> None:
-        """Process a message that companions may send as well, at its arrival time if they did."""
+        """Process a message of autopilot or companion; `arrival_us` is set for a companion's."""
         name, thrust = message.msgname, self._wiring.thrust
         if name == "DISTANCE_SENSOR":
             if (

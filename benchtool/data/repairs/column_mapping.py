@@ -26,7 +26,7 @@ from benchtool.data.repairs.numbers import parse_numbers
 
 
 def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
-    """Return a format test by the columns of a file's header, without units in brackets.
+    """Return a function that tests a file for these columns; units in brackets are ignored.
 
     Args:
         names: columns that are all required.

@@ -172,7 +172,7 @@ class SharedErrors:
         return solve_covariance(self.columns(amplitudes), self.rows(at)[:, 0]) / self.noise
 
     def law(self, name: str) -> Array:
-        """Return the columns of a law discrepancy (n_rows, r), over the noise."""
+        """Return the columns of a law discrepancy (n_rows, r), divided by the noise."""
         return self._columns[name].astype(float)
 
     @property
@@ -181,7 +181,7 @@ class SharedErrors:
         return len(self._columns)
 
     def half_log_determinant(self, amplitudes: Mapping[str, float]) -> float:
-        """Return half of the log determinant of the covariance over the noise."""
+        """Return half of the log determinant of the covariance of rows divided by their noise."""
         return self._shared(amplitudes)[2]
 
 

@@ -86,7 +86,7 @@ class _Shapes:
 def find_dependence(
     summaries: Sequence[ResidualSummary], radius_m: float
 ) -> FoundDependence | None:
-    """Return the variable of the residuals and its law; None if none is probable enough."""
+    """Return the variable on which the residuals depend, with its law; None if improbable."""
     summaries = [s for s in summaries if np.ptp(s.form.affected_values(s.variable)) > 1e-6]
     families = [_try_families(summary) for summary in summaries]
     pairs = zip(summaries, families, strict=True)

@@ -69,7 +69,7 @@ def _budget(path: Path) -> Budget:
     problem = with_scale_errors(problem, scales)
     near, *_, far = selection = _fastest(data, setting_index, names)
     if near == far:
-        raise EstimationError("thrust was measured at one distance, so there is no ratio")
+        raise EstimationError("only 1 plate distance at the highest speed; minimum for a ratio: 2")
     ratio = Derived(f"{near} over {far}", "1", lambda values: values[near] / values[far])
     result = with_derived(fit_least_squares(problem), [ratio])
     linear = propagate(problem, result, [ratio])

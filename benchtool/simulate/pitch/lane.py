@@ -60,14 +60,14 @@ def cosine(angle_rad: Quantity) -> Quantity:
 
 @expression
 def rounded(value: Any, quantum: Any) -> Any:
-    """Return the value rounded to whole quanta; exactly the value for a zero quantum."""
+    """Return the value rounded to a multiple of the quantum; unchanged if the quantum is 0."""
     step = np.maximum(quantum, 1e-12)
     return value + (quantum > 0.0) * (np.floor(value / step + 0.5) * step - value)
 
 
 @expression
 def read(true: Any, draw: Any, sensor: Any) -> Any:
-    """Return a sensor reading: true value plus bias and white noise, in whole quanta."""
+    """Return a sensor reading: true value plus bias and white noise, rounded to the quantum."""
     return rounded(true + sensor.bias + sensor.noise * draw, sensor.quantum)
 
 
@@ -88,7 +88,7 @@ def heights_over(plane: Any, x_m: Any, y_m: Any) -> Any:
 
 @expression
 def scaled(values: Any, factor: Any) -> Any:
-    """Return each disc's value times a number."""
+    """Return the product of each disc's value and a number."""
     products = values
     for i in range(len(values)):
         products = with_fields(products, i, values[i] * factor)

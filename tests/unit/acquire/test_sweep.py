@@ -340,7 +340,7 @@ def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_p
 def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path):
     bench = FakeBench()
     bench.shown_rpm = lambda time_s, rpm: np.full(rpm.shape, 4001.0)
-    with pytest.raises(RunInterrupted, match="too few, late or frozen, 0 are measured"):
+    with pytest.raises(RunInterrupted, match=r"\(0 measured\): samples too few, late or frozen"):
         sweep(bench, tmp_path / "run")
     failed = read_points(tmp_path / "run", ["failed"])
     assert len(failed) == len(plan_visits(PLAN.resolved(RIG), RIG))
