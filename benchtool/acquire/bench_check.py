@@ -255,8 +255,8 @@ def _find_output(device: ReportsOutputs, motor: int, low_us: float) -> int:
     if len(driven) != 1:
         listed = ", ".join(map(str, driven)) or "none"
         raise BenchError(
-            f"motor {motor} was commanded to {low_us:g} us, and outputs with that pulse are: "
-            f"{listed}; exactly one is needed; check the autopilot's output functions"
+            f"motor {motor} was commanded to {low_us:g} us; outputs with this pulse width: "
+            f"{listed}; expected: exactly one; check the autopilot's output functions"
         )
     return driven[0]
 

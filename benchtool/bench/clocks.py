@@ -84,9 +84,9 @@ MAX_GAP_S = 1.0  # a longer pause ends a run for every watchdog of a device; ass
 
 
 class HostGapDetector:
-    """Longest pause of a loop that waits only briefly.
+    """Detector of host pauses: longest time between two rounds of a polling loop.
 
-    A command may take long because the line loses acknowledgements although its host runs.
+    Lost acknowledgements also delay a command, but without a pause of the host.
 
     Attributes:
         longest_s: longest time between two rounds since `begin`.

@@ -35,8 +35,8 @@ class ColumnSource(FiniteTable):
     def __post_init__(self) -> None:
         if (self.column is None) == (self.constant is None):
             raise InputError(
-                "an entry of [columns] needs either column = 'their name' or constant = number; "
-                "give exactly one of them"
+                "an entry of [columns] needs either column = 'NAME' or constant = NUMBER; give "
+                "exactly one of them"
             )
 
 

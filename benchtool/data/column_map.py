@@ -133,7 +133,7 @@ def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
         entries_by_name[name] = {"column": entry} if isinstance(entry, str) else entry
         if not isinstance(entries_by_name[name], dict):
             raise FileFormatError(
-                f"[columns] {name} of {where}", "write it as { column = 'their name', unit = 'gf' }"
+                f"[columns] {name} of {where}", "write it as { column = 'NAME', unit = 'gf' }"
             )
     column_file = build_dataclass(_ColumnsFile, {**entries, "columns": entries_by_name}, where)
     check_channels(column_file.columns, where)

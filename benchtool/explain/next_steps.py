@@ -136,7 +136,7 @@ def _explain_command(
     *,
     with_effects: bool = True,
 ) -> str:
-    """Return the command; `with_effects` unless the model file names the user's effects."""
+    """Return the `explain` command; without `--effects` if the model file names the effects."""
     arguments = ["explain", *_paths(request.learn), *extra, "--model", model]
     arguments += ["--check", *_paths(request.check)]
     if request.rig_given and model == request.model_given:

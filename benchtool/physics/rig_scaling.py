@@ -34,7 +34,7 @@ def arm_scale(rig: Rig) -> float:
 
 
 def torque_scale(rig: Rig) -> float:
-    """Return m g L over that of the beam."""
+    """Return the ratio of m g L to that of the beam."""
     return weight_scale(rig) * arm_scale(rig)
 
 

@@ -48,7 +48,7 @@ def mean_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def product_weight(coverage: Quantity) -> Quantity:
-    """Return the product of all a: a fountain only with all rotors over the plate; assumed."""
+    """Return the product of all a: no fountain unless all rotors are over the plate; assumed."""
     product = 1.0 + 0.0 * coverage[0]
     for j in range(len(coverage)):
         product = product * coverage[j]

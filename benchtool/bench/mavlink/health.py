@@ -1,4 +1,4 @@
-"""Faults of an autopilot: its heartbeats, its status texts, its silence. Pure functions."""
+"""Fault detection of an autopilot from heartbeats, status texts and dropouts."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ def read_motor_map(path: Path) -> MotorMap:
     motor_map = read_strict(MotorMap, text, str(path))
     if not len(motor_map.motors) == len(motor_map.outputs) == len(motor_map.escs):
         raise FileFormatError(
-            str(path), "motors, outputs and escs are not equally long; give one of each per rotor"
+            str(path), "motors, outputs and escs differ in length; give one of each per rotor"
         )
     if len(set(motor_map.motors)) < len(motor_map.motors):
         raise FileFormatError(str(path), "motors names one motor twice; each drives one rotor")

@@ -143,7 +143,7 @@ class Decoder:
 
 
 def split_messages(data: bytes) -> list[TextMessage]:
-    """Return the messages in bytes of an unknown protocol."""
+    """Return the text messages in bytes whose protocol is not known yet."""
     decoder = Decoder()
     decoder.feed(data)
     return decoder.take_messages()
@@ -258,7 +258,7 @@ class SampleOrder:
         return self._sort_consecutive(stamps) or self._sort_one_by_one(stamps.tolist())
 
     def _sort_consecutive(self, stamps: NDArray[np.int64]) -> SortedSamples | None:
-        """Return a block whose samples are consecutive; None for any other."""
+        """Return the block if its samples are consecutive, else None."""
         if self._newest is None or self._rejected is not None or not len(stamps):
             return None
         steps = np.diff(stamps, axis=0, prepend=np.array([self._newest]))
@@ -274,7 +274,7 @@ class SampleOrder:
         return SortedSamples(np.arange(len(stamps)), time_us, 0, 0)
 
     def _sort_one_by_one(self, stamps: list[list[int]]) -> SortedSamples:
-        """Return a block with lost, repeated or reordered samples."""
+        """Return the block, which may have lost, repeated or reordered samples."""
         used_rows: dict[int, tuple[int, int]] = {}  # row and time by position
         returned = None if self._newest is None else self._position
         repeated = 0

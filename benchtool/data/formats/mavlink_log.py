@@ -292,11 +292,11 @@ class AutopilotClock:
         return times
 
     def time_from_boot_ms(self, host_us: Times, boot_ms: NDArray[np.float64]) -> Times:
-        """Return the time of messages with milliseconds since boot."""
+        """Return the clock times of messages stamped in milliseconds since boot: us."""
         return (1000.0 * boot_ms).astype(np.int64) + self._offset(host_us)
 
     def time_from_wrapped_us(self, host_us: Times, count_us: NDArray[np.float64]) -> Times:
-        """Return the time of messages with the lowest 32 bits of microseconds since boot."""
+        """Return the clock times of messages stamped with the low 32 bits of us since boot: us."""
         near = self.time_from_host(host_us) - self._offset(host_us)
         ahead = (count_us.astype(np.int64) - near + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
         times: Times = near + ahead + self._offset(host_us)

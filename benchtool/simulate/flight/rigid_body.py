@@ -128,7 +128,7 @@ def rates_after_impulse(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any)
 
 @inlined_expression
 def apply_impulse(body: Any, velocity_m_s: Any, rates_rad_s: Any, wake_Nm: Any) -> Any:
-    """Return the body with other velocities (3,), body rates (3,) and wake torque."""
+    """Return the body with new velocities (3,), body rates (3,) and wake torque."""
     vx, vy, vz = velocity_m_s
     p, q, r = rates_rad_s
     return FreeBody(

@@ -105,7 +105,7 @@ def empty_text(bench: BenchClient) -> str:
 def ratio_figure(
     points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
 ) -> dict[str, Any]:
-    """Return the Plotly figure."""
+    """Return the Plotly figure of the thrust ratio."""
     x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
     measured = {
         "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
