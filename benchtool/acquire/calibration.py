@@ -313,7 +313,7 @@ def _check_masses(masses_kg: Array, when: str) -> None:
 
 
 def _hysteresis(force: Array, residual_N: Array) -> float | None:
-    """Return the largest difference between loading and unloading over full scale."""
+    """Return the largest difference between loading and unloading, relative to full scale."""
     top = int(force.argmax())
     gaps_N = []
     for level in np.unique(force):

@@ -83,8 +83,8 @@ def close_run(run: Run) -> bool:
 def prepare_resume(unfinished: ResumeState) -> SweepStart:
     """Prepare the files of a run to resume, before its bench is opened.
 
-    Samples of an incomplete visit are kept and marked as `interrupted`. A complete run is closed if
-    it is not.
+    Samples of an incomplete visit are kept and marked as `interrupted`. A complete run that is
+    still open is closed.
 
     Raises:
         InputError: the run is complete, or another process measures it.

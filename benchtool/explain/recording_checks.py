@@ -114,7 +114,7 @@ def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Repair:
 
 
 def remove_beam_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
-    """Replace spikes of beam and rotor channels by nan."""
+    """Remove spikes of beam and rotor channels (set to nan)."""
     columns, messages = {}, []
     for channel in _checked_channels(recording):
         values, rows = _finite_values(recording, channel)
@@ -137,7 +137,7 @@ def remove_beam_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
 
 
 def find_frozen_sensors(recording: Recording, rig: Rig, name: str) -> Repair:
-    """Replace constant readings that another channel disproves by nan."""
+    """Remove frozen readings (set to nan): constant while another channel shows a change."""
     columns, messages = {}, []
     time_s = recording.to_si("time_s")
     for channel in _checked_channels(recording):
@@ -254,7 +254,7 @@ def remove_sweep_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
 
 
 def find_frozen_load_cell(recording: Recording, rig: Rig, name: str) -> Repair:
-    """Replace equal thrusts at different speeds by nan: a frozen or saturated load cell."""
+    """Remove thrusts of a frozen or saturated load cell (set to nan): equal at unequal speeds."""
     _, is_running = _thrust_over_squares(recording)
     rows = np.flatnonzero(is_running)
     if len(rows) < 8:

@@ -35,7 +35,7 @@ def fit_least_squares(
     if loss not in LOSSES:
         raise UnknownChoice("loss", loss, LOSSES)
     if not np.all(problem.sigma() > 0.0):
-        raise EstimationError("the noise parameter starts at 0; start it above 0")
+        raise EstimationError("the initial noise parameter is 0; set it above 0")
     best = solve(problem, problem.whitening(), loss=loss, max_evaluations=max_evaluations)
     noise: Estimate | None = None
     if problem.noise_name is not None:

@@ -86,7 +86,7 @@ class Problem:
             )
         if sum(_is_noise(name) for name in self.parameters.free_names) > 1:
             free = [name for name in self.parameters.free_names if _is_noise(name)]
-            raise InputError(f"{' and '.join(free)} are both free; free one of them")
+            raise InputError(f"{' and '.join(free)} are both free; allowed: one; fix the other")
         if self.noise_name == NOISE_PLACE and not any(
             source.parameter == NOISE_PLACE for source in self.error_sources
         ):

@@ -344,7 +344,7 @@ class Model:
         return torque_per_speed(self.rig.motor) if self.is_torque_driven else None
 
     def drag_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
-        """Return the drag torque of each disc over that out of ground effect, at equal speed."""
+        """Return the ratio of each disc's drag torque to its OGE value at equal speed."""
         n, p = len(flow.height_m), self.numbers(values)
         discs = disc_thrust(self.present_effects, n, self.image_rules)
         return tuple(discs.drags(discs.image_factors(flow, p), flow, p))

@@ -78,7 +78,7 @@ class LinkEndpoint(ABC):
         return data
 
     def wait(self, timeout_s: float, poll: Callable[[], Result | None]) -> Result | None:
-        """Pump until `poll` returns a result; return it, or None after the timeout."""
+        """Call `pump` until `poll` returns a result; return it, or None after the timeout."""
         deadline_s = self.clock() + timeout_s
         while (result := poll()) is None and (left_s := deadline_s - self.clock()) > 0.0:
             self.pump(left_s)

@@ -109,16 +109,16 @@ class SweepEvidence:
         return values
 
     def supply(self, log: SweepLog, scaled: Array) -> Array:
-        """Return supply voltage over its initial open-circuit value (m, n_sets)."""
+        """Return the ratio of supply voltage to its initial open-circuit value (m, n_sets)."""
         assert log.power is not None
         loss = np.sum([self._values(name, scaled) for name in SUPPLY_LOSSES], axis=0)
         curve, drop = self._values(CURVE, scaled), self._values(SUPPLY_DROP_V, scaled)
         return log.power.supply(loss, curve, drop)
 
     def drive(self, log: SweepLog, scaled: Array) -> Array:
-        """Return speed over that at full supply out of ground effect (n or 1, m, n_sets).
+        """Return the ratio of speed to that at full supply and OGE (n_rotors or 1, m, n_sets).
 
-        One per measured rotor, or one for all if the plate does not change speeds.
+        There is one row for all rotors if the plate does not change their speeds.
         """
         assert log.power is not None
         supply, model = self.supply(log, scaled)[None], self._free_model
@@ -155,7 +155,7 @@ class SweepEvidence:
         return log.power.voltages(self.supply(log, scaled))
 
     def of(self, log: SweepLog) -> SweepEvidence:
-        """Return the evidence of another sweep about the same model."""
+        """Return the evidence of one other sweep about the same model."""
         model, extra = self._arguments
         return SweepEvidence(model, [log], extra)
 

@@ -129,8 +129,8 @@ def _errors(recording: Recording, rig: Rig) -> tuple[Array, list[str]]:
     se_N = float(np.hypot(se_N, sensor.quantum / np.sqrt(12.0)))
     if not se_N > 0.0:
         raise InputError(
-            f"standard error of thrust is neither in the points nor, as load cell noise, in rig "
-            f"{rig.name!r}; give thrust_se_N, or sensors.thrust_N"
+            f"no standard error of thrust in the points and no load cell noise in rig "
+            f"{rig.name!r}; add thrust_se_N to the points, or sensors.thrust_N to the rig"
         )
     assumed = "no standard errors of thrust: load cell noise of the rig is used"
     return np.full(len(recording), se_N), [assumed]
