@@ -33,7 +33,7 @@ def motor(inputs: MotorInputs) -> None:
     from benchtool.api import motor as fit_motor_runs
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"--out {inputs.out} does not end in .html; use a name that does")
+        raise InputError(f"--out {inputs.out} does not end in .html; change the suffix")
     result = fit_motor_runs(inputs.runs, **input_values(inputs.stand))
     print(result.summary())
     first, *others = map(str, inputs.runs)

@@ -80,7 +80,7 @@ def report(inputs: ReportInputs) -> None:
         permit=announce_code,
     )
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"--out {out} does not end in .html; use a name that does")
+        raise InputError(f"--out {out} does not end in .html; change the suffix")
     comparison = None
     if inputs.over or inputs.at_thrust is not None or is_mixed(paths):
         if inputs.model:

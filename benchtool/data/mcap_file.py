@@ -231,7 +231,7 @@ def _values(chunks: Iterator[bytes], channels: tuple[Channel, ...], rows: int, w
         for index, name in enumerate(names):
             ends = messages[f"t{index}"][:: max(1, len(messages) - 1)]
             if (ends != _tag(index, name in WORDS)).any():
-                raise ValueError(f"field {name} is not where it should be")
+                raise ValueError(f"field {name} is at a wrong position")
             values[start:end, index] = messages[f"v{index}"]
         start = end
     if start != rows:

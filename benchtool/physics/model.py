@@ -181,7 +181,7 @@ class Model:
 
     @property
     def law(self) -> Effect | None:
-        """The present law of thrust against distance, or None."""
+        """The model's law of thrust against distance, or None."""
         return next((e for e in self.present_effects if e.distance_law is not None), None)
 
     @property

@@ -182,7 +182,7 @@ class GrblStage:
                     suffix = " and was held"
                 self._link.is_homed = False
                 raise StageError(f"{self._link.name} did not finish {action}{suffix}: it {problem}")
-        raise AssertionError("the stream of reports never ends")
+        raise AssertionError("unreachable: the stage reports endlessly")
 
     def _prepare(self, pause: Pause) -> None:
         """Clear a hold, an incomplete line, a lock, or a lost position."""

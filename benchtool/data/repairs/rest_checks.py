@@ -25,7 +25,7 @@ _VARIES = re.compile(r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|
 
 
 def check_readings_at_rest(recording: Recording) -> list[Finding]:
-    """Return the doubts about the thrust's zero and sign."""
+    """Return warnings about zero offset and sign of the thrust."""
     if "thrust_N" not in recording:
         return []
     thrust = recording.column("thrust_N")
@@ -54,11 +54,11 @@ def check_readings_at_rest(recording: Recording) -> list[Finding]:
 
 @dataclass(frozen=True, slots=True)
 class ZeroOffset:
-    """Reading of a channel without load, description of its origin, and limit as a share."""
+    """Reading of an unloaded channel."""
 
     value: float
-    where: str
-    limit: float = UNTARED_SHARE
+    where: str  # rows it is from, for messages
+    limit: float = UNTARED_SHARE  # largest share of the channel's range without a warning
 
 
 def estimate_zero(recording: Recording, name: str) -> ZeroOffset | None:
@@ -100,7 +100,7 @@ def _min_finite(values: Array) -> float:
 
 
 def constant_channels(recording: Recording) -> list[Finding]:
-    """Return the doubts about constant channels."""
+    """Return warnings about constant channels."""
     if len(recording) < 10:
         return []
     findings = []

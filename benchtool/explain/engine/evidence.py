@@ -87,7 +87,7 @@ class Evidence(Protocol):
         ...
 
     def groups(self) -> RowGroups:
-        """Return labels of the rows."""
+        """Return the masks of the rows of each stage and regime."""
         ...
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:

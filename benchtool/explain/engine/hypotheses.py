@@ -44,10 +44,10 @@ MIN_PARALLEL_DRAWS = 2000  # draws; worker processes take 2 s to start
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bootstrap:
-    """Draws of the parametric bootstrap (0: asymptotic p-value) and Dask cluster (None: local)."""
+    """Settings of the parametric bootstrap."""
 
-    draws: int = 0
-    cluster: str | None = None
+    draws: int = 0  # 0: asymptotic p-value
+    cluster: str | None = None  # address of a Dask scheduler; None: local processes
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -246,7 +246,7 @@ class Verdict:
         )
 
     def has_probability(self, probability: float) -> bool:
-        """Return True if the verdict has at least this probability; False for a class."""
+        """Return True if every named effect has this probability or more; False for a class."""
         if self.kind in ("none", "unknown"):
             return self.probabilities[self.kind] >= probability
         return self.kind != "class" and all(

@@ -48,7 +48,7 @@ class LoadCells:
 
 
 def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | None) -> LoadCells:
-    """Return the calibrations of a fit's data.
+    """Return the load cell calibrations of a fit's data.
 
     Args:
         paths, parts: data paths, and the points of each.
