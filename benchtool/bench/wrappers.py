@@ -119,7 +119,7 @@ def send_halt(bench: Bench) -> None:
 
 
 class StopRequested(RunInterrupted):
-    """Requested stop; the bench's owner decides whether the bench is used again."""
+    """Stop requested; the bench's owner decides whether the bench is used again."""
 
 
 class PauseRequested(StopRequested):

@@ -48,7 +48,7 @@ def parse_json(text: str | bytes, where: str) -> Any:
 
 
 class _NoNumber(Exception):
-    """Number of JavaScript that JSON does not have, such as NaN."""
+    """JavaScript constant that is invalid in JSON, such as NaN."""
 
 
 def _no_constant(word: str) -> None:

@@ -120,14 +120,14 @@ def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
     end = data.find(b"\n", begin) + 1 or len(data)
     text = decode(data[begin:end], "the header", repairs).removesuffix("\n")
     if position + 1 < len(lines) and (with_units := _with_units(text, lines[position + 1][0])):
-        repairs.append(("units", "units stand in the line below the names"))
+        repairs.append(("units", "units are in the line below the names"))
         text, begin = with_units, lines[position + 1][1]
         end = data.find(b"\n", begin) + 1 or len(data)
     return HeaderLine(text, data.count(b"\n", 0, begin) + 1, end)
 
 
 def _below_titles(lines: Sequence[str]) -> int:
-    """Return the index of the header line; titles have less than half as many cells."""
+    """Return the index of the header line below title lines, which have fewer cells."""
     cells = [_cells(line) for line in lines[:60]]
     for position, following in enumerate(cells[1:]):
         line = lines[position]

@@ -42,7 +42,7 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
     if not path.is_file() or not is_stand_table(path):
         raise FileFormatError(
             str(path),
-            "it is not a run folder, recording or log of a known stand; make a recording with "
+            "it is not a run folder, recording or log of a known test stand; make a recording with "
             "benchtool import, which accepts a column map (--columns) for any table",
         )
     result = import_file(path)

@@ -221,7 +221,7 @@ def _with_nan(recording: Recording, channel: str, rows: NDArray[np.intp]) -> Arr
 
 
 def _noise(recording: Recording, rig: Rig, channel: str) -> float:
-    """Return the noise of one reading with its quantum; at least 1e-6."""
+    """Return noise and resolution of one reading, combined; at least 1e-6."""
     sensor = rig.sensors.get("rpm" if channel.startswith("rpm") else channel, Sensor())
     return float(max(np.hypot(sensor.noise, sensor.quantum), 1e-6))
 

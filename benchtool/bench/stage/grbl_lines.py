@@ -269,7 +269,7 @@ class GrblSettings:
     def stoppable_feed_mm_min(
         self, letters: Iterable[str], within_mm: float, reaction_s: float
     ) -> float:
-        """Return the feed whose braking path v t + v^2 / (2 a) fits; a: $120 to $122."""
+        """Return the feed v with v t + v^2 / (2 a) = `within_mm`; t: reaction, a: $120 to $122."""
         acceleration_mm_s2 = self._min_acceleration_mm_s2(letters)
         root_s = math.sqrt(reaction_s**2 + 2.0 * max(within_mm, 0.0) / acceleration_mm_s2)
         return 60.0 * acceleration_mm_s2 * (root_s - reaction_s)

@@ -79,7 +79,7 @@ class ImportResult:
     propeller: Propeller | None = None
 
     def with_findings(self, findings: Sequence[Finding]) -> ImportResult:
-        """Return the import with additional findings."""
+        """Return the import result with additional findings."""
         return replace(self, findings=(*self.findings, *findings))
 
     def with_values(self, name: str, values: NDArray[np.float64]) -> ImportResult:

@@ -54,7 +54,7 @@ class FilterResult:
     def of(
         cls, logged: LoggedPitch, filter_: PitchFilter, valid: NDArray[np.bool_], n_averaged: int
     ) -> FilterResult:
-        """Return a recording of which only some rows (n,) are evidence."""
+        """Return the result with the rows of the mask `valid` (n,) as evidence."""
         indices = [i + np.flatnonzero(valid[i : i + PIECE]) for i in range(0, len(valid), PIECE)]
         blocks = [part[: len(part) // n_averaged * n_averaged] for part in indices]
         return cls(

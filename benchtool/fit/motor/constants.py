@@ -187,9 +187,9 @@ def fit_motor(
     estimates += step_lags(steps)
     if not estimates:
         raise EstimationError(
-            f"{pluralize(levels, 'throttle level')} with a turning rotor without a plate, minimum "
-            f"for a curve: {MIN_LEVELS}; and no step of the pulse width; sweep with --plan steps "
-            f"or --plan response"
+            f"no step of the pulse width, and only {pluralize(levels, 'throttle level')} with a "
+            f"turning rotor and no plate; minimum for a curve: {MIN_LEVELS}; sweep with --plan "
+            f"steps or --plan response"
         )
     return MotorFit(
         names=tuple(Path(path).resolve().name for path in runs),

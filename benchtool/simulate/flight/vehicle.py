@@ -121,7 +121,7 @@ class FlightVehicle:
 
     @property
     def idle_effects(self) -> tuple[Effect, ...]:
-        """Effects of the model that do not exist in flight: of a hinge, a load cell, a stage."""
+        """Effects of the model without influence in flight: of hinge, load cell or stage."""
         present = self.model.present_effects
         return tuple(effect for effect in present if not effect.acts_in_flight)
 

@@ -116,7 +116,7 @@ def apply_job_changes(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
     """Return a single job with some numbers changed, by the names of `with_changes`."""
     for name, value in values.items():
         if name == PLATE_DISTANCE:
-            raise InputError(f"{name} belongs to a schedule, which moves the plate; remove it")
+            raise InputError(f"{name} cannot be set here: the schedule moves the plate; remove it")
         bench, (control,) = _with_number(job.bench, (job.control,), name, float(value))
         job = replace(job, bench=bench, control=control)
     return job
