@@ -117,7 +117,7 @@ class _Live:
         self._visits: dict[tuple[float, ...], int] = {}
 
     def read(self) -> None:
-        """Read; append a point when its sampling time is complete."""
+        """Read samples; append a point when its sampling time is complete."""
         recorder, pulses_us = self._recorder, self._recorder.bench.pwm_us
         driven = np.flatnonzero(pulses_us > self._stop_us)
         if not np.array_equal(pulses_us, self._pulses_us):

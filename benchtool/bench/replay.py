@@ -129,7 +129,7 @@ def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:
         except ValueError as error:
             raise FileFormatError(where, f"{error}; correct the cell") from error
     if not table:
-        raise FileFormatError(str(path), "file contains no samples; use a run that has some")
+        raise FileFormatError(str(path), "file contains no samples; use a run with samples")
     return names, np.array(table, float)
 
 

@@ -56,7 +56,7 @@ def _file(path: Path) -> ModuleType:
     name = f"benchtool_own_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{path} is no Python file")
+        raise ImportError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # compiled hooks are looked up there
     spec.loader.exec_module(module)

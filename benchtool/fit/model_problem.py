@@ -125,7 +125,7 @@ SAME_LEVEL = 0.02  # speed resolution of a throttle level, relative to the faste
 
 
 def _varying(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the columns that vary; z/R without a plate is clipped to ten times the farthest."""
+    """Return the columns that vary; infinite z/R (no plate) is clipped to 10 times the largest."""
     out = {}
     for name, column in columns.items():
         finite = column[column < 1e3] if name == "z_over_R" else column

@@ -79,7 +79,7 @@ class MavCommand:
     """One COMMAND_LONG: its number and seven parameters.
 
     A motor command lasts from 0 to `TIMEOUT_S`; no other can be built. ArduPilot treats a negative
-    timeout as infinite, and nan ends its program.
+    timeout as infinite, and nan crashes its program.
 
     Raises:
         InputError: timeout out of range.

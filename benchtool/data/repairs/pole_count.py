@@ -30,7 +30,7 @@ def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
 
 
 def check_speed_scale(recording: Recording) -> list[Finding]:
-    """Return the doubts about the speeds of one recording."""
+    """Return warnings about the speeds of one recording."""
     findings = []
     if "rpm1" in recording and "rpm1_optical" in recording:
         ratio = _ratio(recording.column("rpm1"), recording.column("rpm1_optical"))
@@ -87,7 +87,7 @@ def _check_efficiency(recording: Recording) -> list[Finding]:
 
 
 def compare_speeds(recordings: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
-    """Return doubts about files with different speeds at the same pulse width and thrust."""
+    """Return warnings about files with different speeds at the same pulse width and thrust."""
     findings: dict[str, list[Finding]] = {name: [] for name, _ in recordings}
     curves = [(name, curve) for name, data in recordings if (curve := _curve(data)) is not None]
     for (name, first), (other_name, second) in combinations(curves, 2):

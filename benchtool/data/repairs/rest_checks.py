@@ -163,7 +163,7 @@ def _drop_stale(result: ImportResult, changed: Iterable[str]) -> ImportResult:
 
 
 def inspect_stand(result: ImportResult) -> ImportResult:
-    """Return the import of a stand's log with the doubts about its channels."""
+    """Return the import of a test stand log with warnings about its channels."""
     recording = result.recording
     constant = {name for name, source in result.sources.items() if source.startswith("constant ")}
     dead = [finding for finding in constant_channels(recording) if finding.channel not in constant]
@@ -177,7 +177,7 @@ def inspect_stand(result: ImportResult) -> ImportResult:
 
 
 def inspect_log(result: ImportResult) -> ImportResult:
-    """Return the import of a flight log with the doubts about its channels."""
+    """Return the import of a flight log with warnings about its channels."""
     recording = result.recording
     speeds = speed_columns(recording.names, "rpm")
     negative = [name for name in speeds if np.any(recording.column(name) < 0.0)]

@@ -86,7 +86,7 @@ def column_or_nan(recording: Recording, name: str) -> Array:
 
 
 def _way(level_us: Array) -> Array:
-    """Return 1 after a lower throttle, -1 after a higher one; a repeated level changes sign."""
+    """Return the sign of each throttle change; without a change, the opposite of the last sign."""
     change = np.sign(np.diff(level_us, prepend=0.0))
     for index in range(1, len(change)):
         if change[index] == 0.0:
