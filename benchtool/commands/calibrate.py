@@ -1,4 +1,4 @@
-"""Command `benchtool calibrate`: straight line with covariance from masses on the load cell."""
+"""Command `benchtool calibrate`: load cell calibration from known masses."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ def _item(field: Any, hint: Any) -> InputField:
     metadata: list[Any] = []
 
     def plain(hint: Any) -> Any:
-        """Return a type without None and without its annotations, which are collected."""
+        """Return a type without None and without its annotations; append these to `metadata`."""
         if get_origin(hint) is Annotated:
             metadata.extend(hint.__metadata__)
             return plain(get_args(hint)[0])

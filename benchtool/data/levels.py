@@ -1,4 +1,4 @@
-"""Steady levels of a recorded stand log: means of every channel at constant throttle."""
+"""Steady levels of a test stand log: means of every channel at constant throttle."""
 
 from __future__ import annotations
 

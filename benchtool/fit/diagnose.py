@@ -199,9 +199,9 @@ class Pattern(NamedTuple):
 
 
 def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
-    """Return the ratio of the misfit of settings to the scatter of repeats (at least as stated).
+    """Return the ratio of lack of fit to pure error, with the p-value of the F test.
 
-    One free level per setting separates the misfit from the scatter; F test of both.
+    A free level per setting separates them; the pure error is at least the stated errors.
     """
     shape, _ = problem.split(result.values)
     groups = problem.groups

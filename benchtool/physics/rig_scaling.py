@@ -23,12 +23,12 @@ def half_throttle_speed(rig: Rig) -> float:
 
 
 def weight_scale(rig: Rig) -> float:
-    """Return the mass of the vehicle over that of the beam."""
+    """Return the ratio of the vehicle's mass to that of the beam."""
     return rig.body.mass_kg / MASS_KG
 
 
 def arm_scale(rig: Rig) -> float:
-    """Return the arm about the pitch axis over that of the beam; the arm is at least a radius."""
+    """Return the ratio of the pitch arm to that of the beam; the arm is at least a radius."""
     arm_m = max(abs(rotor.x_m) for rotor in rig.rotors)
     return max(arm_m, rig.propulsion.radius_m) / ARM_M
 
@@ -39,7 +39,7 @@ def torque_scale(rig: Rig) -> float:
 
 
 def radius_scale(rig: Rig) -> float:
-    """Return the rotor radius over that of the beam."""
+    """Return the ratio of the rotor radius to that of the beam."""
     return rig.propulsion.radius_m / RADIUS_M
 
 

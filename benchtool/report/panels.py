@@ -125,7 +125,7 @@ def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **replacements: Artist) -> None:
-    """Put one legend of all axes below the figure; keywords replace handles (_ means a blank)."""
+    """Add one legend of all axes below the figure; `replacements` by label, with _ for a blank."""
     handles: dict[str, Any] = {}
     for panel in axes:
         handles |= {

@@ -40,7 +40,7 @@ MAX_RESTART_NUMBER = 16
 
 
 class LinkGap(NamedTuple):
-    """Silence of the autopilot: its duration, and whether its frame numbers restarted."""
+    """Dropout of the autopilot: its duration, and whether its frame numbers restarted."""
 
     silent_s: float
     from_start: bool
