@@ -214,7 +214,7 @@ class Problem:
 
     @property
     def stated_noise(self) -> float:
-        """Value of the free noise parameter at which errors are the stated ones."""
+        """Value of the free noise parameter at which errors equal the stated ones."""
         if self.noise_name == NOISE_PLACE:
             return self.parameters[NOISE_PLACE].value
         return 1.0 if self.noise_name == NOISE_SCALE else 0.0

@@ -130,10 +130,7 @@ class Hypotheses:
         return float(-0.5 * fit.cost + log_occam - log_noise)
 
     def covariance(self, fit: Hypothesis) -> Array:
-        """Return the posterior covariance (n_parameters, n_parameters), in scales.
-
-        A parameter at its bound is treated as free.
-        """
+        """Return the posterior covariance, in scales; a parameter at its bound counts as free."""
         penalty = self.region(fit.active).penalty
         return np.asarray(np.linalg.inv(self._posterior_precision(fit, penalty)), float)
 
@@ -161,10 +158,10 @@ class Hypotheses:
         return limits
 
     def evidence_against(self, fit: Hypothesis, rival: str) -> float:
-        """Return the expected evidence against a rival effect if a hypothesis is true.
+        """Return the expected evidence against another effect if a hypothesis is true.
 
         Twice the expected log-likelihood ratio, from the Fisher information of the hypothesis. The
-        rival replaces the last effect, which stays within its tolerance.
+        other effect replaces the last one, which stays within its tolerance.
         """
         region = self.region((*fit.active[:-1], rival))
         information = self.linearise(fit.linearisation_point, fit.amplitudes).curvature
@@ -274,7 +271,7 @@ class Hypotheses:
         return self.log_evidence(replace(fit, values=values, cost=cost, amplitudes=amplitudes))
 
     def refit_linear(self, fit: Hypothesis) -> Hypothesis:
-        """Return another data set's hypothesis after one linear step, without law discrepancies."""
+        """Refit a hypothesis of other data by one linear step, without law discrepancies."""
         amplitudes = {
             name: size for name, size in fit.amplitudes.items() if name in self.discrepancies
         }

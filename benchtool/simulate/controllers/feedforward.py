@@ -1,4 +1,4 @@
-"""Feedforward: commanded thrust of each rotor over the factor that the model expects."""
+"""Feedforward: commanded thrust of each rotor divided by the factor of the model."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def expected_factor(factor: Quantity, strength: Quantity) -> Quantity:
 
 @expression
 def compensated_thrust(thrust_N: Quantity, factor: Quantity) -> Quantity:
-    """Return the thrust out of ground effect that becomes the requested one in it: N.
+    """Return the OGE thrust to command for a requested thrust in ground effect: N.
 
-    A rotor cannot pull: negative thrusts are clipped to 0.
+    Rotors cannot produce negative thrust, so it is clipped to 0.
     """
     return np.maximum(thrust_N, 0.0) / factor

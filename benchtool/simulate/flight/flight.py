@@ -137,7 +137,7 @@ class FlightCase:
 
     @property
     def observes(self) -> bool:
-        """True if the observer acts."""
+        """True if the disturbance observer is active."""
         return self.control in ("observer", "both")
 
     @property
