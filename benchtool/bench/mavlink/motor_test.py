@@ -180,8 +180,8 @@ class MotorTestDrive(MotorDrive):
             if is_over or self._outputs.has_lapsed:
                 raise LinkLost(
                     f"{self._autopilot.pilot.name} did not acknowledge a motor command in "
-                    f"{now_s - start_s:.1f} s, and its outputs do not show it; motor tests expire; "
-                    f"check the link, then start again"
+                    f"{now_s - start_s:.1f} s, and its outputs do not show it; motors stop at the "
+                    f"test's timeout; check the link, then start again"
                 )
             if now_s - sent_s >= RESEND_INTERVAL_S:
                 sent_s = now_s

@@ -244,7 +244,7 @@ def _find_problem(
     position_mm: Mapping[str, float] | None,
     since_s: float,
 ) -> str:
-    """Return what is wrong with a report that no correct move causes; "" for a correct one."""
+    """Return the problem that a report during a move shows, or "" if there is none."""
     if report.state == "Idle":
         # A single wrong digit in a report at rest is harmless: the next report is right.
         if since_s < IDLE_TIMEOUT_S or position_mm is None:

@@ -185,7 +185,7 @@ def _rig_pulses(track: PitchTrack, model: Model) -> Array | None:
 
 
 def _bench(track: PitchTrack, model: Model) -> tuple[PitchBench, list[str]]:
-    """Return the bench with the discs covered that were over a surface."""
+    """Return the bench, with every disc covered that was over a surface in the recording."""
     rig = model.rig
     if not (track.max_coverage > 0.0).any() or len(track.over) != rig.n_rotors:
         return PitchBench.from_model(model), []
@@ -320,7 +320,7 @@ def _simulate_pulses(
 
 
 def read_provenance(metadata: Mapping[str, object]) -> dict[str, str]:
-    """Return the device's facts on its controller from a run's metadata, as provenance."""
+    """Return the device's facts from the metadata of a run, as provenance of a recording."""
     device = metadata.get("device")
     facts = device.get("facts", {}) if isinstance(device, dict) else {}
     return {str(key): str(value) for key, value in facts.items()}

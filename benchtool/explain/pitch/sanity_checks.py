@@ -169,7 +169,7 @@ def _compare_arms(logged: LoggedPitch, rig: Rig, acceleration: Array) -> tuple[f
 
 
 def _arms(rig: Rig) -> Array:
-    """Return the pitch moment of one newton of each disc (n_discs,): m."""
+    """Return the pitch moment per newton of each disc's thrust (n_discs,): m."""
     x_m = rig.disc_positions_m[:, 0]
     return np.array([pitch_moment_Nm(unit, x_m) for unit in np.eye(rig.n_discs)], float)
 
