@@ -108,7 +108,7 @@ def check_experiment(
 
 
 def expected_extremes(identity: DeviceInfo, experiment: PitchExperiment, rig: Rig) -> PlanExtremes:
-    """Return `check_experiment` with the limits of an open bench.
+    """Return the result of `check_experiment` with the limits of an open bench.
 
     Raises:
         InputError: not a pitch bench.

@@ -71,7 +71,7 @@ def most_linear(
 
 
 def expo_over_idle(vehicle: Vehicle, low: float, source: str) -> ExportedNumber:
-    """Return the e in `low` to 1 with the most linear thrust over demand above idle."""
+    """Return the expo from `low` to 1 at which thrust is most linear in demand above idle."""
     settings = np.round(np.arange(low, 1.0 + 0.5 * EXPO_STEP, EXPO_STEP), 3)
     value, text = most_linear(vehicle, expo_throttle, settings)
     limit = "limit of the target; " if value in (low, 1.0) else ""

@@ -104,7 +104,7 @@ def rotor_color(rotor: int) -> str:
 
 
 def rotor_legend(axes: Axes, rotors: int) -> None:
-    """Put a legend of rotor colours above a panel; none for one rotor."""
+    """Add a legend of rotor colours above a panel; none for one rotor."""
     numbers = range(rotors if rotors > 1 else 0)
     legend_over(
         axes,
@@ -116,7 +116,7 @@ def rotor_legend(axes: Axes, rotors: int) -> None:
 
 
 def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
-    """Put a one-row legend above a panel, outside the axes."""
+    """Add a one-row legend above a panel, outside the axes."""
     if handles:
         axes.legend(
             handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles),

@@ -103,7 +103,7 @@ class ValidationScore:
         rng: np.random.Generator,
         draws: int,
     ) -> ValidationScore:
-        """Predict before (`null`) and after (`best`) the explanation."""
+        """Return the errors without (`null`) and with (`best`) the named effects."""
         discrepancies = LearnedDiscrepancies(hypotheses, subject.all_evidence)
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
         before = discrepancies.mean(null)
