@@ -340,9 +340,9 @@ def build_vehicle(
         )
     if motor_test is not None and _pulses(motor_test.rig) != _pulses(loaded.rig):
         raise InputError(
-            f"the motor test was made on rig {motor_test.rig.name!r}, whose pulses "
-            f"{_pulses(motor_test.rig)} us are not those of rig {loaded.rig.name!r}, "
-            f"{_pulses(loaded.rig)} us; name the run instead of a model, or another model"
+            f"pulse widths differ: {_pulses(motor_test.rig)} us of rig {motor_test.rig.name!r} "
+            f"in the motor test, {_pulses(loaded.rig)} us of rig {loaded.rig.name!r} in the "
+            f"model; name the run instead of a model, or another model"
         )
     return Vehicle(
         model=loaded,

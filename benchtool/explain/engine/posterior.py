@@ -108,7 +108,7 @@ def judge(
 
 
 def _reduce_names(weights: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Return probabilities with those of all names multiplied by a factor, for a bad prediction."""
+    """Scale all probabilities but "unknown" by a factor, after a bad prediction."""
     names = {name: factor * weight for name, weight in weights.items() if name != "unknown"}
     return {**names, "unknown": 1.0 - sum(names.values())}
 
