@@ -185,9 +185,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
         max_thrust_N = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
         raise InputError(
-            f"no rotor turns in {pluralize(len(points), 'point')} while thrust reaches "
-            f"{max_thrust_N:.3g} N: "
-            f"the speed channel is dead, or the speed is in another column; map that one to rpm1"
+            f"speed is 0 in all {len(points)} points, but thrust reaches {max_thrust_N:.3g} N: the "
+            f"speed channel has failed, or speed is in another column; map that column to rpm1"
         )
     turning = np.any(conditions.speed_rad_s > 0.0, axis=0)
     if recipe.basis == "joint" and (negative := observed[turning] < 0.0).mean() > 0.5:

@@ -42,7 +42,7 @@ class VariedParameter:
             count = 0
             lower = upper = float("nan")
         if len(parts) != 3 or not name or not (isfinite(lower) and isfinite(upper)) or count < 1:
-            raise InputError(f"invalid --vary {text!r}; use NAME=FROM:TO:COUNT, as in K_b=1:2:11")
+            raise InputError(f"--vary got {text!r}; write NAME=FROM:TO:COUNT, such as K_b=1:2:11")
         return cls(name.strip(), lower, upper, count)
 
     def values(self) -> list[float]:

@@ -370,7 +370,7 @@ def prior(hypotheses: Hypotheses, name: str) -> float:
 
 
 def _prune(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
-    """Return the hypothesis without members that later ones made unnecessary."""
+    """Return the hypothesis without effects that became unnecessary after later additions."""
     for name in best.active[:-1]:
         smaller = hypotheses.fit_without(best, name)
         gain = hypotheses.log_evidence(best) - hypotheses.log_evidence(smaller)

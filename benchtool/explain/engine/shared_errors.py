@@ -1,8 +1,8 @@
 """Covariance of residuals: independent noise plus discrepancies as low-rank additions.
 
-With V = 1 + C C^T over the noise, a search needs only products of residuals, their slopes and the
-columns C (Woodbury's identity). Another set of discrepancies costs matrices of a hundred rows, not
-a model evaluation.
+For rows divided by their noise the covariance is V = 1 + C C^T. By Woodbury's identity a search
+needs only products of residuals, their slopes and C. A change of discrepancies needs matrices of a
+hundred rows, not a model evaluation.
 """
 
 from __future__ import annotations

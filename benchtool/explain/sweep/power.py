@@ -64,7 +64,7 @@ class SupplyModel:
         )
 
     def at_supply(self, supply: Array, drive: Array) -> SupplyModel:
-        """Return speeds and voltage at a relative supply (m,) and drives (n or 1, m)."""
+        """Return the model at a relative supply (m,) and relative speeds (n or 1, m)."""
         return replace(
             self,
             speed_rad_s=self.speed_rad_s * drive.mean(axis=0),
@@ -73,7 +73,7 @@ class SupplyModel:
         )
 
     def loaded_as(self, other: SupplyModel) -> SupplyModel:
-        """Return the model with the load scale of another sweep, so that both share one drop."""
+        """Return the model with the full load of another sweep, so that one drop fits both."""
         if self.by_current != other.by_current:
             return self
         load = self.load * self.full_load / other.full_load
@@ -91,7 +91,7 @@ class SupplyModel:
         return np.asarray(1.0 - loss - drop * self.load[:, None], float)
 
     def speeds(self, drive: Array) -> Array:
-        """Return speeds (m, n_sets) for drives (n or 1, m, n_sets) with fitted scale per level."""
+        """Return speeds (m, n_sets) for relative speeds (n or 1, m, n_sets), scaled by level."""
         mean_drive: Array = drive.mean(axis=0)
         fitted = np.empty_like(mean_drive)
         for level in np.unique(self.level):
@@ -107,7 +107,7 @@ class SupplyModel:
         return len(self.time_s) + int(np.isfinite(self.voltage_V).sum())
 
     def whiten_changes(self, changes: Array) -> Array:
-        """Return changes of speeds and voltages (n_rows, r) over their errors.
+        """Return changes of speeds and voltages (n_rows, r) divided by their standard errors.
 
         The fitted scales of levels and the fitted open-circuit voltage are projected out.
         """
