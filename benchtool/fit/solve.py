@@ -49,7 +49,7 @@ class Solution:
         return float(self.rows @ self.rows)
 
     def points_dof(self, m: int) -> float:
-        """Return the degrees of freedom of the rows of m points: m less their leverages."""
+        """Return the degrees of freedom of the rows of m points: m minus their leverages."""
         return m - float(np.sum(np.linalg.qr(self.jacobian)[0][:m] ** 2))
 
 

@@ -348,16 +348,13 @@ def _linear_change(predictions: Array, errors: Array) -> Array:
 
 
 def _mean_squares(errors: Array, stay: NDArray[np.intp]) -> Array:
-    """Return mean squares (n_stays, n_sets) of errors (m, n_sets)."""
+    """Return mean squares (n_stays, n_sets) of errors (m, n_sets), by stay of the plate."""
     numbers = np.unique(stay)
     return np.array([np.mean(errors[stay == number] ** 2, axis=0) for number in numbers])
 
 
 def _speed_squares(log: SweepLog, errors: Array) -> Array:
-    """Return mean squares (n_stays, n_sets) in rpm of errors (n, m, n_sets) in rad/s.
-
-    Over the predicted visits and the rotors.
-    """
+    """Return mean squares (n_stays, n_sets): rpm^2, of errors (n_rotors, m, n_sets): rad/s."""
     assert log.power is not None
     mask = log.power.is_predicted
     squares = np.mean((RPM * errors[:, mask]) ** 2, axis=0)

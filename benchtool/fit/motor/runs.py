@@ -133,9 +133,9 @@ def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
         diameter_m = propeller.diameter_m
     if diameter_m is None:
         raise InputError(
-            f"{first} does not say which propeller turned; name it when the log is imported, or "
-            f"set --propeller to its size in inches, as 5x4.5, or its name (benchtool propellers), "
-            f"or --rig to a rig file"
+            f"{first} names no propeller; name it when the log is imported, or set --propeller to "
+            f"its size in inches, as 5x4.5, or its name (benchtool library propellers), or --rig "
+            f"to a rig file"
         )
 
     def channel(name: str, turning: bool = True) -> Array:
