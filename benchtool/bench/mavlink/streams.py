@@ -105,7 +105,7 @@ def fits_bandwidth(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, bau
 
 
 def _estimate_bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> float:
-    """Return the bytes per second of first choices; denied requests reduce it."""
+    """Return the bytes per second of the preferred messages; denied requests reduce it."""
     signature_bytes = SIGNATURE_BYTES if settings.key else 0
     classes = dialect().mavlink_map
     # Every repeated motor command is acknowledged.

@@ -70,7 +70,7 @@ class Propagation:
 def propagate(
     problem: Problem, result: FitResult, derived: Sequence[Derived] = ()
 ) -> Propagation | None:
-    """Return the propagation of errors to a result's quantities; None if one is open."""
+    """Return the propagation of errors to a result's quantities; None if one is undetermined."""
     shape, noise = problem.split(result.values)
     # A robust loss inflates the independent errors by this factor.
     whitening = problem.whitening(noise, float(result.facts.get("loss_factor") or 1.0))

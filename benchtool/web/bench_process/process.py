@@ -1,6 +1,7 @@
 """Bench process: one thread each for the bench, for commands and for publishing.
 
-When the web server closes the pipe or is killed, it sets zero throttle, closes the run and ends.
+If the web server closes the pipe or is killed, the process sets zero throttle, closes the run and
+ends.
 """
 
 from __future__ import annotations
