@@ -52,7 +52,7 @@ def read_library_file(kind: str, folder: str, name_or_path: str | Path) -> tuple
     path = Path(name)
     if path.suffix != ".toml" and not os.path.exists(path):
         raise UnknownChoice(
-            f"{kind} (and no file of that name)",
+            f"{kind} or file",
             display_path(name),
             (*list_names(folder), *user_defined),
         )

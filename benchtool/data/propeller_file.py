@@ -51,7 +51,7 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
         return read_propeller(text)[0]
     except UnknownChoice as error:
         raise UnknownChoice(
-            "propeller (and no file of that name; a size in inches is written as 10x4.5)",
+            "propeller or file (sizes in inches: 10x4.5)",
             text, propeller_names(),
         ) from error  # fmt: skip
 

@@ -28,7 +28,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
         ("sim:pquad?mode=pitch --limit-deg 100", "--limit-deg is 100 deg, allowed is"),
         (
             "sim:pquad?mode=pitch&schedule=zz --rig pquad --dry-run",
-            "unknown schedule (and no file of that name) 'zz'",
+            "unknown schedule or file 'zz'",
         ),
         ("sim:pquad?mode=pitch&controller=pdi --rig pquad --dry-run", "did you mean 'pid'"),
         ("sim:pquad?mode=pitch&gains=s4 --rig pquad --dry-run", "'s4'"),
@@ -58,7 +58,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error me
     "import": [("a.csv --near-m -1", "--near-m is -1 m, allowed is 0 to 100,000 m")],
     "export": [
         ("single --to unity", "unknown --to 'unity'; known: all, ardupilot"),
-        ("nowhere --to c", "unknown model (and no file of that name) 'nowhere'"),
+        ("nowhere --to c", "unknown model or file 'nowhere'"),
     ],
     "fit": [("a.csv --model quad --loss hubre", "unknown --loss 'hubre'; did you mean 'huber'?")],
     "explain": [("a.csv --draws 3", "--draws is 3, allowed is 20 to 100,000")],
