@@ -27,7 +27,7 @@ AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mecha
 
 
 def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
-    """Return the levels of a recording or of a stand's table, which is imported.
+    """Return the levels of a recording or of a test stand's table, which is imported.
 
     Raises:
         FileFormatError: the file is neither.

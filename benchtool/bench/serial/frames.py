@@ -242,8 +242,8 @@ class SortedSamples(NamedTuple):
 class SampleOrder:
     """Order of samples by their numbers and device times.
 
-    Within a block samples are sorted. A gap longer than half of the number range differs from a
-    shorter one by the elapsed device time, once two neighbours have given the period.
+    Within a block samples are sorted. The number of a sample wraps: a gap longer than half of its
+    range is identified by device time, once two consecutive samples have given the period.
     """
 
     def __init__(self) -> None:

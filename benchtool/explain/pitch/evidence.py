@@ -154,7 +154,7 @@ class PitchEvidence:
 
     @cached_property
     def _variations(self) -> Array:
-        """Relative law errors (n_rows, r), smooth in pulse, rate and absolute rate."""
+        """Relative errors of a law (n_rows, r), smooth in pulse, rate and absolute rate."""
         logs = self.simulate_discrepancies()
         bases = [smooth(logs, name) for name in ("pulse", "rate", "slowness")]
         functions = [np.hstack(parts) for parts in zip(*filter(None, bases), strict=True)]

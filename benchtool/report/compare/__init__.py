@@ -1,1 +1,1 @@
-"""The page that sets runs and recordings side by side."""
+"""Report page that compares runs and recordings."""

@@ -224,7 +224,7 @@ def move_vehicle(
 def sense_vehicle(
     arrays: Any, now: Any, slots: Any, hooks: Any, look_below: Any, rotor_disc: Any, ones: Any
 ) -> None:
-    """Measure the state; look below on the map if it is used, in truth if the tick is logged."""
+    """Measure the state; evaluate the map below if used, and the true surfaces if logged."""
     w, body = arrays.w, read_record(arrays.w, slots.body, 0, 1)
     craft, map_use = read_record(w, slots.craft, 0, 1), read_record(w, slots.map_use, 0, 1)
     p, outcome = read_record(w, slots.effects, 0, 1), read_record(w, slots.outcome, 0, 1)

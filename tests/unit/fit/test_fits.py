@@ -152,7 +152,7 @@ def test_a_dead_speed_column_is_refused(reference_data, tmp_path):
     text = (DATASETS / "thrust_stand/model.toml").read_text("utf-8")
     model = tmp_path / "optical.toml"
     model.write_text(text.replace("Motor Electrical", "Motor Optical"), "utf-8")
-    with pytest.raises(InputError, match="no rotor turns in 11 points while thrust reaches"):
+    with pytest.raises(InputError, match="speed is 0 in all 11 points, but thrust reaches"):
         run_recipe(
             Recipe(
                 name="a1",
