@@ -15,7 +15,7 @@ from benchtool.physics.effects.laws.table import LAWS
 
 
 def _import_effects() -> list[Effect]:
-    """Return the effects of all files in the folder and below, in the order of the chain."""
+    """Return the effects of all files in the folder and below, in order of application."""
     folder = Path(effects.__path__[0])
     files = (path.relative_to(folder).with_suffix("") for path in folder.rglob("[!_]*.py"))
     modules = (import_module(f"{effects.__name__}.{'.'.join(path.parts)}") for path in files)

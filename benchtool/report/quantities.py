@@ -39,7 +39,7 @@ def quantity_panels(figure: Figure, quantities: Sequence[Quantity], label: str) 
 
 
 def with_symbol(quantity: Quantity) -> str:
-    """Return "C_T [–]"."""
+    """Return symbol and unit, for example "C_T [–]"."""
     return f"{quantity.symbol} [{display_unit(quantity.unit)}]"
 
 

@@ -32,10 +32,10 @@ def _no_pause(duration_s: float) -> None:
 
 
 class GrblStage:
-    """Stage that speaks GRBL 1.1.
+    """Stage with GRBL 1.1 firmware.
 
     Args:
-        min_gap_m: least plate distance of a move, including its braking distance.
+        min_gap_m: minimum plate distance of a move, including its braking distance.
         homing_pause: callback during homing on opening, which takes long; a bench must be read
             meanwhile, because its buffers would overflow.
     """

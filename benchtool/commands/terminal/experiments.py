@@ -112,7 +112,7 @@ def record_next(
 
 
 def _with_schedule(address: str, schedule: Path) -> str:
-    """Return a `sim:` address with the schedule; print a load instruction for other benches."""
+    """Return a `sim:` address with the schedule; for other benches print how to load it."""
     from urllib.parse import parse_qsl, urlencode
 
     if address.startswith("sim:"):
