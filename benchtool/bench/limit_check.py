@@ -136,7 +136,7 @@ class LimitCheck:
                     PLATE_CHANNEL,
                     float(too_near_m[0]),
                     self._rig.plate.z_min_m,
-                    "the plate is inside the rig's least gap while motors turn; move it away by "
+                    "the plate is inside the rig's minimum gap while motors turn; move it away by "
                     "hand, then check stage and sensor",
                 )
         if (gap_s := float(time_s[0]) - self._last_s) > GAP_S:

@@ -93,7 +93,7 @@ class PlateCheck:
             )
         if self.read_m < min_gap_m - self.tolerance_m:
             return StageError(
-                f"{PLATE_CHANNEL} reads {self.read_m:.4f} m {after}, inside the least gap of "
+                f"{PLATE_CHANNEL} reads {self.read_m:.4f} m {after}, inside the minimum gap of "
                 f"{min_gap_m:g} m of rig {self._rig.name!r}; move the plate away by hand, then "
                 f"check stage and sensor"
             )

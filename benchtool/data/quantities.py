@@ -65,9 +65,7 @@ def _shaft_torque(
     resistance_ohm: float,
     no_load_current_A: float,
 ) -> Array:
-    """Return (I - I0)/Kv of the winding current I with (w/Kv + Rm I) I = P, as in "
-    "`electrical_power_W`.
-    """
+    """Return (I - I0)/Kv for the winding current I with (w/Kv + Rm I) I = P: N m."""
     volt_s = 60.0 / (2.0 * pi * Kv_rpm_V)
     induced_V = shaft_rad_s * volt_s
     root = np.sqrt(np.maximum(induced_V**2 + 4.0 * resistance_ohm * power_W, 0.0))

@@ -1,4 +1,4 @@
-"""Find where simulation and measurement disagree and name the missing effect."""
+"""Location of gaps between simulation and measurement; identification of missing effects."""
 
 import sys
 

@@ -230,7 +230,7 @@ MIN_THRUST_SPIKE = 0.15  # relative deviation of thrust over squared speed at a 
 
 
 def remove_sweep_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
-    """Replace thrusts far from all others at the same plate position by nan."""
+    """Remove thrusts far from all others at the same plate position (set to nan)."""
     ratio, is_running = _thrust_over_squares(recording)
     if "plate_z_m" not in recording or is_running.sum() < 8:
         return {}, []

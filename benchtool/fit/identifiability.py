@@ -102,7 +102,7 @@ def _matters(
 
 
 def _undetermined_groups(names: tuple[str, ...], directions: Array) -> tuple[Confusion, ...]:
-    """Return one confusion for each set of parameters with common open directions (k, n)."""
+    """Return one confusion for each set of parameters that share undetermined directions (k, n)."""
     remaining = [np.abs(direction) * (np.abs(direction) > PART) for direction in directions]
     groups = []
     while remaining:

@@ -14,7 +14,7 @@ _SWEEP_ONLY = ("speed_by_plate", "voltage")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscrepancyTolerances:
-    """Irrelevant deviations from all laws and effects; table `[discrepancy]` of a model file.
+    """Tolerated deviations from all laws and effects; table `[discrepancy]` of a model file.
 
     Attributes:
         thrust: relative error of thrust.

@@ -296,7 +296,7 @@ def open_link(text: str, symlink: Path | None = None) -> ServerLink:
         return PtyLink(symlink)
     if symlink is not None:
         only = "mavlink:pty" if link.protocol == "mavlink" else "pty"
-        raise InputError(f"--symlink needs --link {only}; leave it out")
+        raise InputError(f"--symlink needs --link {only}; remove it")
     if link.kind == "tcp":
         return TcpLink(link.host, link.port)
     return UdpLink(link.host, link.port, listen=link.kind == "udpin")

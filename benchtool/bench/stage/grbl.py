@@ -132,7 +132,7 @@ class GrblStage:
         self._is_on_hold = False
 
     def _braked_feed_mm_min(self, z_m: float) -> float:
-        """Return the feed at which a hold beyond the target stops outside the least gap.
+        """Return the feed at which a hold beyond the target stops outside the minimum gap.
 
         Raises:
             StageError: the target is so near that no feed is slow enough.
@@ -144,9 +144,9 @@ class GrblStage:
         )
         if max_feed < min_feed:
             raise StageError(
-                f"the plate was not moved to {z_m:g} m: to stop before the least gap of "
-                f"{self._min_gap_m:g} m, {self._link.name} may move at {max_feed:.0f} mm/min at "
-                f"most, but moves at {min_feed:g}; choose a greater distance"
+                f"the plate was not moved to {z_m:g} m: feed {min_feed:g} mm/min is too high to "
+                f"stop {self._link.name} before the minimum gap of {self._min_gap_m:g} m; maximum: "
+                f"{max_feed:.0f} mm/min; choose a greater distance"
             )
         return min(self._feed_mm_min, max_feed)
 

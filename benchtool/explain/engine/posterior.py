@@ -346,7 +346,7 @@ def _build_trial(base: Hypothesis, tried: Sequence[Hypothesis], odds: dict[str, 
 
 
 def _with_validation(hypotheses: Hypotheses, held_out: Hypotheses, trial: Trial) -> Trial:
-    """Return a trial with the gain of its contenders on the validation recordings added."""
+    """Return a trial whose main contenders are also scored on the validation recordings."""
     top = trial.log_odds[trial.name]
     if top <= 0.0:
         return trial

@@ -33,7 +33,7 @@ READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")  # instantaneous; other ch
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ResampledRecording:
-    """Rows at even times."""
+    """Recording resampled at equal time steps."""
 
     recording: Recording  # nan where a channel has no reading
     mode: Array  # (n,) filter mode of each row, see `simulate.pitch.filter_ticks`

@@ -65,7 +65,7 @@ class Change:
 
 
 def changes(answer: ExplainResult) -> tuple[Change, ...]:
-    """Return the parameters changed in the new model, found ones first; empty without a model."""
+    """Return the parameters changed in the new model, identified ones first; empty without one."""
     if not answer.has_model:
         return ()
     old = answer.request.loaded.model.parameters

@@ -234,7 +234,7 @@ def _without_motors(
 
     The benches lose all effects of the subsystem pwm_to_rpm. Within a tick speeds follow the lag of
     the rig from one reading to the next: linear interpolation would shift the thrust by a fraction
-    of a millisecond, which with dither is a tenth of a friction.
+    of a millisecond, which under dither looks like a tenth of the friction.
     """
     first_bench = benches[0]
     p = first_bench.model.rig.propulsion

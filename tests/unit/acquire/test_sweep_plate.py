@@ -103,7 +103,7 @@ def test_a_stage_that_is_right_is_believed_and_remembered(tmp_path):
     ("lost_m", "distances", "said"),
     [
         # 40 mm nearer than the stage says: 29 mm, where the rig's least gap is 50 mm.
-        ({2: -0.041}, "0.2, 0.6, 0.07", "reads 0.0290 m .*, inside the least gap of 0.05 m"),
+        ({2: -0.041}, "0.2, 0.6, 0.07", "reads 0.0290 m .*, inside the minimum gap of 0.05 m"),
         ({1: 0.04}, "0.2, 0.6", "reads 0.6400 m after the move to 0.6 m, tolerance 1.5 mm"),
         ({0: -0.03}, "0.2", "reads 0.1700 m after the move to 0.2 m"),
         ({0: 1.2}, "0.2", "still reads 1.4000 m after the move to 0.2 m"),
