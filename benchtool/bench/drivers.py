@@ -68,8 +68,8 @@ def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
 
     Args:
         address: as typed by a user or stored in data.
-        permit: callback that gets the file of a truth's user-defined effects before it is run; only
-            for an address typed by a user may it be one that does not raise.
+        permit: called with the file of user-defined effects in the address before the file is run;
+            it must raise unless a user typed the address.
 
     Raises:
         InputError, UnknownChoice: invalid address.

@@ -117,7 +117,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):
-        raise InputError("give one of --masses, --from CSV or --apply RUN")
+        raise InputError("give exactly one of --masses and --from CSV")
     if out is not None:
         check_not_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
     earlier = None if inputs.add is None else read_calibration(inputs.add)

@@ -129,7 +129,7 @@ def _read_source(path: str, name: str, digest: str, loaded: LoadedModel) -> Reco
     elif metadata.is_file():
         recording = read_recording(path)
     elif Path(path).suffix.lower() == ".parquet":
-        raise FileFormatError(path, f"{metadata.name} is missing; import it with benchtool")
+        raise FileFormatError(path, f"{metadata.name} is missing; use benchtool import")
     else:
         columns, remarks = _select_columns(path, name, loaded.columns)
         filters = [f"{key}={value}" for key, value in loaded.row_filter.items()] if columns else []

@@ -115,7 +115,7 @@ def detect_format(head: bytes) -> Format | None:
 
 
 def is_stand_table(path: str | Path) -> bool:
-    """Return whether a file is a table of a stand whose format is known."""
+    """Return whether a file is a table of a test stand in a known format."""
     with open_file(Path(path)) as file:
         file_format = detect_format(file.read(HEAD_BYTES))
     return file_format is not None and file_format.kind == "table"

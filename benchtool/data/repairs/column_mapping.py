@@ -205,7 +205,7 @@ def read_by_names(
 ) -> ImportResult:
     """Return the columns of a CSV with known names and units.
 
-    The default unit is the channel's, with a doubt.
+    Without a unit the channel's unit is assumed, with a warning.
     """
     table = parse_rows(data, where)
     hint = "; map them with --columns MAP.toml"

@@ -22,7 +22,7 @@ class LearnedDiscrepancies:
     """Prediction of discrepancies within tolerance on the validation recordings.
 
     Uses the basis of training and validation recordings together (`evidence`, validation rows
-    last): a basis of training rows alone is truncated elsewhere, which changes predicted speeds.
+    last): a basis of training rows alone is truncated differently, which changes predicted speeds.
     """
 
     def __init__(self, hypotheses: Hypotheses, evidence: Evidence) -> None:

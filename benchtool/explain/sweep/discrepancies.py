@@ -130,7 +130,7 @@ def discrepancies(processes: Sequence[Process], n_rows: int) -> list[Discrepancy
 
 
 def _columns(processes: Sequence[Process], n_rows: int) -> tuple[Array, Array]:
-    """Return the root of a process' covariance (n_rows, r), absolute and over the readings."""
+    """Return the root of a process' covariance (n_rows, r), absolute and relative to readings."""
     root = smooth_root(np.concatenate([process.positions for process in processes]))
     rows = np.concatenate([process.rows for process in processes])
     columns, shares = np.zeros((2, n_rows, root.shape[1]))

@@ -225,7 +225,7 @@ class SweepEvidence:
         return np.concatenate(rows)
 
     def _processes(self) -> Iterator[Process]:
-        """Yield the processes of all logs, with row indices of `residuals`."""
+        """Yield the Gaussian processes of all logs, with row indices of `residuals`."""
         first = 0
         for sweep, log in enumerate(self.logs):
             parts = [(thrust_processes, len(log))]

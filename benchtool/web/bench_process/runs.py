@@ -264,7 +264,7 @@ class RunSupervisor(RunProgress):
             self._change(status="running")
 
     def _prepare_resume(self, bench: GuardedBench, run: Path) -> SweepStart:
-        """Return the start of a resumed run; the bench is read while another process reads it."""
+        """Return the start of a resumed run, read by another process while this reads the bench."""
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             future = pool.submit(prepare_run, run)
             while not future.done():
