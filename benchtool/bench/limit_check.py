@@ -272,7 +272,7 @@ def _forward_fill(rows: Array, last_values: Array) -> tuple[Array, Array]:
     belongs to a silent channel, which has its own check.
 
     Args:
-        seen: (n,) last readings before these rows.
+        last_values: (n,) last readings before these rows.
     """
     if np.isnan(rows).any():
         extended = np.vstack([last_values, rows])

@@ -104,7 +104,7 @@ class BoundedSearch:
 
     Args:
         costs: sums of squares of parameter sets (n_sets, n).
-        linearise: linearisation at a point (n,).
+        linearised: linearisation at a point (n,).
     """
 
     def __init__(

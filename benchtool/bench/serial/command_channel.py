@@ -31,7 +31,7 @@ class CommandChannel(LinkEndpoint):
     """Command channel to a device over a transport.
 
     Args:
-        take: callback for every block of readings after the hello, also during commands.
+        on_readings: callback for every block of readings after the hello, also during commands.
     """
 
     def __init__(

@@ -54,9 +54,9 @@ def map_header(
     """Return the known columns of a table, and findings about units and unknown columns.
 
     Args:
-        channel_of: returns the channel for a column name without unit, or None if unknown.
+        find_channel: returns the channel for a column name without unit, or None if unknown.
         units: unit of columns without one, by channel; the channel's unit by default.
-        refuse: a unit of another dimension is an error, else a doubt.
+        refuse: a unit of another dimension is an error, else a warning.
         hint: remedy for unknown columns.
     """
     columns: list[MappedColumn] = []

@@ -54,7 +54,7 @@ class ResampledRecording:
 
 
 def resample_evenly(recording: Recording, name: str) -> ResampledRecording:
-    """Return a recording's rows at even times.
+    """Return a recording resampled at equal time steps.
 
     Raises:
         InputError: times do not increase, or the rate of the angle is too low.

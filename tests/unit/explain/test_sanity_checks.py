@@ -71,7 +71,7 @@ def test_rotors_in_the_order_of_outputs_are_refused(flown, order):
         for to, number in enumerate(order, 1)
         for what, unit in (("pwm", "_us"), ("rpm", ""))
     }
-    with pytest.raises(InputError, match=r"turned by pwm\d_us and pwm\d_us; expected: front and rear"):
+    with pytest.raises(InputError, match=r"pwm\d_us and pwm\d_us; expected: front and rear"):
         pitch_log(changed(good, **moved), model.rig)
 
 
