@@ -84,7 +84,7 @@ def test_a_resumed_run_keeps_its_order(capsys):
     assert resumed.provenance["state"] == "ended"
     capsys.readouterr()
     assert call("sweep", "--resume", "cut", "--yes") == 2
-    assert "nothing is left to resume" in capsys.readouterr().err
+    assert "every visit is measured and stored" in capsys.readouterr().err
 
 
 def test_a_watcher_that_goes_away_does_not_end_a_sweep():
