@@ -68,7 +68,7 @@ def test_experiments_are_recorded_until_the_answer_is_sure(monkeypatch, capsys):
     first = out[out.index("\nExperiment 1 of 3 at most: A sweep at z/R ") :]
     # Pulses and distances stand before the word is asked for.
     asked = first.index("type ARM to arm")
-    assert first.index("plate z/R ") < first.index("pulses ") < first.index("limits hold") < asked
+    assert first.index("plate z/R ") < first.index("pulses ") < first.index("within limits") < asked
     assert len(read_points("found/experiment-1")) >= 8
     found = json.loads(Path("found.json").read_text())
     assert "experiment-1" in " ".join(found["data"]["learn"])
@@ -80,7 +80,7 @@ def test_each_experiment_is_armed_by_hand_and_not_by_yes(monkeypatch, capsys):
     typed(monkeypatch, "yes\n")
     code, _, err = said(capsys, *EXPLAIN, "--bench", BENCH.format(35))
     assert code == 5
-    assert "not armed: ARM was not typed; nothing was spun" in err
+    assert "not armed: ARM was not typed; no motor was started" in err
     assert not Path("found/experiment-1").exists()
     assert Path("found/answer.json").is_file()
     assert said(capsys, *EXPLAIN, "--bench", BENCH.format(35), "--yes")[0] == 2

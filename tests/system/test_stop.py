@@ -79,7 +79,7 @@ def test_a_run_that_was_killed_is_reported_once(tmp_path, runs, environment):
     (folder / "cut.json").unlink()
     assert (found.returncode, found.stdout) == (
         8,
-        f"{address}: its process has ended; rotors were not seen to stand\n",
+        f"{address}: its process has ended; standstill not confirmed\n",
     )
     assert address in found.stderr
     assert not list(folder.glob("*.json"))

@@ -84,7 +84,7 @@ def test_a_resumed_run_keeps_its_order(capsys):
     assert resumed.provenance["state"] == "ended"
     capsys.readouterr()
     assert call("sweep", "--resume", "cut", "--yes") == 2
-    assert "every visit is measured and stored" in capsys.readouterr().err
+    assert "nothing to resume" in capsys.readouterr().err
 
 
 def test_a_watcher_that_goes_away_does_not_end_a_sweep():
@@ -122,7 +122,7 @@ def test_a_resumed_run_says_what_was_cut():
     assert call("sweep", "--resume", "run", "--yes") == 0
     cut = [e.text for e in read_events(Path("run/events.jsonl")) if e.event == "cut_line"]
     assert len(cut) == 2
-    assert cut[1].endswith("points.csv was cut and left out: 5,meas")
+    assert cut[1].endswith("points.csv was removed: 5,meas")
 
 
 def test_a_limit_stops_the_sweep_at_once(capsys):
@@ -166,8 +166,8 @@ def test_a_dry_run_makes_nothing(capsys):
         ),
         (["sim:pquad", "--calibration", "absent.json", "--yes"], "no such file"),
         (["sim:pquad", "--name", "../up", "--yes"], "cannot name a run"),
-        (["serial:COM99"], "which rig stands on serial:COM99"),
-        ([], "which bench?"),
+        (["serial:COM99"], "no rig for serial:COM99"),
+        ([], "no bench address"),
         (["--resume", "absent"], "there is no such run"),
     ],
 )
@@ -219,7 +219,7 @@ def test_a_calibration_follows_every_run(capsys):
     assert call("calibrate", *words) == 2
     assert call("sweep", "sim:pquad_single", *SMALL, "--yes", "--out", "with") == 0
     assert call("report", "with", "--out", "with.html") == 0
-    assert "The calibration. Above: mean raw reading" in Path("with.html").read_text()
+    assert "Calibration. Above: mean raw reading" in Path("with.html").read_text()
     plain = ["--calibration", "none", "--yes", "--out", "plain"]
     assert call("sweep", "sim:pquad_single", *SMALL, *plain) == 0
     calibrated, own = read_points("with"), read_points("plain")
