@@ -168,7 +168,7 @@ ROWS = (
     row("grbl", "cable pulled", "homing moving ramping sampling", ends(3, BROKE)),
     row("tcp pty", "plate frozen", "connect", ends(3, UNMOVED)),
     row("tcp pty", "plate frozen", "ramping sampling", RUNS),
-    row("tcp pty", "thrust frozen", "connect", ends(3, "on the load cell, limit")),
+    row("tcp pty", "thrust frozen", "connect", ends(3, "after 3 tares, limit")),
     row("tcp pty", "thrust frozen", "ramping sampling", ends(4, "all the time", 0.8)),
     row("tcp pty", "acknowledged, not done", "arming tare moving", ends(3, UNMOVED)),
     row("tcp pty", "acknowledged, not done", "ramping sampling", ends(8, TURNING, 2.5)),
