@@ -58,8 +58,8 @@ def test_the_tolerance_is_that_of_drive_and_sensor():
         ((0.2016,), 0.2, 0.2008, 0.0, r"reads 0\.2016 m .* the stage reports 0\.2008 m"),
         ((0.2004,), 0.2, 0.1996, 0.0, None),
         ((LEAST_M - TOLERANCE_M,), LEAST_M - 0.5 * TOLERANCE_M, LEAST_M - TOLERANCE_M, 0.0, None),
-        ((), 0.2, 0.2, 0.0, "brought no reading after the move to 0.2 m"),
-        ((nan,), 0.2, 0.2, 0.0, "brought no reading after the move to 0.2 m"),
+        ((), 0.2, 0.2, 0.0, "has no reading after the move to 0.2 m"),
+        ((nan,), 0.2, 0.2, 0.0, "has no reading after the move to 0.2 m"),
         ((LEAST_M - 0.002,), 0.06, 0.06, 9.0, "reads 0.0480 m .*, inside the minimum gap of 0.05"),
         (
             (0.6,),
