@@ -65,7 +65,7 @@ def test_experiments_are_recorded_until_the_answer_is_sure(monkeypatch, capsys):
     code, out, err = said(capsys, *EXPLAIN, "--bench", BENCH.format(35), "--json", "found.json")
     assert (code, err.count("Traceback")) == (0, 0)
     assert out.count("type ARM to arm") == out.count("\nExperiment ") >= 1
-    first = out[out.index("\nExperiment 1 of 3 at most: A sweep at z/R ") :]
+    first = out[out.index("\nExperiment 1 of up to 3: A sweep at z/R ") :]
     # Pulses and distances stand before the word is asked for.
     asked = first.index("type ARM to arm")
     assert first.index("plate z/R ") < first.index("pulses ") < first.index("within limits") < asked
