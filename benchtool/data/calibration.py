@@ -22,63 +22,40 @@ from benchtool.data.atomic import read_json
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationComponent(FiniteTable):
-    """One source of the slope's uncertainty.
-
-    Attributes:
-        kind: type of evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
-        sd: standard uncertainty of the source in `unit`.
-        relative_sd: its contribution to the slope, over the slope.
-        dof: degrees of freedom of `sd`; None if `sd` is a given value.
-    """
+    """One source of the slope's uncertainty."""
 
     name: str
-    kind: Literal["A", "B"]
+    kind: Literal["A", "B"]  # evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise
     unit: str
-    sd: float
-    relative_sd: float
+    sd: float  # standard uncertainty of the source in `unit`
+    relative_sd: float  # its contribution to the slope, over the slope
     distribution: Literal["normal", "student_t"] = "normal"
-    dof: float | None = None
+    dof: float | None = None  # degrees of freedom of `sd`; None if `sd` is a given value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration(FiniteTable):
-    """Linear load cell calibration: N = slope (counts - zero), zero from the tare.
-
-    Attributes:
-        date: of the last masses, ISO 8601.
-        slope_N_per_count, offset_N: of N = slope counts + offset on the last day.
-        covariance: of (slope, offset) by the scatter about the line of that day, 2 by 2.
-        relative_sd: standard uncertainty of the slope over the slope, by all components; common to
-            every thrust.
-        straightness, hysteresis: largest residual, and largest gap between loading and unloading,
-            as shares of full scale; hysteresis is None for masses in one direction only.
-        residual_sd_N: of the readings about the line of their day.
-        masses_kg, counts, days: mass, reading and day of each measurement, in order.
-        residuals_N: about the line of the day.
-        lever_ratio: force on the load cell over force at the rotor.
-        components: independent sources of `relative_sd`; none in files of earlier versions.
-        calibrated_by, certificate: operator, and traceability of the masses.
-    """
+    """Linear load cell calibration: N = slope (counts - zero), zero from the tare."""
 
     id: str
-    date: str
+    date: str  # of the last masses, ISO 8601
     device_id: str
-    slope_N_per_count: float
+    slope_N_per_count: float  # of N = slope counts + offset on the last day
     offset_N: float
-    covariance: tuple[tuple[float, float], tuple[float, float]]
-    relative_sd: float
-    straightness: float
-    hysteresis: float | None
-    residual_sd_N: float
-    masses_kg: tuple[float, ...]
-    counts: tuple[float, ...]
-    residuals_N: tuple[float, ...]
-    lever_ratio: float = 1.0
+    covariance: tuple[tuple[float, float], tuple[float, float]]  # 2 by 2, of slope and offset
+    relative_sd: float  # of the slope, by all components; common to every thrust
+    straightness: float  # largest residual over full scale
+    hysteresis: float | None  # largest gap over full scale; None if masses are only added
+    residual_sd_N: float  # of the readings about the line of their day
+    masses_kg: tuple[float, ...]  # of the measurements, in order
+    counts: tuple[float, ...]  # readings
+    residuals_N: tuple[float, ...]  # about the line of the day
+    lever_ratio: float = 1.0  # force on the load cell over force at the rotor
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
-    days: tuple[str, ...] = ()
-    components: tuple[CalibrationComponent, ...] = ()
+    days: tuple[str, ...] = ()  # of each measurement
+    components: tuple[CalibrationComponent, ...] = ()  # of `relative_sd`; none in old files
     calibrated_by: str = ""
-    certificate: str = ""
+    certificate: str = ""  # traceability of the masses
 
     def newtons(self, counts: Array, zero_counts: float) -> Array:
         """Return thrust (n,): N, of raw counts (n,) minus those of the unloaded load cell."""

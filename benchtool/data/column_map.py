@@ -33,22 +33,14 @@ IDENTITY = Conversion(1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappedColumn:
-    """Source of one channel: a column of the table, or a constant.
-
-    Attributes:
-        position: of the column; None for a constant.
-        conversion: from the file's unit to that of the channel, sign and factor included.
-        constant: in the channel's unit.
-        source: column and unit as in the file.
-        reference: cell value of reference rows; empty if the cells are numbers.
-    """
+    """Source of one channel: a column of the table, or a constant."""
 
     name: str
-    position: int | None
-    conversion: Conversion = IDENTITY
-    constant: float = 0.0
-    source: str = ""
-    reference: str = ""
+    position: int | None  # of the column; None for a constant
+    conversion: Conversion = IDENTITY  # to the channel's unit, sign and factor included
+    constant: float = 0.0  # in the channel's unit
+    source: str = ""  # column and unit as in the file
+    reference: str = ""  # cell value of reference rows; empty if the cells are numbers
 
 
 def map_column(

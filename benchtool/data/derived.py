@@ -50,19 +50,12 @@ class KnownValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasurementContext:
-    """Known values of a bench in addition to its channels.
+    """Known values of a bench in addition to its channels."""
 
-    Attributes:
-        known_values: diameter, chord, air and motor, by the names of `Quantity.of`.
-        scales: relative standard uncertainty of a channel's scale, with origin.
-        sensors: of the rig; the fallback for standard errors missing in a recording.
-        rig: of a run; None for a foreign file.
-    """
-
-    known_values: Mapping[str, KnownValue] = field(default_factory=dict)
-    scales: Mapping[str, KnownValue] = field(default_factory=dict)
-    sensors: Mapping[str, Sensor] = field(default_factory=dict)
-    rig: Rig | None = None
+    known_values: Mapping[str, KnownValue] = field(default_factory=dict)  # as in `Quantity.of`
+    scales: Mapping[str, KnownValue] = field(default_factory=dict)  # relative, by channel
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)  # fallback for standard errors
+    rig: Rig | None = None  # of a run; None for a foreign file
 
 
 def measurement_context(
@@ -149,14 +142,10 @@ def build_recording_context(facts: Mapping[str, Any], where: str) -> Measurement
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuantityValues(UncertainValues):
-    """Values (n,) of a quantity in the rows of a recording.
-
-    Attributes:
-        origin: label: measured, from the file, or the inputs that it is derived from.
-    """
+    """Values (n,) of a quantity in the rows of a recording."""
 
     quantity: Quantity
-    origin: str
+    origin: str  # label: measured, from the file, or the inputs that it is derived from
 
     @property
     def name(self) -> str:

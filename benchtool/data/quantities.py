@@ -24,22 +24,14 @@ Of = Callable[..., Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """Derived quantity.
+    """Derived quantity."""
 
-    Attributes:
-        name: of its column, with the unit; a column of that name in a recording has priority.
-        symbol, title, formula: for display.
-        source: of the definition.
-        of: function of the arguments named by its parameters: measured channels, other
-            quantities, and known values of propeller, air and motor.
-    """
-
-    name: str
+    name: str  # of its column, with the unit; a column of that name in a recording has priority
     symbol: str
     title: str
-    formula: str
-    of: Of
-    source: str = ""
+    formula: str  # for display
+    of: Of  # function of channels, other quantities and known values, by its parameters' names
+    source: str = ""  # of the definition
 
     @property
     def unit(self) -> str:

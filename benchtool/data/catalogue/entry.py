@@ -29,42 +29,25 @@ RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """Catalogue entry of a run, result or file.
+    """Catalogue entry of a run, result or file."""
 
-    Attributes:
-        name: relative path, for `RunsFolder.find_path`.
-        rig: name of the rig; of a fit or an explanation, name of the model.
-        propeller: name of the propeller, "" if unknown.
-        z_over_r: smallest and largest measured plate distance in rotor radii; empty if unknown.
-        radius_m: rotor radius; None if unknown.
-        tags, notes: of `labels`.
-        channels: short hash of a run's channel names; equal hashes mean equal sample columns.
-        values: parameters of a fit with their values, by its first method.
-        started: start of a run, or modification time of a result; None if unknown.
-        state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
-        simulated: whether the data are simulated; None if unknown.
-        summary: short description of the contents.
-        problem: reason why it cannot be read; else "".
-        is_empty: whether it is a run without a measured point.
-    """
-
-    name: str
+    name: str  # relative path, for `RunsFolder.find_path`
     kind: str
-    rig: str = ""
-    started: datetime | None = None
-    state: str = ""
-    simulated: bool | None = None
-    summary: str = ""
-    problem: str = ""
-    propeller: str = ""
+    rig: str = ""  # name of the rig; of a fit or an explanation, name of the model
+    started: datetime | None = None  # start of a run, or change of a result; None if unknown
+    state: str = ""  # "ended", "stopped", "running"; a fit's outcome; an explanation's verdict
+    simulated: bool | None = None  # whether the data are simulated; None if unknown
+    summary: str = ""  # short description of the contents
+    problem: str = ""  # reason why it cannot be read; else ""
+    propeller: str = ""  # name of the propeller, "" if unknown
     operator: str = ""
-    z_over_r: tuple[float, ...] = ()
-    radius_m: float | None = None
+    z_over_r: tuple[float, ...] = ()  # smallest and largest measured; empty if unknown
+    radius_m: float | None = None  # rotor radius; None if unknown
     tags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    channels: str = ""
-    values: tuple[tuple[str, float], ...] = ()
-    is_empty: bool = False
+    channels: str = ""  # short hash of a run's channel names, which its samples have as columns
+    values: tuple[tuple[str, float], ...] = ()  # of a fit's parameters, by its first method
+    is_empty: bool = False  # whether it is a run without a measured point
 
     @property
     def date(self) -> str:

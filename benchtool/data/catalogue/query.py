@@ -40,13 +40,9 @@ RUN_COLUMNS = (  # of the table `runs`
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunSelection:
-    """Selected runs and results; iterates over their paths, for `bt.fit` and others.
+    """Selected runs and results; iterates over their paths, for `bt.fit` and others."""
 
-    Attributes:
-        entries: paths with their entries, newest first in each folder.
-    """
-
-    entries: Sequence[tuple[Path, Entry]]
+    entries: Sequence[tuple[Path, Entry]]  # paths with their entries, newest first in each folder
 
     def __len__(self) -> int:
         return len(self.entries)

@@ -57,21 +57,12 @@ class FormatReader(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """Entry of the format registry.
+    """Entry of the format registry."""
 
-    Attributes:
-        name: for display, and of the format's row in docs/reference/import.md.
-        kind: "log" of a flight, or "table" of a stand, whose time order and known faults are
-            checked.
-        recognizes: returns whether a file with these first bytes has the format.
-        reader: "module:function" of a `FormatReader`, imported on demand, as pyulog and pymavlink
-            are slow to import.
-    """
-
-    name: str
-    kind: Kind
-    recognizes: Callable[[bytes], bool]
-    reader: str
+    name: str  # for display, and of the format's row in docs/reference/import.md
+    kind: Kind  # a table's time order and known faults are checked
+    recognizes: Callable[[bytes], bool]  # tests the first bytes of a file
+    reader: str  # "module:function" of a `FormatReader`; pyulog and pymavlink are slow to import
 
     def load(self) -> FormatReader:
         """Return the reader."""

@@ -255,17 +255,12 @@ class AutopilotClock:
     A log's stamps are times of reception by the host, and radio links deliver late and in bursts.
     Messages with the autopilot's time since boot keep it; for others it is interpolated between
     attitude messages by the host's stamps.
-
-    Attributes:
-        host_us, boot_us: (m,) of the attitudes; boot_us continues over a reboot.
-        starts: rows at which the autopilot rebooted.
-        offsets_us: (m,) added to the autopilot's time since boot.
     """
 
-    host_us: Times
-    boot_us: Times
-    starts: tuple[int, ...]
-    offsets_us: Times
+    host_us: Times  # (m,) of the attitudes
+    boot_us: Times  # (m,) continues over a reboot
+    starts: tuple[int, ...]  # rows at which the autopilot rebooted
+    offsets_us: Times  # (m,) added to the autopilot's time since boot
 
     @classmethod
     def from_attitude(cls, host_us: Times, boot_ms: NDArray[np.float64]) -> AutopilotClock:

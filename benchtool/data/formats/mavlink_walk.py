@@ -24,16 +24,11 @@ class Frame(NamedTuple):
 
 
 class TlogWalk(NamedTuple):
-    """Frames of the selected kinds by message number, and counts of all frames.
-
-    Attributes:
-        total: complete frames of any kind.
-        broken: frames with a wrong checksum, and a truncated last frame.
-    """
+    """Frames of the selected kinds by message number, and counts of all frames."""
 
     frames: dict[int, list[Frame]]
-    total: int
-    broken: int
+    total: int  # complete frames of any kind
+    broken: int  # frames with a wrong checksum, and a truncated last frame
     findings: list[Finding]
 
 

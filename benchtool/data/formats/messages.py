@@ -25,19 +25,12 @@ RAD = np.pi / 180.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream:
-    """Channels of one kind of message.
+    """Channels of one kind of message."""
 
-    Attributes:
-        source: the message's name in the log, for display.
-        time_us: (m,) on the log's clock.
-        columns: (m,) values in the channel's unit, by channel name.
-        fields: the message's field by channel name, for display.
-    """
-
-    source: str
-    time_us: Times
-    columns: dict[str, Array]
-    fields: dict[str, str]
+    source: str  # the message's name in the log, for display
+    time_us: Times  # (m,) on the log's clock
+    columns: dict[str, Array]  # (m,) values in the channel's unit, by channel name
+    fields: dict[str, str]  # the message's field by channel name, for display
 
     def blank(
         self, channel: str, is_bad: NDArray[np.bool_], reason: str, findings: list[Finding]
@@ -52,19 +45,12 @@ class Stream:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
-    """Messages of one kind, as columns.
+    """Messages of one kind, as columns."""
 
-    Attributes:
-        source: the kind's name in the log, for display.
-        time_us: (m,) on the log's clock; None if the messages have no time.
-        fields: (m,) each, by name; the elements of an array are "name[0]" and so on.
-        divisors: divisor of a field's numbers by name; default 1.
-    """
-
-    source: str
-    time_us: Times | None
-    fields: Mapping[str, NDArray[Any]]
-    divisors: Mapping[str, float] = field(default_factory=dict)
+    source: str  # the kind's name in the log, for display
+    time_us: Times | None  # (m,) on the log's clock; None if the messages have no time
+    fields: Mapping[str, NDArray[Any]]  # (m,) each; "name[0]" is an element of an array
+    divisors: Mapping[str, float] = field(default_factory=dict)  # of numbers
 
     def __len__(self) -> int:
         return len(next(iter(self.fields.values()), ()))
@@ -126,19 +112,12 @@ class Messages:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MessageLog:
-    """Messages of a log by kind, with counts.
+    """Messages of a log by kind, with counts."""
 
-    Attributes:
-        kinds: messages by the name of their kind.
-        total: complete messages in the log, of any kind.
-        broken: corrupt or incomplete messages.
-        findings: of the parser; the reader of the messages appends to it.
-    """
-
-    kinds: Mapping[str, Messages]
-    total: int
-    broken: int
-    findings: list[Finding]
+    kinds: Mapping[str, Messages]  # messages by the name of their kind
+    total: int  # complete messages in the log, of any kind
+    broken: int  # corrupt or incomplete messages
+    findings: list[Finding]  # of the parser; the reader of the messages appends to it
 
     def __getitem__(self, kind: str) -> Messages:
         return self.kinds.get(kind, Messages(kind, None, {}))

@@ -226,18 +226,12 @@ WHOLE_RUN = 8  # consecutive valid messages required to resume reading; assumed
 
 
 class UlogWalk(NamedTuple):
-    """Result of the parse of a log.
+    """Result of the parse of a log."""
 
-    Attributes:
-        readable: the log's bytes without corrupt ones.
-        broken: 1 for a truncated data message at the end.
-        has_definitions: all definitions are complete.
-    """
-
-    readable: bytes
+    readable: bytes  # the log's bytes without corrupt ones
     total: int
-    broken: int
-    has_definitions: bool
+    broken: int  # 1 for a truncated data message at the end
+    has_definitions: bool  # all definitions are complete
     findings: list[Finding]
 
 

@@ -19,19 +19,13 @@ Count = Annotated[int, Ge(0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportCount:
-    """Counts of a file's rows or messages; each one is in one of them.
+    """Counts of a file's rows or messages; each one is in one of them."""
 
-    Attributes:
-        unit: "row" or "message".
-        refused: not in the recording, each with its line or byte in a finding.
-        not_needed: readable, but of a kind that recordings do not contain.
-    """
-
-    unit: str
+    unit: str  # "row" or "message"
     total: Count
     kept: Count
-    refused: Count = 0
-    not_needed: Count = 0
+    refused: Count = 0  # not in the recording, each with its line or byte in a finding
+    not_needed: Count = 0  # readable, but of a kind that recordings do not contain
 
     @property
     def is_balanced(self) -> bool:
@@ -41,42 +35,26 @@ class ImportCount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Time window in which a rotor is over a surface.
-
-    Attributes:
-        start_s, end_s: in the recording's time.
-        rotor: its number; 0 for all.
-        source: "user" or name of the sensor.
-    """
+    """Time window in which a rotor is over a surface."""
 
     start_s: float
-    end_s: float
-    rotor: Count
-    source: str
+    end_s: float  # in the recording's time
+    rotor: Count  # its number; 0 for all
+    source: str  # "user" or name of the sensor
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ImportResult:
-    """Imported file.
+    """Imported file."""
 
-    Attributes:
-        recording: values in benchtool's channels and units.
-        findings: in the order of their detection.
-        tally: counts of rows or messages.
-        sources: the file's column or message by channel.
-        windows: with a rotor over a surface.
-        propeller: of the bench, from the user or the file; None if unknown.
-        lines: (n,) line of the file of each row of the recording; None for logs.
-    """
-
-    recording: Recording
+    recording: Recording  # values in benchtool's channels and units
     format: str
-    findings: tuple[Finding, ...]
-    tally: ImportCount
-    sources: Mapping[str, str] = field(default_factory=dict)
-    windows: tuple[Window, ...] = ()
-    lines: NDArray[np.intp] | None = None
-    propeller: Propeller | None = None
+    findings: tuple[Finding, ...]  # in the order of their detection
+    tally: ImportCount  # counts of rows or messages
+    sources: Mapping[str, str] = field(default_factory=dict)  # column or message by channel
+    windows: tuple[Window, ...] = ()  # with a rotor over a surface
+    lines: NDArray[np.intp] | None = None  # (n,) line in the file of each row; None for logs
+    propeller: Propeller | None = None  # of the bench, from the user or the file; None if unknown
 
     def with_findings(self, findings: Sequence[Finding]) -> ImportResult:
         """Return the import result with additional findings."""
@@ -104,19 +82,14 @@ class Finding:
         kind: "repaired", "refused" (rows or bytes not in the recording), "doubt" (unchanged, to be
             checked by the user), "left out" (columns or messages that a recording does not need),
             "lacks" (missing in the file), "read as" (an assumption or convention).
-        what: topic in two or three words, the same in every file.
-        words: message with the numbers.
-        channel: the channel or column; empty for the whole file.
-        count: rows, cells, messages or bytes concerned.
-        lines: of the file, as ranges ("3, 7-12"); empty if not applicable.
     """
 
     kind: Kind
-    what: str
-    words: str
-    channel: str = ""
-    count: int = 0
-    lines: str = ""
+    what: str  # topic in two or three words, the same in every file
+    words: str  # message with the numbers
+    channel: str = ""  # the channel or column; empty for the whole file
+    count: int = 0  # rows, cells, messages or bytes concerned
+    lines: str = ""  # of the file, as ranges ("3, 7-12"); empty if not applicable
 
     @property
     def sentence(self) -> str:
@@ -137,29 +110,17 @@ def line_ranges(lines: Sequence[int] | NDArray[np.intp]) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """Options of an import.
+    """Options of an import."""
 
-    Attributes:
-        columns: column map for a CSV; None uses the header.
-        flip: channels whose sign is reversed.
-        tare: channels whose reading at rest is subtracted.
-        scale: factors as CHANNEL=FACTOR.
-        air_density_kg_m3: for files with coefficients.
-        propeller: of the bench, for coefficients and tip speeds.
-        hover_kg: mass of the vehicle of a hover flight, to compute the thrust.
-        over: windows in which a rotor is over a surface.
-        near_m: distance sensor readings below this mean over a surface; None ignores the sensor.
-    """
-
-    columns: Path | None = None
-    flip: tuple[str, ...] = ()
-    tare: tuple[str, ...] = ()
-    scale: tuple[str, ...] = ()
-    air_density_kg_m3: float | None = None
-    propeller: Propeller | None = None
-    hover_kg: float | None = None
-    over: tuple[Window, ...] = ()
-    near_m: float | None = None
+    columns: Path | None = None  # column map for a CSV; None uses the header
+    flip: tuple[str, ...] = ()  # channels whose sign is reversed
+    tare: tuple[str, ...] = ()  # channels whose reading at rest is subtracted
+    scale: tuple[str, ...] = ()  # factors as CHANNEL=FACTOR
+    air_density_kg_m3: float | None = None  # for files with coefficients
+    propeller: Propeller | None = None  # of the bench, for coefficients and tip speeds
+    hover_kg: float | None = None  # mass of the vehicle of a hover flight, to compute the thrust
+    over: tuple[Window, ...] = ()  # windows in which a rotor is over a surface
+    near_m: float | None = None  # distance readings below it are over a surface; None: unused
 
 
 def import_metadata(result: ImportResult, options: ImportOptions) -> dict[str, Any]:

@@ -212,21 +212,13 @@ ANNOTATION = "annotation"  # event name of an operator's note
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Entry of events.jsonl.
+    """Entry of events.jsonl."""
 
-    Attributes:
-        time_s: bench time since the start of the run.
-        event: name of the event ("settle_timeout", "tare", "stopped", "device").
-        text: message for the operator, one sentence.
-        point: number of the point, 0 for none.
-        wall: date and time with UTC offset.
-    """
-
-    time_s: float
-    event: str
-    text: str
-    point: int = 0
-    wall: str = ""
+    time_s: float  # bench time since the start of the run
+    event: str  # name of the event ("settle_timeout", "tare", "stopped", "device")
+    text: str  # message for the operator, one sentence
+    point: int = 0  # number of the point, 0 for none
+    wall: str = ""  # date and time with UTC offset
 
 
 class EventLog(AppendFile):

@@ -134,19 +134,12 @@ _INTERRUPTED = b"interrupted"
 
 @dataclass(frozen=True, slots=True)
 class SampleScan:
-    """Number of rows, end time and unmeasured points of samples.csv.
-
-    Attributes:
-        last_s: latest time since the start of the run; 0 without rows.
-        measured: numbers of the measured points.
-        unmarked_offset: byte offset of the first row of an unmeasured point that is not marked
-            yet; None if there is none.
-    """
+    """Number of rows, end time and unmeasured points of samples.csv."""
 
     rows: int
-    last_s: float
-    measured: frozenset[int]
-    unmarked_offset: int | None
+    last_s: float  # latest time since the start of the run; 0 without rows
+    measured: frozenset[int]  # numbers of the measured points
+    unmarked_offset: int | None  # of the first row to mark as interrupted; None if there is none
 
 
 def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:

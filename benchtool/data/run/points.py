@@ -16,53 +16,34 @@ from benchtool.data.run.append import AppendTable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """One measurement of a setting: robust means over its samples.
+    """One measurement of a setting: robust means over its samples."""
 
-    Attributes:
-        point: number of the point, from 1; 0 for a tare.
-        setting: number of the setting, from 1; 0 for a tare.
-        repeat: number of the measurement of this setting, from 1.
-        time_s: middle of the samples, since the start of the run.
-        elapsed_s: the same since the last tare.
-        pwm_us, rpm: (n_rotors,) mean command and mean speed; nan if unknown.
-        rpm_se: (n_rotors,) standard error of the mean speed, as that of thrust.
-        thrust_N, thrust_sd_N, thrust_se_N: mean over samples, their standard deviation, and the
-            standard error of the mean, corrected for autocorrelation.
-        n_samples: thrust samples in the mean.
-        plate_z_m: plate distance read by a sensor; falls back to that of the stage.
-        plate_stage_z_m, plate_read_z_m: both distances, nan if missing.
-        voltage_se_V, current_se_A, torque_se_Nm: standard errors of those means, as that of thrust.
-        rejected: number of outliers excluded from the mean, by channel; default 0.
-        settled: whether the settling criterion was met before its timeout.
-        suspect: a channel has too many outliers, so none was excluded.
-    """
-
-    point: int
+    point: int  # number of the point, from 1; 0 for a tare
     kind: str
-    setting: int
-    repeat: int
-    time_s: float
-    elapsed_s: float
-    pwm_us: tuple[float, ...]
-    rpm: tuple[float, ...]
-    rpm_se: tuple[float, ...]
-    thrust_N: float
-    thrust_sd_N: float
-    thrust_se_N: float
-    n_samples: int
-    plate_z_m: float
+    setting: int  # number of the setting, from 1; 0 for a tare
+    repeat: int  # number of the measurement of this setting, from 1
+    time_s: float  # middle of the samples, since the start of the run
+    elapsed_s: float  # the same since the last tare
+    pwm_us: tuple[float, ...]  # (n_rotors,) mean command; nan if unknown
+    rpm: tuple[float, ...]  # (n_rotors,) mean speed; nan if unknown
+    rpm_se: tuple[float, ...]  # (n_rotors,) standard error of the mean speed, as that of thrust
+    thrust_N: float  # mean over samples
+    thrust_sd_N: float  # standard deviation of the samples
+    thrust_se_N: float  # standard error of the mean, corrected for autocorrelation
+    n_samples: int  # thrust samples in the mean
+    plate_z_m: float  # plate distance read by a sensor; falls back to that of the stage
     plate_x_m: float = 0.0
     plate_tilt_deg: float = 0.0
     voltage_V: float = nan
     current_A: float = nan
     torque_Nm: float = nan
     temperature_degC: float = nan
-    settled: bool = True
-    plate_stage_z_m: float = nan
-    plate_read_z_m: float = nan
-    rejected: Mapping[str, int] = field(default_factory=dict)
-    suspect: bool = False
-    voltage_se_V: float = nan
+    settled: bool = True  # whether the settling criterion was met before its timeout
+    plate_stage_z_m: float = nan  # nan if missing
+    plate_read_z_m: float = nan  # nan if missing
+    rejected: Mapping[str, int] = field(default_factory=dict)  # outliers excluded, by channel
+    suspect: bool = False  # a channel has too many outliers, so none was excluded
+    voltage_se_V: float = nan  # standard errors of means, as that of thrust
     current_se_A: float = nan
     torque_se_Nm: float = nan
 

@@ -25,13 +25,9 @@ MAX_NAME_LENGTH = 200  # characters in one part of a name; file systems allow 25
 
 @dataclass(frozen=True, slots=True)
 class RunsFolder:
-    """Folder of runs that resolves names to paths inside it.
+    """Folder of runs that resolves names to paths inside it."""
 
-    Attributes:
-        root: the folder; it may not exist yet.
-    """
-
-    root: Path
+    root: Path  # the folder; it may not exist yet
 
     def find_path(self, name: str) -> Path:
         """Return the path of an existing run or file, with its links checked.

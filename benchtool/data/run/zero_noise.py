@@ -15,17 +15,11 @@ DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))  # 1/f noise, f
 
 @dataclass(frozen=True, slots=True)
 class ZeroNoise:
-    """Parameters of the zero drift of a load cell.
+    """Parameters of the zero drift of a load cell."""
 
-    Attributes:
-        walk: standard deviation of its random walk after one second: N/sqrt(s).
-        flicker: standard deviation of its 1/f noise over one decade of frequency: N.
-        dof: degrees of freedom of the estimated walk; infinite if it is from the rig.
-    """
-
-    walk: float = 0.0
-    flicker: float = 0.0
-    dof: float = np.inf
+    walk: float = 0.0  # standard deviation of its random walk after one second: N/sqrt(s)
+    flicker: float = 0.0  # standard deviation of its 1/f noise over one decade of frequency: N
+    dof: float = np.inf  # degrees of freedom of the estimated walk; infinite if it is from the rig
 
 
 def zero_covariance(since_s: Array, noise: ZeroNoise) -> Array:
