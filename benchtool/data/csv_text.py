@@ -1,6 +1,6 @@
 """Tolerant CSV reader: byte order mark, semicolons, CRLF, incomplete last line.
 
-`parse_csv` returns cells as text, for a fit; a row with too many cells is an error.
+`parse_csv` returns an array of text, for a fit; a row with too many cells is an error.
 `parse_rows` returns the rows of a foreign file as bytes, so that a million rows are read quickly.
 """
 
@@ -52,8 +52,8 @@ class CsvTable:
 
     where: str
     header: tuple[str, ...]  # column names without surrounding blanks
-    rows: list[list[str]]  # as many cells as the header in every row
-    lines: list[int]  # line number of each row in the file, from 1
+    rows: NDArray[np.object_]  # (n, c) stripped text
+    lines: Positions  # (n,) line of each row in the file, from 1
     repairs: tuple[str, ...]
 
 
@@ -148,21 +148,22 @@ def parse_csv(data: bytes, where: str, *, is_own: bool = False, whole: bool = Tr
                 f"line {line} has {len(row)} cells, the header names {width} columns; correct the "
                 f"line or the header",
             )
-    cells = [row[:width] + [""] * (width - len(row)) for row in by_line.values()]
+    cells = np.full((len(by_line), width), "", object)
+    for row, texts in zip(cells, by_line.values(), strict=True):
+        row[: len(texts)] = [text.strip() for text in texts[:width]]
     if delimiter == ";":
-        repairs += _with_points(cells)
-    return CsvTable(where, tuple(header), cells, list(by_line), tuple(repairs))
+        repairs += _with_points(cells.ravel())
+    return CsvTable(where, tuple(header), cells, np.array([*by_line], np.intp), tuple(repairs))
 
 
-def _with_points(rows: list[list[str]]) -> list[str]:
+def _with_points(cells: NDArray[np.object_]) -> list[str]:
     """Replace decimal commas by points, remove points between thousands, return the repairs."""
-    cells = [(row, index) for row in rows for index in range(len(row))]
-    commas = [(row, i) for row, i in cells if _DECIMAL_COMMA.fullmatch(row[i].strip())]
+    commas = [i for i, cell in enumerate(cells) if _DECIMAL_COMMA.fullmatch(cell)]
     if not commas:
         return []
-    thousands = [(row, i) for row, i in cells if THOUSANDS.fullmatch(row[i].strip())]
-    for row, i in (*commas, *thousands):
-        row[i] = row[i].strip().replace(".", "").replace(",", ".")
+    thousands = [i for i, cell in enumerate(cells) if THOUSANDS.fullmatch(cell)]
+    for i in (*commas, *thousands):
+        cells[i] = cells[i].replace(".", "").replace(",", ".")
     done = [f"{len(commas)} decimal commas read as points"]
     if thousands:
         done.append(f"{pluralize(len(thousands), 'number')} with points between thousands")

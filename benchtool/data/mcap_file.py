@@ -28,8 +28,8 @@ from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import MAX_METADATA_BYTES, open_file
 from benchtool.data.atomic import atomic_writer
-from benchtool.data.catalogue.optional_dependency import load_extra
 from benchtool.data.columns import WORDS
+from benchtool.data.parquet import load_extra
 
 FORMAT = "benchtool-mcap-1"
 MAGIC = b"\x89MCAP0\r\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
 
@@ -67,22 +67,22 @@ def read_table(
     """
     table = read_csv_text(Path(path))
     filters = [item if isinstance(item, RowFilter) else RowFilter.parse(item) for item in where]
-    rows = filter_rows(table, filters)
+    table = filter_rows(table, filters)
     if columns:
         chosen = [map_column(table.header, table.where, *entry) for entry in columns.items()]
         references = {column.position: column.reference for column in chosen if column.reference}
-        pairs = [_mapped(table, rows, column, references) for column in chosen]
+        pairs = [_mapped(table, column, references) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
             raise FileFormatError(table.where, "no numbers in the mapped columns; check the map")
     else:
-        pairs = _own_names(table, rows)
+        pairs = _own_names(table)
     for channel, values in pairs:
         if _ERROR.fullmatch(channel.name):
-            _check_range(table, rows, channel.name, values, 1.0 / MAX_NUMBER)
+            _check_range(table, channel.name, values, 1.0 / MAX_NUMBER)
     provenance = {
         "file": table.where,
         "sha256": file_hash(Path(path)),
-        "rows": str(len(rows)),
+        "rows": str(len(table.rows)),
         "where": "; ".join(f"{item.column}={item.value}" for item in filters),
         "repairs": "; ".join(table.repairs),
         "simulated": "not stated",
@@ -90,98 +90,93 @@ def read_table(
     return Recording.from_columns(pairs, provenance)
 
 
-def parse_column(table: CsvTable, index: int, rows: Sequence[int], blank: str = "") -> Array:
-    """Return one column (n,) of those rows as numbers; a cell that is blank or `blank` is nan."""
-    name = table.header[index]
-    labels = WORDS.get(name, ())
-    values = np.full(len(rows), nan)
-    for position, row in enumerate(rows):
-        cell = table.rows[row][index].strip()
-        if cell in _BLANK or cell == blank:
-            continue
-        try:
-            values[position] = labels.index(cell) if cell in labels else float(cell)
-        except ValueError:
-            raise FileFormatError(
-                f"{table.where}, line {table.lines[row]}",
-                f"column {name!r} contains {cell[:40]!r}, which is not a number; correct the cell "
-                f"or leave it empty",
-            ) from None
-    _check_range(table, rows, name, values, -MAX_NUMBER)
+def parse_column(table: CsvTable, index: int, blank: str = "") -> Array:
+    """Return one column (n,) as numbers; a cell that is blank or `blank` is nan."""
+    name, cells = table.header[index], table.rows[:, index]
+    numbers = np.where(np.isin(cells, [*_BLANK, blank]), nan, cells)
+    for code, word in enumerate(WORDS.get(name, ())):
+        numbers[cells == word] = code
+    try:
+        values = numbers.astype(float)
+    except ValueError:
+        row = next(row for row, cell in enumerate(numbers) if not _is_number(cell))
+        raise FileFormatError(
+            f"{table.where}, line {table.lines[row]}",
+            f"column {name!r} contains {cells[row][:40]!r}, which is not a number; correct the "
+            f"cell or leave it empty",
+        ) from None
+    _check_range(table, name, values, -MAX_NUMBER)
     return values
 
 
-def _check_range(
-    table: CsvTable, rows: Sequence[int], name: str, values: Array, lower: float
-) -> None:
+def _check_range(table: CsvTable, name: str, values: Array, lower: float) -> None:
     """Raise FileFormatError for a value outside `lower` to `MAX_NUMBER`; nan and 0 are allowed."""
     wrong = np.flatnonzero(((values < lower) & (values != 0.0)) | (values > MAX_NUMBER))
     if wrong.size:
         raise FileFormatError(
-            f"{table.where}, line {table.lines[rows[wrong[0]]]}",
+            f"{table.where}, line {table.lines[wrong[0]]}",
             f"{name} is {values[wrong[0]]:g}; allowed: {lower:g} to {MAX_NUMBER:g}; correct the "
             f"cell or leave it empty",
         )
 
 
-def table_columns(table: CsvTable) -> list[tuple[Channel, Array]]:
-    """Return every column of a file written by benchtool with its channel."""
-    rows = range(len(table.rows))
-    return [
-        (find_channel(name), parse_column(table, index, rows))
-        for index, name in enumerate(table.header)
+def read_own_table(path: Path, *, follow: bool = True) -> tuple[Recording, tuple[str, ...]]:
+    """Return a table that benchtool wrote and a user may have edited, and its repairs."""
+    table = read_csv_text(path, is_own=True, follow=follow)
+    pairs = [
+        (find_channel(name), parse_column(table, index)) for index, name in enumerate(table.header)
     ]
+    return Recording.from_columns(pairs), table.repairs
 
 
-def filter_rows(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
-    """Return the positions of the rows that pass all filters.
+def filter_rows(table: CsvTable, filters: Sequence[RowFilter]) -> CsvTable:
+    """Return the rows that pass all filters.
 
     Raises:
         FileFormatError: no row is left; the error lists the column's values.
         UnknownChoice: a column is missing.
     """
-    rows = list(range(len(table.rows)))
-    if not rows:
+    if not len(table.rows):
         raise empty_table_error(table.where, table.header)
     for row_filter in filters:
-        index = column_index(table.header, row_filter.column, table.where)
-        cells = {row: table.rows[row][index].strip() for row in rows}
-        rows = [row for row, cell in cells.items() if row_filter.matches(cell)]
-        if not rows:
-            values = list(dict.fromkeys(cells.values()))
+        cells = table.rows[:, column_index(table.header, row_filter.column, table.where)]
+        passed = np.array([row_filter.matches(cell) for cell in cells])
+        if not passed.any():
+            values = list(dict.fromkeys(cells))
             shown_values = ", ".join(values[:12]) + (", ..." if len(values) > 12 else "")
             raise FileFormatError(
                 table.where,
                 f"no row is left after --where {row_filter.column}={row_filter.value}; the column "
                 f"contains: {shown_values}",
             )
-    return rows
+        table = replace(table, rows=table.rows[passed], lines=table.lines[passed])
+    return table
 
 
 def _mapped(
-    table: CsvTable, rows: Sequence[int], column: MappedColumn, references: Mapping[int | None, str]
+    table: CsvTable, column: MappedColumn, references: Mapping[int | None, str]
 ) -> tuple[Channel, Array]:
     """Return a channel with its numbers; a cell that marks reference rows is nan."""
     channel = find_channel(column.name)
     if column.position is None:
-        return channel, np.full(len(rows), column.constant)
+        return channel, np.full(len(table.rows), column.constant)
     if column.reference:
-        cells = [table.rows[row][column.position].strip() for row in rows]
-        is_reference = RowFilter("", column.reference).matches
-        kinds = ["reference" if is_reference(cell) else "measure" for cell in cells]
-        return channel, np.array([word_to_code(column.name, kind) for kind in kinds])
-    values = parse_column(table, column.position, rows, references.get(column.position, ""))
+        row_filter = RowFilter("", column.reference)
+        is_reference = [row_filter.matches(cell) for cell in table.rows[:, column.position]]
+        codes = [word_to_code(column.name, kind) for kind in ("reference", "measure")]
+        return channel, np.where(is_reference, *codes)
+    values = parse_column(table, column.position, references.get(column.position, ""))
     return channel, column.conversion.factor * values + column.conversion.offset
 
 
-def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Array]]:
+def _own_names(table: CsvTable) -> list[tuple[Channel, Array]]:
     pairs = []
     for index, name in enumerate(table.header):
         try:
-            pairs.append((find_channel(name), parse_column(table, index, rows)))
+            pairs.append((find_channel(name), parse_column(table, index)))
         except FileFormatError:
             # A column of text only is ignored; text in a column with numbers is an error.
-            if any(_is_number(table.rows[row][index].strip()) for row in rows):
+            if any(cell not in _BLANK and _is_number(cell) for cell in table.rows[:, index]):
                 raise
     if not pairs:
         raise FileFormatError(
@@ -195,4 +190,4 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return text not in _BLANK
+    return True

@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.data.run.campaign import write_campaign
+from benchtool.data.parquet import write_campaign
 from benchtool.simulate.campaign import Campaign, Row
 from benchtool.simulate.campaign_flight import flight_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign

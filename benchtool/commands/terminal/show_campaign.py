@@ -17,7 +17,7 @@ from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.input_text import format_arguments
 from benchtool.core.plural import pluralize
-from benchtool.data.run.campaign import campaign_means
+from benchtool.data.parquet import campaign_means
 from benchtool.simulate.campaign_run import build_campaign, run_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.inputs import FlightInputs

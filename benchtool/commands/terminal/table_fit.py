@@ -6,7 +6,6 @@ import re
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import count
 from math import isfinite, isnan, nan
 from pathlib import Path
@@ -188,8 +187,7 @@ class _Columns:
 
     def choose(self, where: Sequence[str]) -> None:
         table = read_csv_text(Path(self.path))
-        rows = filter_rows(table, [RowFilter.parse(text) for text in where])
-        self.table = replace(table, rows=[table.rows[row] for row in rows])
+        self.table = filter_rows(table, [RowFilter.parse(text) for text in where])
         self.header = [cell for cell in table.header if cell]
         guess = guess_columns(self.header, radius_m=self.radius_m)
         self._choose_thrust(guess)
@@ -292,8 +290,7 @@ class _Columns:
         if self.options.reference:
             row_filter = RowFilter.parse(self.options.reference)
             cell, value = self._find(row_filter.column, "--reference"), row_filter.value
-            if not filter_rows(self.table, [RowFilter(cell, value)]):
-                raise InputError(f"no row has {cell}={value}; correct --reference")
+            filter_rows(self.table, [RowFilter(cell, value)])
             self.map["kind"] = ColumnSource(column=cell, reference=value)
         elif source is not None and source is not PLACEHOLDER:
             cell = source.column or ""

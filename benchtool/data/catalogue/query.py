@@ -20,8 +20,8 @@ from benchtool.core.table_bounds import MAX_TABLE_BYTES
 from benchtool.core.user_file import read_file
 from benchtool.data.catalogue.entry import SWEEPS, Entry
 from benchtool.data.catalogue.filters import ChoiceInputs, find_entries
-from benchtool.data.catalogue.optional_dependency import load_extra
 from benchtool.data.columns import WORDS
+from benchtool.data.parquet import load_extra
 from benchtool.data.run.state import state_folder
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from benchtool.core.array_type import Array
 from benchtool.core.plural import pluralize
 from benchtool.core.table_bounds import MAX_NUMBER
 from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
+from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import Finding, line_ranges
-from benchtool.data.run.sample_stream import plain_values
 
 _BLOCK_BYTES = 1 << 20  # fits a processor's cache; four times as much takes twice as long
 

@@ -19,11 +19,10 @@ from benchtool.core.plural import pluralize
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import file_hash, sync_folder
 from benchtool.data.columns import MAX_DEVICE_TIME_US, MAX_RUN_DURATION_S, VALID_KINDS, word_to_code
-from benchtool.data.parquet import finalize_parquet
+from benchtool.data.parquet import finalize_parquet, scan_lines
 from benchtool.data.run.append import Event, EventLog, read_events
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points
-from benchtool.data.run.sample_stream import WholeLines
 from benchtool.data.run.settings import load_settings
 
 if TYPE_CHECKING:
@@ -125,8 +124,7 @@ def has_rows(path: Path) -> bool:
     """Return whether a table has a complete row below its header."""
     if not path.is_file():
         return False
-    with WholeLines(path) as lines:
-        return lines.lines > 0
+    return scan_lines(path)[0] > 0
 
 
 _INTERRUPTED = b"interrupted"

@@ -16,12 +16,10 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, DataWarning, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, file_hash
-from benchtool.data.columns import check_numbers, find_channel, word_to_code
-from benchtool.data.csv_text import read_csv_text
-from benchtool.data.parquet import parquet_names, read_parquet
+from benchtool.data.columns import check_numbers, word_to_code
+from benchtool.data.parquet import parquet_names, read_header, read_parquet, read_stream
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.sample_stream import read_header, read_stream
-from benchtool.data.table import table_columns
+from benchtool.data.table import read_own_table
 
 
 def is_run(path: str | Path) -> bool:
@@ -107,9 +105,7 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
         hashes = read_metadata(path).get("samples") or {}
         problem = _hash_problem(parquet, path / "samples.csv", hashes)
         if not problem:
-            recording = read_parquet(parquet, names)
-            check_numbers(recording, str(parquet))
-            return _with_provenance(recording, parquet, path, ())
+            return _with_provenance(read_parquet(parquet, names), parquet, path, ())
         text = f"{parquet}: {problem}; samples.csv was read instead"
         warnings.warn(text, DataWarning, stacklevel=1)
         recording = _read_samples(path / "samples.csv", path, names)
@@ -141,28 +137,24 @@ def _find_file(path: str | Path, name: str) -> Path:
 
 
 def _read(file: Path, path: Path) -> Recording:
-    table = read_csv_text(file, is_own=True, follow=not path.is_dir())
-    recording = Recording.from_columns(table_columns(table))
-    check_numbers(recording, str(file))
-    return _with_provenance(recording, file, path, table.repairs)
+    recording, repairs = read_own_table(file, follow=not path.is_dir())
+    return _with_provenance(recording, file, path, repairs)
 
 
 def _read_samples(file: Path, path: Path, names: Sequence[str] | None) -> Recording:
     try:
-        present_names, values, is_incomplete = read_stream(file, names)
-        recording = Recording(tuple(map(find_channel, present_names)), values)
+        recording, repairs = read_stream(file, names)
     except BenchtoolError:
         # Fallback for tables that benchtool has not written; errors name the line.
         recording = _read(file, path)
         return recording if names is None else recording.drop({*recording.names} - {*names})
-    check_numbers(recording, str(file))
-    repairs = ("the last line was cut short and left out",) if is_incomplete else ()
     return _with_provenance(recording, file, path, repairs)
 
 
 def _with_provenance(
     recording: Recording, file: Path, path: Path, repairs: tuple[str, ...]
 ) -> Recording:
+    check_numbers(recording, str(file))
     folder = path if path.is_dir() else path.parent
     facts: dict[str, Any] = read_metadata(folder) if is_run(folder) else {}
     simulated = bool(facts.get("simulated", False))

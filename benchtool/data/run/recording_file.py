@@ -13,13 +13,10 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import atomic_writer, file_hash, make_folder, replace_json
-from benchtool.data.columns import find_channel
-from benchtool.data.csv_text import read_csv_text
 from benchtool.data.mcap_file import read_mcap
-from benchtool.data.parquet import read_parquet, write_parquet
+from benchtool.data.parquet import read_parquet, read_stream, write_parquet
 from benchtool.data.run.run_metadata import read_recording_facts
-from benchtool.data.run.sample_stream import read_stream
-from benchtool.data.table import table_columns
+from benchtool.data.table import read_own_table
 
 FORMAT = "benchtool-recording-1"
 
@@ -80,7 +77,10 @@ def read_recording(path: str | Path) -> Recording:
             str(path), "it has changed since it was written; import it again or restore a backup"
         )
     if path.suffix.lower() == ".csv":
-        recording = _read_csv(path)
+        try:
+            recording, _ = read_stream(path, None)
+        except BenchtoolError:  # fallback for text or another format; errors name the line
+            recording, _ = read_own_table(path)
     else:
         recording = read_parquet(path)
     units = {str(item["name"]): str(item["unit"]) for item in facts["channels"]}
@@ -90,14 +90,6 @@ def read_recording(path: str | Path) -> Recording:
         provenance={str(key): str(value) for key, value in facts["provenance"].items()},
         simulated=bool(facts["simulated"]),
     )
-
-
-def _read_csv(path: Path) -> Recording:
-    try:
-        names, values, _ = read_stream(path, None)
-        return Recording(tuple(map(find_channel, names)), values)
-    except BenchtoolError:  # fallback for text or another format; errors name the line
-        return Recording.from_columns(table_columns(read_csv_text(path, is_own=True)))
 
 
 def _write_csv(path: Path, recording: Recording) -> None:

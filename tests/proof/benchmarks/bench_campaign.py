@@ -17,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.data.run.campaign import write_campaign
+from benchtool.data.parquet import write_campaign
 from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.campaign_flight import flight_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign

@@ -49,7 +49,7 @@ from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import read_points, read_samples, read_settings
 from benchtool.data.run.recording_file import metadata_path, read_recording, write_recording
 from benchtool.data.run.run import Run
-from benchtool.data.table import RowFilter, table_columns
+from benchtool.data.table import RowFilter, parse_column
 from benchtool.fit.recipe import FitInputs, read_recipe
 from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.gain_file import parse_gains
@@ -151,7 +151,8 @@ def grbl(data: bytes) -> None:
 
 
 def csv_table(data: bytes) -> None:
-    table_columns(parse_csv(data, "t.csv"))
+    table = parse_csv(data, "t.csv")
+    [parse_column(table, index) for index in range(len(table.header))]
 
 
 def imported(data: bytes) -> None:

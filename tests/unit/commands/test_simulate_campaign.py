@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.data.run.campaign import write_campaign
+from benchtool.data.parquet import write_campaign
 from benchtool.simulate.campaign import Row
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design

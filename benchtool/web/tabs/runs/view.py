@@ -235,7 +235,7 @@ def _view_table(path: Path, name: str) -> PageSection:
     if table.repairs:
         size += f" Repairs: {'; '.join(table.repairs)}."
     caption = f"First {min(PREVIEW_ROWS, len(table.rows))} rows."
-    rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS], text_columns=0)
+    rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS].tolist(), text_columns=0)
     return PageSection(title=name, html=blocks_html([Paragraph(size), *stand_blocks(path), rows]))
 
 
