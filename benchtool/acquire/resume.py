@@ -18,9 +18,8 @@ from benchtool.core.rig import Rig
 from benchtool.core.user_file import read_file
 from benchtool.data.calibration import Calibration, parse_calibration
 from benchtool.data.columns import VALID_KINDS, word_to_code
-from benchtool.data.run.read import read_points
+from benchtool.data.run.read import read_points, run_rig
 from benchtool.data.run.run import Run
-from benchtool.data.run.run_rig import run_rig
 
 MIN_GAP_S = 1.0  # run time of an interruption; its event has the real time
 

@@ -58,8 +58,8 @@ class ImportInputs(Inputs):
         Raises:
             InputError: invalid window or propeller.
         """
-        from benchtool.data.formats.surface_windows import parse_window
         from benchtool.data.propeller_file import load_propeller
+        from benchtool.data.repairs.flight_windows import parse_window
         from benchtool.data.repairs.import_result import ImportOptions
 
         return ImportOptions(

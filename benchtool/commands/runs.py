@@ -12,8 +12,7 @@ from annotated_types import Ge
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.data.catalogue.entry import Entry
-from benchtool.data.catalogue.filters import ChoiceInputs
+from benchtool.data.catalogue.entry import ChoiceInputs, Entry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +46,7 @@ def search(inputs: SearchInputs) -> None:
 
 
 def _list(inputs: ListInputs) -> None:
-    from benchtool.data.catalogue.filters import find_entries
+    from benchtool.data.catalogue.entry import find_entries
 
     entries = find_entries(inputs, rebuild=inputs.rebuild)
     if inputs.paths:
@@ -93,7 +92,7 @@ class QueryInputs(ChoiceInputs):
 @command_from_inputs(QueryInputs)
 def query(inputs: QueryInputs) -> None:
     """Query points, samples and fits with SQL (DuckDB)."""
-    from benchtool.data.catalogue.filters import find_entries
+    from benchtool.data.catalogue.entry import find_entries
     from benchtool.data.catalogue.query import run_query, write_result
 
     entries = find_entries(inputs)

@@ -23,13 +23,12 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Propeller, Rig, Sensor
 from benchtool.core.toml_text import build_dataclass
+from benchtool.data.calibration import zero_noise, zero_variance
 from benchtool.data.columns import speed_columns
 from benchtool.data.quantities import DATA_SHEET, MEASURED, QUANTITIES, Quantity
 from benchtool.data.run.ratios import standard_error
-from benchtool.data.run.read import is_run
+from benchtool.data.run.read import is_run, run_rig
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.run_rig import run_rig
-from benchtool.data.run.zero_noise import zero_noise, zero_variance
 
 DATA_SHEET_SD = 0.05  # relative standard uncertainty of values of a motor's data sheet; assumed
 

@@ -8,7 +8,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_names
 from benchtool.data.atomic import data_hash
-from benchtool.data.run.run_rig import fill_missing_parts, find_differences, load_rig_for_data
+from benchtool.data.run.read import fill_missing_parts, find_differences, load_rig_for_data
 from benchtool.physics.model_file import model_names
 
 

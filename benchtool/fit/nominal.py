@@ -12,7 +12,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.data.run.run_rig import find_differences
+from benchtool.data.run.read import find_differences
 from benchtool.fit.result_file import read_result
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model

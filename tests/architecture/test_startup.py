@@ -82,7 +82,7 @@ def test_the_parse_numbers_a_table_are_read_without_pandas():
     program = """
 import sys
 from benchtool.data.csv_text import parse_rows
-from benchtool.data.repairs.numbers import parse_numbers
+from benchtool.data.repairs.column_mapping import parse_numbers
 table = parse_rows(b"a,b\\n1,2.5\\n,3\\n4,5\\n", "x.csv")
 print(parse_numbers(table, (0, 1)).columns.tolist(), "pandas" in sys.modules)
 """

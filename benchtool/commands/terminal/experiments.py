@@ -27,7 +27,7 @@ def open_experiment_bench(address: str, request: Request, out: Path | None) -> R
     """
     from benchtool.acquire.inputs import resolve_rig
     from benchtool.bench.drivers import open_bench
-    from benchtool.data.run.run_rig import find_differences
+    from benchtool.data.run.read import find_differences
 
     if out is None:
         raise InputError("--bench needs a folder for the runs; add --out FOLDER")

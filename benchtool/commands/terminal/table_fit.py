@@ -27,8 +27,7 @@ from benchtool.data.column_map import (
 from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.repairs.foreign_units import find_conversion
-from benchtool.data.run.read import is_run
-from benchtool.data.run.run_rig import load_rig_for_data
+from benchtool.data.run.read import is_run, load_rig_for_data
 from benchtool.data.table import RowFilter, filter_rows, read_table
 from benchtool.physics.model_file import model_names, read_model_head
 

@@ -1,11 +1,18 @@
-"""Catalogue entries: metadata of a run, result or file for lists and filters."""
+"""Catalogue entries (metadata of a run, result or file) and their filters."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from math import inf
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+from annotated_types import Ge
+
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, Inputs
 
 EntryKind = Literal[  # a recording is a file with a JSON file, a table any other CSV file
     "sweep",
@@ -82,3 +89,105 @@ def detect_kind(path: Path) -> str:
     if (path / ANSWER_FILE).is_file():
         return "explanation"
     return "sweep" if any((path / name).is_file() for name in RUN_FILES) else ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChoiceInputs(Inputs):
+    """Filter of catalogue entries; the default selects all."""
+
+    folder: Annotated[tuple[Path, ...], Input("Folder of runs; repeatable.")] = (Path("runs"),)
+    words: Annotated[str, Input("Words in name, rig, date, tags, notes.", group="Filter")] = ""
+    kind: Annotated[EntryKind | None, Input("Kind of entry.", default_text="any")] = None
+    rig: Annotated[str, Input("Rig of a run, model of a fit.")] = ""
+    propeller: Annotated[str, Input("Propeller of the rig.")] = ""
+    operator: Annotated[str, Input("Operator.")] = ""
+    since: Annotated[str, Input("First day, e.g. 2026-03-01.")] = ""
+    until: Annotated[str, Input("Last day, e.g. 2026-03-31.")] = ""
+    z_over_r: Annotated[
+        tuple[Annotated[float, Ge(0.0)], Annotated[float, Ge(0.0)]] | None,
+        Input("Range of z/R, e.g. 0.5,1."),
+    ] = None
+    tag: Annotated[tuple[str, ...], Input("Required tags.", comma_separated=True)] = ()
+    state: Annotated[
+        str, Input("State of a run, outcome of a fit or verdict of an explanation.")
+    ] = ""
+    fitted: Annotated[
+        tuple[str, ...], Input("Fitted parameter, optionally with range: body_lift.K_b=1.8..2.1.")
+    ] = ()
+
+
+def filter_entries(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, ...]:
+    """Return the entries that match all conditions, in their order."""
+    since, until = _day(by.since, "since"), _day(by.until, "until")
+    low, high = by.z_over_r or (0.0, inf)
+    if low > high:
+        raise InputError(f"z-over-r is {low:g} to {high:g}; give the smaller limit first")
+    conditions = [_parse_condition(text) for text in by.fitted]
+    exact = {
+        name: value.lower()
+        for name in ("kind", "rig", "propeller", "operator", "state")
+        if (value := getattr(by, name))
+    }
+    return tuple(
+        entry
+        for entry in entries
+        if all(getattr(entry, name).lower() == value for name, value in exact.items())
+        and (not since or (entry.date[:10] >= since))
+        and (not until or ("" < entry.date[:10] <= until))
+        and (
+            by.z_over_r is None
+            or (entry.z_over_r and entry.z_over_r[0] <= high and entry.z_over_r[1] >= low)
+        )
+        and set(by.tag) <= set(entry.tags)
+        and all(_has_value(entry, *condition) for condition in conditions)
+        and (not by.words or entry.matches(by.words))
+    )
+
+
+def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path, Entry]]:
+    """Return the selected entries of all folders, each with its path.
+
+    Raises:
+        InputError: a folder does not exist, or a filter value is invalid.
+    """
+    from benchtool.data.catalogue.index import load_entries
+
+    selected = []
+    for root in by.folder:
+        if not root.is_dir():
+            raise InputError(f"there is no folder {root}; give a folder of runs")
+        entries = filter_entries(load_entries(root, rebuild=rebuild), by)
+        selected += [(root / entry.name, entry) for entry in entries]
+    return selected
+
+
+def _parse_condition(text: str) -> tuple[str, float, float]:
+    """Return name and limits of a fitted parameter, from NAME or NAME=LOW..HIGH."""
+    name, has_limits, limits = text.partition("=")
+    low_text, _, high_text = limits.partition("..")
+    try:
+        low, high = (float(low_text), float(high_text)) if has_limits else (-inf, inf)
+    except ValueError:
+        low, high = 1.0, 0.0
+    if not name or not low <= high:
+        raise InputError(
+            f"fitted is {text!r}; give a parameter, optionally with limits, the smaller first: "
+            f"body_lift.K_b=1.8..2.1"
+        )
+    return name, low, high
+
+
+def _has_value(entry: Entry, name: str, low: float, high: float) -> bool:
+    return any(
+        (parameter == name or parameter.endswith(f".{name}")) and low <= value <= high
+        for parameter, value in entry.values
+    )
+
+
+def _day(text: str, option: str) -> str:
+    if not text:
+        return ""
+    try:
+        return f"{datetime.strptime(text, '%Y-%m-%d').date()}"  # noqa: DTZ007
+    except ValueError:
+        raise InputError(f"{option} is {text!r}; give a date like 2026-03-31") from None

@@ -9,11 +9,15 @@ import numpy as np
 from benchtool.core.plural import pluralize
 from benchtool.data.formats.dataflash import read_dataflash, read_text_log
 from benchtool.data.formats.flight_log import (
+    RAD,
+    MessageLog,
+    Messages,
+    Scales,
+    Stream,
     ardupilot_motors,
     import_flight_log,
     select_motor_channels,
 )
-from benchtool.data.formats.messages import RAD, MessageLog, Messages, Scales, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 WANTED = frozenset(  # messages that are read; others are only counted

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.plural import pluralize
-from benchtool.data.formats.messages import MessageLog, Messages
+from benchtool.data.formats.flight_log import MessageLog, Messages
 from benchtool.data.repairs.import_result import Finding, line_ranges
 
 Positions = NDArray[np.intp]

@@ -21,13 +21,16 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.table_bounds import MAX_LOG_BYTES
 from benchtool.core.user_file import open_file, read_file
 from benchtool.data.formats.mavlink_walk import is_tlog
-from benchtool.data.formats.surface_windows import mark_windows
 from benchtool.data.formats.uiuc import is_uiuc
 from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names
-from benchtool.data.repairs.hover import extract_hover_points
+from benchtool.data.repairs.flight_windows import extract_hover_points, mark_windows
 from benchtool.data.repairs.import_result import ImportOptions, ImportResult
-from benchtool.data.repairs.pole_count import compare_speeds
-from benchtool.data.repairs.rest_checks import apply_options, inspect_log, inspect_stand
+from benchtool.data.repairs.stand_checks import (
+    apply_options,
+    compare_speeds,
+    inspect_log,
+    inspect_stand,
+)
 from benchtool.data.repairs.time_order import remove_spikes, repair_time_order
 
 HEAD_BYTES = 1 << 16  # read for format detection: a header and some rows; assumed

@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
 from benchtool.data.formats.flight_log import (
+    RAD,
+    MessageLog,
+    Messages,
+    Stream,
+    Times,
     ardupilot_motors,
     import_flight_log,
     select_motor_channels,
 )
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
-from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, Times
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")

@@ -15,11 +15,14 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
 from benchtool.data.formats.flight_log import (
+    LOOKS_DOWN,
+    MessageLog,
+    Messages,
+    Stream,
     import_flight_log,
     parse_motor_map,
     select_motor_channels,
 )
-from benchtool.data.formats.messages import LOOKS_DOWN, MessageLog, Messages, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 WANTED = (  # topics that are read; others are only counted

@@ -21,10 +21,16 @@ from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, sync_folder
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.run.points import write_table
-from benchtool.data.run.read import PARTS, find_parts, is_pitch_run, is_run, read_points
+from benchtool.data.run.read import (
+    PARTS,
+    find_parts,
+    is_pitch_run,
+    is_run,
+    load_rig_for_data,
+    read_points,
+)
 from benchtool.data.run.run import Run, check_not_existing
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.run_rig import load_rig_for_data
 from benchtool.data.run.settings import load_settings
 
 _AIR = ("temperature_degC", "pressure_Pa", "humidity")

@@ -27,9 +27,8 @@ from benchtool.data.mcap_file import write_mcap
 from benchtool.data.parquet import write_parquet
 from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
-from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.read import read_points, read_samples, run_rig
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.run_rig import run_rig
 
 _MEANS = ("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "torque_Nm")
 

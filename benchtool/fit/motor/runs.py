@@ -17,13 +17,12 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Propeller, Rig
 from benchtool.core.rig_file import parse_rig
+from benchtool.data.calibration import zero_covariance, zero_noise
 from benchtool.data.columns import speed_columns, word_to_code
 from benchtool.data.derived import MeasurementContext, load_run_context
 from benchtool.data.levels import read_levels
-from benchtool.data.run.read import is_run, read_points, read_samples
+from benchtool.data.run.read import is_run, read_points, read_samples, run_rig
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.run_rig import run_rig
-from benchtool.data.run.zero_noise import zero_covariance, zero_noise
 from benchtool.fit.motor.points import ThrottlePoints, column_or_nan, throttle_points
 from benchtool.fit.motor.response import StepResponse, step_responses
 from benchtool.physics.conditions import Conditions

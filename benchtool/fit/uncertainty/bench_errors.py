@@ -15,8 +15,8 @@ from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.data.calibration import ZeroNoise, zero_covariance, zero_noise
 from benchtool.data.columns import word_to_code
-from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance, zero_noise
 from benchtool.fit.problem import NOISE_PLACE
 from benchtool.physics.conditions import MIN_MOVE, Conditions
 from benchtool.physics.model import Model

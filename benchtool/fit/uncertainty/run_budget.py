@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchtool.core.errors import BenchtoolError, EstimationError
 from benchtool.core.parameter import Parameter
 from benchtool.core.units import from_si
-from benchtool.data.run.run_rig import load_rig_for_data
+from benchtool.data.run.read import load_rig_for_data
 from benchtool.fit.fit_data import REFERENCE_Z_OVER_R, FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares

@@ -12,9 +12,9 @@ from scipy.optimize import minimize_scalar
 from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.data.calibration import ZeroNoise, zero_covariance
 from benchtool.data.columns import speed_columns, word_to_code
 from benchtool.data.run.read import is_run, read_samples, sample_names
-from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 
 PRIOR_LN = 0.7  # standard deviation of the logarithm of a stated walk, a factor of two; assumed
 MIN_BINS = 8  # means at standstill, and samples of a mean; assumed

@@ -19,9 +19,8 @@ from benchtool.data.columns import code_to_word, speed_columns, word_to_code
 from benchtool.data.derived import QuantityValues
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.ratios import ratios
-from benchtool.data.run.read import read_points, read_samples, sample_names
+from benchtool.data.run.read import read_points, read_samples, run_rig, sample_names
 from benchtool.data.run.run import Run
-from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.settings import average_settings, settings_quantities
 from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget

@@ -5,8 +5,8 @@ import pytest
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.csv_text import parse_csv, parse_rows
+from benchtool.data.repairs.column_mapping import parse_numbers
 from benchtool.data.repairs.foreign_units import parse_header_cell
-from benchtool.data.repairs.numbers import parse_numbers
 
 
 def test_spreadsheet_file_is_mended_with_words():

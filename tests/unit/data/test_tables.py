@@ -83,7 +83,7 @@ def test_a_propellers_coefficients_become_thrust_and_torque():
 
 
 def test_windows_are_marked_by_the_user():
-    from benchtool.data.formats.surface_windows import parse_window
+    from benchtool.data.repairs.flight_windows import parse_window
 
     text = "time_s,pwm1_us,pwm2_us\n" + "".join(f"{i},1500,1500\n" for i in range(10))
     read = imported(text, over=(parse_window("2:4:1"), parse_window("6:7:all")))

@@ -14,8 +14,8 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.calibration import ZeroNoise, zero_covariance
 from benchtool.data.columns import word_to_code
-from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model

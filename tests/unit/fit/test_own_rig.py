@@ -22,8 +22,8 @@ from benchtool.bench.stage.stage import BacklashCompensatedStage, DeviceStage
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_to_toml
+from benchtool.data.run.read import run_rig
 from benchtool.data.run.run import Run
-from benchtool.data.run.run_rig import run_rig
 from benchtool.explain.answer import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe

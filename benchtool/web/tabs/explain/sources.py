@@ -15,10 +15,9 @@ from benchtool.core.user_file import MAX_TEXT_BYTES, read_text
 from benchtool.data.catalogue.index import list_entries
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import SWEEPS, Entry
-from benchtool.data.run.read import sample_names
+from benchtool.data.run.read import load_rig_for_data, sample_names
 from benchtool.data.run.recording_file import FORMAT, metadata_path
 from benchtool.data.run.run_metadata import read_recording_facts
-from benchtool.data.run.run_rig import load_rig_for_data
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.data_rig import rig_for_data

@@ -11,7 +11,7 @@ from nicegui import ui
 from benchtool.commands.import_file import ImportInputs
 from benchtool.commands.report import ReportInputs
 from benchtool.core.inputs import items
-from benchtool.data.catalogue.filters import ChoiceInputs, filter_entries
+from benchtool.data.catalogue.entry import ChoiceInputs, filter_entries
 from benchtool.data.run.entry import ENTRY_KINDS, SWEEPS, Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing

@@ -37,9 +37,8 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
     """Return the ratios of a (running) sweep; thrust over pulse width if it has no ratio."""
     from benchtool.data.columns import word_to_code
     from benchtool.data.run.ratios import ratios
-    from benchtool.data.run.read import read_points
+    from benchtool.data.run.read import read_points, run_rig
     from benchtool.data.run.run import Run
-    from benchtool.data.run.run_rig import run_rig
 
     try:
         points = read_points(run)
