@@ -110,11 +110,7 @@ def write_atomically(out: Path) -> Iterator[Path]:
 
 
 def complete_folder(started_for: Path, out: Path) -> None:
-    """Rename the complete folder from its hidden name to `out`.
-
-    Raises:
-        WouldOverwrite: `out` exists.
-    """
+    """Rename the complete folder from its hidden name to `out`."""
     if out.exists():
         raise WouldOverwrite(str(out))
     partial_folder(started_for).rename(out)

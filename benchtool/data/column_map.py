@@ -49,10 +49,6 @@ def map_column(
     """Return the source of a channel in a table with this header.
 
     The default unit is the one in brackets in the column's name, else the channel's.
-
-    Raises:
-        MissingColumn: the table has no such column; the error lists its columns.
-        InputError: the unit is unknown or of another dimension.
     """
     if isinstance(source, str):
         source = ColumnSource(column=source)
@@ -106,12 +102,7 @@ class _ColumnsFile(FileTable):
 
 
 def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
-    """Return the `[columns]` of a column map file.
-
-    Raises:
-        FileFormatError: no such file, an entry of another form, or an empty map.
-        UnknownChoice: a channel or key that does not exist.
-    """
+    """Return the `[columns]` of a column map file."""
     text, where = read_library_file("columns file", "models", path)
     data = parse_toml(text, where)
     entries = data if "columns" in data else {"columns": data}

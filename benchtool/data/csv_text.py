@@ -174,9 +174,6 @@ def _decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
     """Return the bytes of a text with line ends LF; UTF-16 as UTF-8, Parquet as CSV text.
 
     A byte order mark remains, to avoid a copy of a long file.
-
-    Raises:
-        FileFormatError: the file is empty or not text.
     """
     if data[:2] in UTF_16:
         data = data.decode("utf-16", "replace").encode()
@@ -242,11 +239,7 @@ class TextTable:
 
 
 def parse_rows(data: bytes, where: str) -> TextTable:
-    """Return the rows of CSV bytes.
-
-    Raises:
-        FileFormatError: no text, no header, or no row below it.
-    """
+    """Return the rows of CSV bytes."""
     names, delimiter, body, rows, lines, is_cut, repairs = _tokenize(data, where)
     text: bytes | memoryview = body
     if rows is not None:

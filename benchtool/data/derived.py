@@ -68,8 +68,6 @@ def measurement_context(
 
     Args:
         air: as `Air.facts` returns it; None means the standard air.
-        motor: with data sheet values.
-        calibration: of the load cell.
     """
     values = dict(_air(air or {}))
     if propeller is not None:

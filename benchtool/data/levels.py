@@ -27,11 +27,7 @@ AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mecha
 
 
 def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
-    """Return the levels of a recording or of a test stand's table, which is imported.
-
-    Raises:
-        FileFormatError: the file is neither.
-    """
+    """Return the levels of a recording or of a test stand's table, which is imported."""
     if metadata_path(path).is_file():
         facts = read_recording_facts(metadata_path(path), FORMAT)
         return split_levels(read_recording(path)), build_recording_context(

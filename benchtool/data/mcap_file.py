@@ -55,10 +55,6 @@ def write_mcap(
 
     Args:
         start_ns: Unix time of its `time_s` 0.
-        calibration: of the load cell, as in metadata.json.
-
-    Raises:
-        InputError: the package mcap is not installed.
     """
     mcap = load_extra("mcap.writer", "mcap", "an MCAP file")
     names = [channel.name for channel in recording.channels]
@@ -145,11 +141,7 @@ def _descriptor(recording: Recording, comments: Mapping[str, str]) -> bytes:
 
 
 def read_mcap(path: Path) -> Recording:
-    """Return a recording written by `write_mcap`.
-
-    Raises:
-        FileFormatError: another kind of file, or damaged.
-    """
+    """Return a recording written by `write_mcap`."""
     load_extra("mcap.records", "mcap", "an MCAP file")
     from mcap.exceptions import McapError
 

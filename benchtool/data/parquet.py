@@ -48,9 +48,6 @@ def load_extra(module: str, extra: str, what: str) -> Any:
 
     Args:
         what: the feature that needs it, as the subject of the error message.
-
-    Raises:
-        InputError: the package is not installed.
     """
     try:
         return import_module(module)
@@ -83,11 +80,7 @@ def write_parquet(path: Path, samples: Recording) -> None:
 
 
 def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
-    """Write the rows of samples.csv as Parquet, atomically and in batches.
-
-    Args:
-        csv_sha256: of samples.csv, for the metadata.
-    """
+    """Write the rows of samples.csv as Parquet, atomically and in batches."""
     load_library()
     import pyarrow as pa
 
@@ -107,10 +100,6 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
 
     Args:
         names: columns to read, missing ones are ignored; None reads all.
-
-    Raises:
-        FileFormatError: not a Parquet file, too large when decoded, or a column of another type
-            than numbers or known labels.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -226,9 +215,6 @@ def read_batches(path: Path, names: Sequence[str], end: int) -> Iterator[Any]:
 
     Args:
         end: size of the file's complete lines.
-
-    Raises:
-        FileFormatError: a row or cell is invalid.
     """
     import pyarrow as pa
 

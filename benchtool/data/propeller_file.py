@@ -32,10 +32,6 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
     """Return a propeller by name, by the path of its file, or by its size ("10x4.5x3").
 
     A size is diameter and pitch in inches, and the number of blades.
-
-    Raises:
-        UnknownChoice: no propeller of that name.
-        FileFormatError: an invalid file.
     """
     text = str(name_or_path)
     if (size := _SIZE.fullmatch(text)) and text not in propeller_names():

@@ -130,12 +130,7 @@ def read_own_table(path: Path, *, follow: bool = True) -> tuple[Recording, tuple
 
 
 def filter_rows(table: CsvTable, filters: Sequence[RowFilter]) -> CsvTable:
-    """Return the rows that pass all filters.
-
-    Raises:
-        FileFormatError: no row is left; the error lists the column's values.
-        UnknownChoice: a column is missing.
-    """
+    """Return the rows that pass all filters."""
     if not len(table.rows):
         raise empty_table_error(table.where, table.header)
     for row_filter in filters:

@@ -145,11 +145,7 @@ def filter_entries(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, .
 
 
 def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path, Entry]]:
-    """Return the selected entries of all folders, each with its path.
-
-    Raises:
-        InputError: a folder does not exist, or a filter value is invalid.
-    """
+    """Return the selected entries of all folders, each with its path."""
     from benchtool.data.catalogue.index import load_entries
 
     selected = []

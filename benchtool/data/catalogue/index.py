@@ -134,14 +134,7 @@ def index_folder(root: Path) -> Path:
 
 
 def load_entries(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
-    """Return all entries of a runs folder, newest first, and update its index.
-
-    Args:
-        rebuild: ignore the index and read all entries.
-
-    Raises:
-        OSError: the index cannot be written.
-    """
+    """Return all entries of a runs folder, newest first, and update its index."""
     folder = RunsFolder(root)
     with closing(_open_index(index_folder(root))) as database:
         cache = {} if rebuild else _load_cache(database)

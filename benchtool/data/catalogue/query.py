@@ -103,11 +103,7 @@ def run_rows(entries: Sequence[tuple[Path, Entry]]) -> list[dict[str, Any]]:
 
 @contextmanager
 def run_query(entries: Sequence[tuple[Path, Entry]], sql: str) -> Iterator[Any]:
-    """Yield DuckDB's relation of one SELECT from the tables of entries.
-
-    Raises:
-        InputError: DuckDB is not installed, `sql` is not a single SELECT, or DuckDB rejects it.
-    """
+    """Yield DuckDB's relation of one SELECT from the tables of entries."""
     duckdb = load_extra("duckdb", "catalogue", "a query over runs")
     try:
         statements = duckdb.extract_statements(sql)
@@ -128,12 +124,7 @@ def run_query(entries: Sequence[tuple[Path, Entry]], sql: str) -> Iterator[Any]:
 
 
 def write_result(result: Any, out: Path) -> None:
-    """Write a query's result as .csv or .parquet, without loading it.
-
-    Raises:
-        WouldOverwrite: the file exists.
-        InputError: the suffix is another one.
-    """
+    """Write a query's result as .csv or .parquet, without loading it."""
     if os.path.lexists(out):
         raise WouldOverwrite(str(out))
     suffix = out.suffix.lower()

@@ -211,11 +211,7 @@ def import_flight_log(
     where: str,
     provenance: Mapping[str, str],
 ) -> ImportResult:
-    """Return a flight log as a pitch recording.
-
-    Raises:
-        FileFormatError: the log has no message of a recording's channels.
-    """
+    """Return a flight log as a pitch recording."""
     findings = list(log.findings)
     streams, strange = _clean(streams, findings)
     total, broken = log.total - strange, log.broken + strange
@@ -332,7 +328,6 @@ def parse_motor_map(
 
     Args:
         pattern: of parameters that set a channel's function; its group is the channel.
-        functions: motor number by function.
     """
     motor_map: dict[int, int] = {}
     for name, number in parameters.items():
@@ -351,8 +346,6 @@ def select_motor_channels(
 
     Args:
         motors: motor number by channel from parameters; if empty, motor n is channel n.
-        logged: channels with pulse widths.
-        parameter: name of the parameter, for the finding.
     """
     if not motors:
         text = (

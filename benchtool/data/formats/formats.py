@@ -116,11 +116,7 @@ def is_stand_table(path: str | Path) -> bool:
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> ImportResult:
-    """Return the recording of a foreign file, with all findings.
-
-    Raises:
-        FileFormatError: no such file, not readable, or only unknown columns.
-    """
+    """Return the recording of a foreign file, with all findings."""
     where, options = Path(path), options or ImportOptions()
     if os.path.isdir(where):
         raise FileFormatError(str(path), _explain_folder(where, options))

@@ -134,12 +134,6 @@ def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     The vertical acceleration a is from a parabola through the heights of a segment. Rotor speeds
     are root mean squares, as thrust is proportional to their square; other channels are means.
     plate_z_m is the height of the tracked point above the floor.
-
-    Args:
-        result: a table with time_s, plate_z_m and rotor speeds or pulse widths.
-
-    Raises:
-        InputError: a channel is missing, or no segment is steady.
     """
     recording = result.recording
     speeds = [name for name in recording.names if _SPEED.fullmatch(name)]

@@ -58,11 +58,7 @@ class Conversion:
 
 
 def find_conversion(text: str, target: str) -> Conversion:
-    """Return the conversion from the unit `text` to the unit `target`.
-
-    Raises:
-        InputError: the unit is unknown to pint or of another dimension.
-    """
+    """Return the conversion from the unit `text` to the unit `target`."""
     unit = " ".join(text.split())
     unit = _SPELLINGS.get(unit, unit)
     dimension = find_unit(target).dimension

@@ -193,7 +193,6 @@ class SampleWriter(AppendTable):
 
         Args:
             point: number of their point, 0 for none.
-            phase: one of `columns.PHASES`.
             time_s: (m,) host time since the start of the run.
             values: (m, c) in channel order; nan becomes an empty cell.
         """

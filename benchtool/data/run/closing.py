@@ -141,11 +141,7 @@ class SampleScan:
 
 
 def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
-    """Read samples.csv line by line and return a summary; ignore an incomplete last line.
-
-    Raises:
-        FileFormatError: a line has another format than that of `SampleWriter`.
-    """
+    """Read samples.csv line by line and return a summary; ignore an incomplete last line."""
     rows, last_s, unmarked_offset = 0, 0.0, None
     finished = {b"0", *(str(point).encode() for point in measured)}
     with open_file(path, follow=False) as file:

@@ -44,11 +44,7 @@ HEADER_BYTES = 65_536  # read of a CSV file for its column names; assumed
 
 
 def build_entry(folder: RunsFolder, name: str) -> Entry:
-    """Return the entry of a run, result or file; errors in its files become its `problem`.
-
-    Raises:
-        InputError: the name is outside the folder or does not exist.
-    """
+    """Return the entry of a run, result or file; errors in its files become its `problem`."""
     path = folder.find_path(name)
     kind = detect_kind(path)
     entry = Entry(name=name, kind=kind or "unknown", started=_modification_time(path))

@@ -64,11 +64,6 @@ def update_labels(
     """Add and remove tags, add a note, and return the new labels.
 
     A lock serialises programs that label the same folder (not on Windows).
-
-    Raises:
-        InputError: a tag is invalid, or a tag to remove is missing.
-        FileFormatError: the folder does not exist.
-        OSError: the folder cannot be written.
     """
     add, remove = tuple(add), tuple(remove)
     check_labels((folder,), add)

@@ -41,12 +41,6 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
 
     Args:
         paths: runs of one rig and propeller; a merged run is replaced by its parts.
-
-    Raises:
-        InputError: fewer than two runs, several rigs or propellers, duplicate data, or a run that
-            is being measured.
-        FileFormatError: a path is not a run with points.
-        WouldOverwrite: `out` exists.
     """
     check_not_existing(out)
     sources = [Path(part) for path in paths for part in find_parts(path)]

@@ -50,7 +50,6 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
 
     Args:
         points: with `kind`, `repeat`, pulse widths, speeds, thrust; voltage and current for power.
-        basis: one of `RATIO_BASES`.
         rig: of the points; its sensors are the fallback for errors of voltage and current.
     """
     if basis not in RATIO_BASES:

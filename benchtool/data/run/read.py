@@ -34,11 +34,7 @@ PARTS = "parts"  # folder of a merged run with copies of the original runs
 
 
 def find_parts(path: str | Path) -> tuple[str, ...]:
-    """Return the parts of a merged run in their order; the path itself of any other run.
-
-    Raises:
-        FileFormatError: a part is missing or not in the metadata.
-    """
+    """Return the parts of a merged run in their order; the path itself of any other run."""
     sources = read_metadata(Path(path)).get("merged_from") if is_run(path) else None
     if not sources:
         return (str(path),)
@@ -233,14 +229,7 @@ def is_pitch_run(path: str | Path) -> bool:
 
 
 def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Rig:
-    """Return the rig of a run folder.
-
-    Args:
-        metadata: of the run; default: read from the folder.
-
-    Raises:
-        FileFormatError: the rig is missing or incomplete.
-    """
+    """Return the rig of a run folder."""
     source = str(Path(folder) / "metadata.json")
     facts = read_metadata(Path(folder)) if metadata is None else metadata
     if not facts.get("rig"):

@@ -194,11 +194,6 @@ class Run:
         """Scan the samples and prepare a copy in which interrupted points are marked.
 
         A `RunWriter` installs the copy when it resumes the run; until then nothing changes.
-
-        Raises:
-            InputError: another process measures or closes the run.
-            FileFormatError: the samples cannot be read.
-            ResourceExhausted: the run cannot be written.
         """
         samples = self.path / "samples.csv"
         try:
@@ -229,11 +224,7 @@ class Run:
 
     @contextmanager
     def locked(self) -> Iterator[EventLog]:
-        """Lock the run against other processes that measure or close it; yield its event log.
-
-        Raises:
-            InputError: another process has the lock.
-        """
+        """Lock the run against other processes that measure or close it; yield its event log."""
         log = self.event_log()
         try:
             yield log
@@ -242,11 +233,7 @@ class Run:
 
 
 def check_not_existing(path: Path) -> None:
-    """Raise if a path exists, unless it is an empty folder or a run without samples and points.
-
-    Raises:
-        WouldOverwrite: the path exists.
-    """
+    """Raise if a path exists, unless it is an empty folder or a run without samples and points."""
     if os.path.lexists(path) and not _has_no_data(path):
         raise WouldOverwrite(str(path))
 

@@ -79,11 +79,7 @@ _RECORDING = _table(
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Return the contents of a run folder's metadata.json; symbolic links are not followed.
-
-    Raises:
-        FileFormatError: it cannot be read, or a value is invalid.
-    """
+    """Return the contents of a run folder's metadata.json; symbolic links are not followed."""
     path = folder / "metadata.json"
     facts = read_json(path, follow=False)
     build_dataclass(_RUN, facts, str(path))
@@ -91,11 +87,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def read_recording_facts(path: Path, format_: str) -> dict[str, Any]:
-    """Return the contents of a recording's JSON file.
-
-    Raises:
-        FileFormatError: it cannot be read, or a value is invalid.
-    """
+    """Return the contents of a recording's JSON file."""
     facts = read_json(path)
     if facts.get("format") != format_:
         raise FileFormatError(

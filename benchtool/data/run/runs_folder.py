@@ -34,10 +34,6 @@ class RunsFolder:
 
         Args:
             name: relative, parts separated by "/", as from `relative_name`.
-
-        Raises:
-            InputError: the path, or a link below it, is outside the folder.
-            FileFormatError: the path does not exist.
         """
         path = self.resolve(name)
         if not path.exists():
@@ -53,12 +49,7 @@ class RunsFolder:
         return path
 
     def new_path(self, name: str) -> Path:
-        """Return the path of a new run, without creating it.
-
-        Raises:
-            InputError: the name is not allowed.
-            WouldOverwrite: the path exists.
-        """
+        """Return the path of a new run, without creating it."""
         check_name("run", name, ascii_only=True)
         path = self.resolve(name)
         if os.path.lexists(path):
@@ -136,11 +127,7 @@ MAX_COLUMNS = 500
 
 
 def parse_upload(data: bytes, name: str) -> CsvTable:
-    """Return the cells of an uploaded table.
-
-    Raises:
-        FileFormatError: too large, not a CSV file, without rows, or more than MAX_COLUMNS columns.
-    """
+    """Return the cells of an uploaded table."""
     from benchtool.data.csv_text import empty_table_error, parse_csv
 
     if len(data) > MAX_UPLOAD_BYTES:
@@ -166,9 +153,6 @@ def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
 
     Args:
         name: of the uploaded file; only ASCII letters, digits, _ and - are kept.
-
-    Raises:
-        FileFormatError: see `parse_upload`; nothing was written.
     """
     from benchtool.data.atomic import sync_folder
 
