@@ -267,21 +267,17 @@ def _contributions(
     if row is not None:
         step = np.zeros_like(inputs[name])
         step[row] = error
-    changed = [_replace_input(inputs, name, inputs[name] + sign * step) for sign in (1.0, -1.0)]
-    moved = [_evaluate(values) for values in changed]
+    moved = []
+    for changed in (inputs[name] + step, inputs[name] - step):
+        values = {**inputs, name: changed}
+        if name == "speed_rad_s" and "shaft_rad_s" in inputs:
+            values["shaft_rad_s"] = max(changed, key=lambda row: float(np.nansum(row)))
+        moved.append(_evaluate(values))
     return {
         key: np.asarray(0.5 * (moved[0][key] - moved[1][key]), float)
         for key in names
         if key in moved[0]
     }
-
-
-def _replace_input(inputs: Values, name: str, value: Any) -> Values:
-    """Return inputs with one value replaced; the shaft speed follows the rotor speed."""
-    changed = {**inputs, name: value}
-    if name == "speed_rad_s" and "shaft_rad_s" in inputs:
-        changed["shaft_rad_s"] = max(value, key=lambda row: float(np.nansum(row)))
-    return changed
 
 
 def _independent_errors(

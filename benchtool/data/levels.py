@@ -17,9 +17,7 @@ from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
 from benchtool.data.run.run_metadata import read_recording_facts
 
-AVERAGED_SHARE = (
-    0.5  # last part of a level, after thrust and speed settled, that is averaged; assumed
-)
+AVERAGED_SHARE = 0.5  # last part of a level, after it has settled, that is averaged; assumed
 BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
 
 AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
@@ -59,24 +57,20 @@ def split_levels(recording: Recording) -> Recording:
     level = _number_levels(recording)
     if level is None:
         return recording
-    names = list(recording.names)
-    errors = [
-        error_channel_name(name)
-        for name in names
+    names = recording.names
+    errors = {
+        error_channel_name(name): index
+        for index, name in enumerate(names)
         if (name in AVERAGED or name.startswith("rpm")) and error_channel_name(name) not in names
-    ]
+    }
     rows = []
     for number in np.unique(level[level >= 0]):
         part = recording.values[level == number]
         means, scatter = _means(part)
-        rows.append([*means, *(scatter[names.index(_measured(name, names))] for name in errors)])
+        rows.append([*means, *scatter[list(errors.values())]])
     channels = (*recording.channels, *(Channel(name, unit_from_name(name)) for name in errors))
     values = np.array(rows, float).reshape(len(rows), len(channels))
     return Recording(channels, values, recording.provenance, recording.simulated)
-
-
-def _measured(error: str, names: list[str]) -> str:
-    return next(name for name in names if error_channel_name(name) == error)
 
 
 def _means(part: Array) -> tuple[Array, Array]:

@@ -137,7 +137,12 @@ def load_entries(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
     """Return all entries of a runs folder, newest first, and update its index."""
     folder = RunsFolder(root)
     with closing(_open_index(index_folder(root))) as database:
-        cache = {} if rebuild else _load_cache(database)
+        cache: CachedEntries = {}
+        if not rebuild:
+            rows = database.execute("SELECT name, stamp, text FROM entry").fetchall()
+            tables = json.loads(f"[{','.join(text for *_, text in rows)}]")
+            for (name, stamp, _), values in zip(rows, tables, strict=True):
+                cache[name] = stamp, _from_json(values)
         before = dict(cache)
         entries = list_entries(folder, cache)
         changed = {name: item for name, item in cache.items() if before.get(name) is not item}
@@ -194,13 +199,7 @@ def _to_json(entry: Entry) -> str:
     return json.dumps(values, default=datetime.isoformat)
 
 
-def _load_cache(database: sqlite3.Connection) -> CachedEntries:
-    rows = database.execute("SELECT name, stamp, text FROM entry").fetchall()
-    tables = json.loads(f"[{','.join(row[2] for row in rows)}]")
-    return {row[0]: (row[1], _build_entry(table)) for row, table in zip(rows, tables, strict=True)}
-
-
-def _build_entry(values: dict[str, Any]) -> Entry:
+def _from_json(values: dict[str, Any]) -> Entry:
     if "started" in values:
         values["started"] = datetime.fromisoformat(values["started"])
     for name in ("z_over_r", "tags", "notes"):

@@ -116,7 +116,7 @@ class Messages:
 class MessageLog:
     """Messages of a log by kind, with counts."""
 
-    kinds: Mapping[str, Messages]  # messages by the name of their kind
+    kinds: Mapping[str, Messages] = field(default_factory=dict)  # by the name of their kind
     total: int  # complete messages in the log, of any kind
     broken: int  # corrupt or incomplete messages
     findings: list[Finding]  # of the parser; the reader of the messages appends to it
@@ -182,11 +182,9 @@ def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
 def _rank_equal_times(time_us: Times) -> NDArray[np.intp]:
     """Return the number of earlier messages of the same time, for each message (m,)."""
     order = np.argsort(time_us, kind="stable")
-    ordered = time_us[order]
-    starts = np.concatenate([[True], np.diff(ordered) != 0])[: ordered.size]
-    index = np.arange(ordered.size)
-    rank = np.empty(ordered.size, np.intp)
-    rank[order] = index - np.maximum.accumulate(np.where(starts, index, 0))
+    _, first, group = np.unique(time_us[order], return_index=True, return_inverse=True)
+    rank = np.empty(time_us.size, np.intp)
+    rank[order] = np.arange(time_us.size) - first[group]
     return rank
 
 

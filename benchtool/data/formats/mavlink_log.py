@@ -79,21 +79,17 @@ def read_mavlink(
 ) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
-    walk = walk_tlog(data, {item.number: item.crc_extra for item in layouts.values()}, checksum)
-    system = _select_sender(walk.frames, layouts, walk.findings)
+    extras = {item.number: item.crc_extra for item in layouts.values()}
+    frames, log = walk_tlog(data, extras, checksum)
+    system = _select_sender(frames, layouts, log.findings)
     if system is None:
-        message = f"no messages of a vehicle ({pluralize(walk.total, 'frame')}); use another log"
+        message = f"no messages of a vehicle ({pluralize(log.total, 'frame')}); use another log"
         raise FileFormatError(where, message)
     kinds = {
-        name: layout.messages(name, [f for f in walk.frames[layout.number] if f.sender == system])
+        name: layout.messages(name, [f for f in frames[layout.number] if f.sender == system])
         for name, layout in layouts.items()
     }
-    log = MessageLog(
-        kinds=_convert_clocks(kinds, walk.findings),
-        total=walk.total,
-        broken=walk.broken,
-        findings=walk.findings,
-    )
+    log = replace(log, kinds=_convert_clocks(kinds, log.findings))
     streams = [
         *_attitude(log["ATTITUDE"]),
         *_setpoints(log),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from benchtool.core.plural import pluralize
+from benchtool.data.formats.flight_log import MessageLog
 from benchtool.data.repairs.import_result import Finding
 
 STAMP_BYTES = 8
@@ -23,15 +24,6 @@ class Frame(NamedTuple):
     payload: bytes
 
 
-class TlogWalk(NamedTuple):
-    """Frames of the selected kinds by message number, and counts of all frames."""
-
-    frames: dict[int, list[Frame]]
-    total: int  # complete frames of any kind
-    broken: int  # frames with a wrong checksum, and a truncated last frame
-    findings: list[Finding]
-
-
 def is_tlog(data: bytes) -> bool:
     """Return whether bytes begin like a telemetry log."""
     if len(data) < STAMP_BYTES + 8 or data[STAMP_BYTES] not in (V1, V2):
@@ -39,8 +31,10 @@ def is_tlog(data: bytes) -> bool:
     return MIN_STAMP_US <= int.from_bytes(data[:STAMP_BYTES], "big") <= MAX_STAMP_US
 
 
-def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], int]) -> TlogWalk:
-    """Return the frames of a log.
+def walk_tlog(
+    data: bytes, extras: dict[int, int], checksum: Callable[[bytes], int]
+) -> tuple[dict[int, list[Frame]], MessageLog]:
+    """Return the frames of the selected kinds by message number, and the counts of all frames.
 
     Args:
         extras: CRC_EXTRA by selected message number; others are counted without a check.
@@ -77,7 +71,8 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
                 != data[stop] | data[stop + 1] << 8
             ):
                 broken += 1
-                offset = end if _is_start(data, end) else _next_start(data, offset + 1)
+                is_start = end >= size or _frame_length(data, end + STAMP_BYTES) > 0
+                offset = end if is_start else _next_start(data, offset + 1)
                 continue
             frames[number].append(
                 Frame(time_us, (data[system], data[system + 1]), data[begin + head : stop])
@@ -86,9 +81,8 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
         offset = end
     if not cut and 0 < size - offset <= STAMP_BYTES:
         cut = f"the log ends at byte {size:,} in the middle of a time stamp"
-    return TlogWalk(
-        frames, total, broken, _report_losses(lost, first_lost, broken - bool(cut), cut)
-    )
+    findings = _report_losses(lost, first_lost, broken - bool(cut), cut)
+    return frames, MessageLog(total=total, broken=broken, findings=findings)
 
 
 def _frame_length(data: bytes, begin: int) -> int:
@@ -100,11 +94,6 @@ def _frame_length(data: bytes, begin: int) -> int:
     if data[begin] != V2:
         return 0
     return 12 + data[begin + 1] + (SIGNATURE_BYTES if data[begin + 2] & _SIGNED else 0)
-
-
-def _is_start(data: bytes, offset: int) -> bool:
-    """Return whether a stamp and a frame begin here, or the file ends."""
-    return offset >= len(data) or _frame_length(data, offset + STAMP_BYTES) > 0
 
 
 def _next_start(data: bytes, offset: int) -> int:

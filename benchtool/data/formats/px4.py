@@ -7,7 +7,7 @@ import io
 import struct
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -54,14 +54,14 @@ def read_px4(
     from pyulog import ULog
     from pyulog.exceptions import ULogException
 
-    walk = walk_ulog(data)
-    findings = walk.findings
-    if not walk.has_definitions:
+    readable, log = walk_ulog(data)
+    findings = log.findings
+    if not readable:
         reason = "; ".join(item.words for item in findings) or "it ends before its first message"
         raise FileFormatError(where, f"nothing in it can be read: {reason}")
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            ulog = ULog(io.BytesIO(walk.readable), list(WANTED), disable_str_exceptions=True)
+            ulog = ULog(io.BytesIO(readable), list(WANTED), disable_str_exceptions=True)
     except (ULogException, *_FAULTS) as error:
         raise FileFormatError(
             where, f"its definitions are broken ({error}), so nothing in it can be read"
@@ -77,7 +77,7 @@ def read_px4(
         f"{topic.name}/{topic.multi_id}" if topic.multi_id else topic.name: _messages(topic)
         for topic in sorted(ulog.data_list, key=lambda topic: topic.multi_id)
     }
-    log = MessageLog(kinds=kinds, total=walk.total, broken=walk.broken, findings=findings)
+    log = replace(log, kinds=kinds)
     streams = [
         *log["vehicle_attitude"].attitude("q"),
         *_attitude_setpoint(log["vehicle_attitude_setpoint"]),
@@ -90,7 +90,7 @@ def read_px4(
     ]
     n_used = sum(stream.time_us.size for stream in streams)
     # pyulog may read one part of a log with appended data twice.
-    log = replace(log, total=max(walk.total, n_used))
+    log = replace(log, total=max(log.total, n_used))
     return import_flight_log(
         log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)}
     )
@@ -228,18 +228,10 @@ MAX_MESSAGE_BYTES = 10_000  # as in pyulog
 WHOLE_RUN = 8  # consecutive valid messages required to resume reading; assumed
 
 
-class UlogWalk(NamedTuple):
-    """Result of the parse of a log."""
+def walk_ulog(data: bytes) -> tuple[bytes, MessageLog]:
+    """Return a log's complete messages, skipping corrupt bytes, and their counts.
 
-    readable: bytes  # the log's bytes without corrupt ones
-    total: int
-    broken: int  # 1 for a truncated data message at the end
-    has_definitions: bool  # all definitions are complete
-    findings: list[Finding]
-
-
-def walk_ulog(data: bytes) -> UlogWalk:
-    """Return a log's complete messages, skipping corrupt bytes.
+    Without complete definitions no message is returned.
 
     pyulog gets complete messages only: it ignores corrupt ones silently and may not return if
     definitions are corrupt.
@@ -280,7 +272,8 @@ def walk_ulog(data: bytes) -> UlogWalk:
         broken = int(offset + 2 < size and data[offset + 2] == is_data)
         text = f"the log ends at byte {size:,} in the middle of a message that begins at {offset:,}"
         findings.append(Finding("refused", "cut off", text, count=broken))
-    return UlogWalk(b"".join(pieces), messages, broken, has_body, findings)
+    log = MessageLog(total=messages, broken=broken, findings=findings)
+    return b"".join(pieces) if has_body else b"", log
 
 
 def _next_run(data: bytes, offset: int) -> int:

@@ -31,6 +31,7 @@ CHANNELS: dict[str, str] = {  # columns of the stands by name, as in their expor
     "AccX": "acc_x_m_s2",
     "AccY": "acc_y_m_s2",
     "AccZ": "acc_z_m_s2",
+    "Temp": "temperature_degC",
     "Torque": "torque_Nm",
     "Thrust": "thrust_N",
     "Voltage": "voltage_V",
@@ -51,7 +52,9 @@ def read_rcbenchmark(
 ) -> ImportResult:
     """Return a stand's log."""
     table = parse_rows(data, where)
-    columns, findings = map_header(table, _find_channel, refuse=False)
+    columns, findings = map_header(
+        table, lambda name: CHANNELS.get("Temp" if name.endswith("Temp") else name), refuse=False
+    )
     names = {parse_header_cell(cell).name for cell in table.header}
     if "AccX" in names:
         series = "Series 1580/1585"
@@ -59,10 +62,6 @@ def read_rcbenchmark(
         series = "Series 1780" if "Torque" in names else "Series 1520"
     facts = {**provenance, "device": f"RCbenchmark {series}"}
     return read_columns(table, columns, f"RCbenchmark {series}", facts, findings, _select_speed)
-
-
-def _find_channel(name: str) -> str | None:
-    return "temperature_degC" if name.endswith("Temp") else CHANNELS.get(name)
 
 
 def _select_speed(

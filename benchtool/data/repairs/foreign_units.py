@@ -6,7 +6,7 @@ import re
 import tokenize
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchtool.core.errors import InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, find_unit
@@ -134,17 +134,11 @@ def _registry() -> Any:
 _WITH_UNIT = re.compile(r"(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]")
 
 
-@dataclass(frozen=True, slots=True)
-class HeaderCell:
+class HeaderCell(NamedTuple):
     """Name and unit of a column as in the header; the unit may be missing."""
 
     name: str
     unit: str | None
-
-    @property
-    def text(self) -> str:
-        """Name and unit as one text."""
-        return self.name if self.unit is None else f"{self.name} [{self.unit}]"
 
 
 def parse_header_cell(cell: str) -> HeaderCell:

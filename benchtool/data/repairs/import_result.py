@@ -91,12 +91,6 @@ class Finding:
     count: int = 0  # rows, cells, messages or bytes concerned
     lines: str = ""  # of the file, as ranges ("3, 7-12"); empty if not applicable
 
-    @property
-    def sentence(self) -> str:
-        """The finding as one line of text."""
-        about = f" ({self.channel})" if self.channel else ""
-        return f"{self.kind}: {self.what}{about}: {self.words}"
-
 
 def line_ranges(lines: Sequence[int] | NDArray[np.intp]) -> str:
     """Return line numbers as ranges: 3, 7-12."""

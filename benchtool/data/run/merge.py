@@ -55,9 +55,11 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
         for name, path, sha256, data in zip(names, sources, hashes, metadata, strict=True)
     ]
     points = concatenate_points([read_points(path, VALID_KINDS) for path in sources])
+    head = f"# The plan of the first of {len(sources)} merged runs; each has its own in {PARTS}/.\n"
+    plan_text = head + Run.open(sources[0]).plan_text
     new_path = out.with_name(f".{out.name}.{os.getpid()}.merge")
     try:
-        run = Run.create(new_path, _plan_text(sources), _merge_metadata(metadata, origins))
+        run = Run.create(new_path, plan_text, _merge_metadata(metadata, origins))
         for path, name in zip(sources, names, strict=True):
             ignore = shutil.ignore_patterns(".*", "recalibrated-*")
             shutil.copytree(path, new_path / PARTS / name, ignore=ignore)
@@ -132,11 +134,6 @@ def _compute_hashes(paths: Sequence[Path]) -> list[str]:
                 f"duplicate data: {paths[index]} and {paths[first]} are identical; remove one"
             )
     return hashes
-
-
-def _plan_text(paths: Sequence[Path]) -> str:
-    head = f"# The plan of the first of {len(paths)} merged runs; each has its own in {PARTS}/.\n"
-    return head + Run.open(paths[0]).plan_text
 
 
 def _merge_metadata(

@@ -66,7 +66,9 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
             "no reference points out of ground effect, needed for T_IGE/T_OGE; use --basis joint "
             "or a sweep with references"
         )
-    relative_se, level = _relative_thrust_error(points, thrust), thrust
+    relative_se, level = np.full(len(thrust), np.nan), thrust
+    if "thrust_se_N" in points:
+        relative_se = points.column("thrust_se_N") / np.abs(thrust)
     law: _PowerLaw | None = None
     sensors = {} if rig is None else rig.sensors
     if basis == "equal_rpm2":
@@ -194,12 +196,6 @@ def relative_speed_error(points: Recording) -> Array:
 
 def _stack(points: Recording, names: list[str]) -> Array:
     return np.column_stack([points.column(name) for name in names])
-
-
-def _relative_thrust_error(points: Recording, thrust: Array) -> Array:
-    if "thrust_se_N" not in points:
-        return np.full(len(thrust), np.nan)
-    return points.column("thrust_se_N") / np.abs(thrust)
 
 
 def _has(points: Recording, name: str) -> bool:

@@ -134,7 +134,11 @@ class RunWriter:
         try:
             write()
             if self.fault is None:
-                self._check_in_place()
+                self.run.check_in_place()
+                if moved := [file.path for file in self._files if not file.is_in_place()]:
+                    raise RunInterrupted(
+                        f"{moved[0]} was deleted, moved or replaced during the run"
+                    )
         except OSError as error:
             if self.fault is None:
                 self._remedy = "; remove the cause, then resume"
@@ -144,9 +148,3 @@ class RunWriter:
             if self.fault is None:
                 self.fault = error
                 raise
-
-    def _check_in_place(self) -> None:
-        self.run.check_in_place()
-        for file in self._files:
-            if not file.is_in_place():
-                raise RunInterrupted(f"{file.path} was deleted, moved or replaced during the run")

@@ -55,7 +55,7 @@ def check_import(data: bytes, name: str) -> ImportResult | None:
     for channel in read.recording.channels:
         assert channel.unit == unit_from_name(channel.name)
     for item in read.findings:
-        assert item.sentence
+        assert item.words
     return read
 
 
