@@ -139,9 +139,9 @@ def load_entries(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
     with closing(_open_index(index_folder(root))) as database:
         cache: CachedEntries = {}
         if not rebuild:
-            rows = database.execute("SELECT name, stamp, text FROM entry").fetchall()
-            tables = json.loads(f"[{','.join(text for *_, text in rows)}]")
-            for (name, stamp, _), values in zip(rows, tables, strict=True):
+            stored = database.execute("SELECT name, stamp, text FROM entry").fetchall()
+            tables = json.loads(f"[{','.join(text for *_, text in stored)}]")
+            for (name, stamp, _), values in zip(stored, tables, strict=True):
                 cache[name] = stamp, _from_json(values)
         before = dict(cache)
         entries = list_entries(folder, cache)

@@ -135,10 +135,8 @@ class RunWriter:
             write()
             if self.fault is None:
                 self.run.check_in_place()
-                if moved := [file.path for file in self._files if not file.is_in_place()]:
-                    raise RunInterrupted(
-                        f"{moved[0]} was deleted, moved or replaced during the run"
-                    )
+                for path in (file.path for file in self._files if not file.is_in_place()):
+                    raise RunInterrupted(f"{path} was deleted, moved or replaced during the run")
         except OSError as error:
             if self.fault is None:
                 self._remedy = "; remove the cause, then resume"
