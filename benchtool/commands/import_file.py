@@ -13,7 +13,9 @@ from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
-    from benchtool.data.repairs.import_result import ImportOptions
+    from rich.table import Table
+
+    from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +80,6 @@ class ImportInputs(Inputs):
 @command_from_inputs(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
     """Import flight logs and files of other test stands."""
-    from benchtool.commands.terminal.show_import import print_import
     from benchtool.data.formats.formats import import_files
     from benchtool.data.repairs.import_result import import_metadata
     from benchtool.data.run.recording_file import metadata_path, write_recording
@@ -100,7 +101,7 @@ def import_(inputs: ImportInputs) -> None:
                 import_metadata(result, options),
                 overwrite=inputs.overwrite,
             )
-        print_import(result, None if inputs.dry_run else target)
+        _print_import(result, None if inputs.dry_run else target)
 
 
 def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[Path]:
@@ -115,3 +116,45 @@ def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[P
         if targets.count(target) > 1:
             raise InputError(f"two files have the same target {target}; import them one at a time")
     return targets
+
+
+def _print_import(result: ImportResult, target: Path | None) -> None:
+    """Print summary and findings of one import."""
+    from benchtool.commands.terminal.tables import Output
+
+    console = Output()
+    tally = result.tally
+    parts = [f"{tally.kept:,} of {tally.total:,} {tally.unit}s kept"]
+    if tally.not_needed:
+        parts.append(f"{tally.not_needed:,} of other kinds")
+    parts.append(f"{tally.refused:,} rejected")
+    source = result.recording.provenance.get("file", "")
+    console.print_lines(f"{source}: {result.format}; {', '.join(parts)}")
+    console.print_lines(f"channels: {', '.join(result.recording.names)}")
+    for window in result.windows:
+        rotor = f"rotor {window.rotor}" if window.rotor else "all rotors"
+        console.print_lines(
+            f"over a surface: {rotor}, {window.start_s:.6g} s to {window.end_s:.6g} s "
+            f"(source: {window.source})"
+        )
+    if result.findings:
+        console.print(_table(result))
+    if target is not None:
+        console.print_lines(f"written: {target} and {target.name}.json")
+
+
+def _table(result: ImportResult) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("kind", no_wrap=True)
+    table.add_column("finding", overflow="fold", max_width=18)
+    table.add_column("channel", overflow="fold", max_width=16)
+    table.add_column("details", overflow="fold")
+    for finding in result.findings:
+        lines = finding.lines if len(finding.lines) <= 40 else f"{finding.lines[:36]} ..."
+        details = f"{finding.words} (line {lines})" if finding.lines else finding.words
+        table.add_row(*map(Text, (finding.kind, finding.what, finding.channel, details)))
+    return table

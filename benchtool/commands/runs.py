@@ -124,7 +124,7 @@ class TagInputs(Inputs):
 @command_from_inputs(TagInputs)
 def tag(inputs: TagInputs) -> None:
     """Add, remove or show tags of runs and fits."""
-    from benchtool.data.run.labels import check_labels, update_labels
+    from benchtool.data.run.entry import check_labels, update_labels
 
     check_labels(inputs.runs, inputs.add, inputs.remove)
     for path in inputs.runs:
@@ -146,7 +146,7 @@ def note(inputs: NoteInputs) -> None:
     import getpass
     from datetime import datetime
 
-    from benchtool.data.run.labels import update_labels
+    from benchtool.data.run.entry import update_labels
 
     text = f"{datetime.now().astimezone():%Y-%m-%d %H:%M} {getpass.getuser()}: {inputs.text}"
     update_labels(inputs.run, note=text)

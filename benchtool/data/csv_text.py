@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
 from benchtool.core.table_bounds import MAX_TABLE_BYTES, check_cells, check_columns, check_decoded
-from benchtool.core.user_file import read_file
+from benchtool.core.user_file import open_file, read_file
 from benchtool.data.csv_header import (
     BYTE_ORDER_MARK,
     START_BYTES,
@@ -70,9 +70,12 @@ def read_csv_text(path: Path, *, is_own: bool = False, follow: bool = True) -> C
 
 def read_csv_header(path: Path) -> tuple[str, ...]:
     """Return the column names of a CSV file; only its first rows are read."""
-    data = read_file(path, MAX_TABLE_BYTES)
-    if data[:2] not in UTF_16 and data[:4] != PARQUET:
-        data = data[: data.rfind(b"\n", 0, START_BYTES) + 1] or data
+    with open_file(path) as file:
+        data = file.read(START_BYTES)
+        if data[:2] in UTF_16 or data[:4] == PARQUET or b"\n" not in data:
+            data += file.read(MAX_TABLE_BYTES)
+        else:
+            data = data[: data.rfind(b"\n") + 1]
     return parse_csv(data, str(path), whole=False).header
 
 

@@ -200,14 +200,6 @@ def read_header(path: Path, *, follow: bool = False) -> tuple[str, ...]:
     return tuple(line.strip("\r\n").split(","))
 
 
-def _read_blocks(path: Path, end: int) -> Iterator[bytes]:
-    with open_file(path, follow=False) as file:
-        remaining = end - len(file.readline(MAX_HEADER_BYTES))
-        while remaining > 0 and (block := file.read(min(BLOCK_BYTES, remaining))):
-            remaining -= len(block)
-            yield block
-
-
 def read_batches(path: Path, names: Sequence[str], end: int) -> Iterator[Any]:
     """Yield record batches of columns; words are text, an empty number is null.
 
@@ -220,28 +212,31 @@ def read_batches(path: Path, names: Sequence[str], end: int) -> Iterator[Any]:
 
     header = read_header(path)
     n_columns, incomplete, first_line = len(header), b"", 2
-    for block in _read_blocks(path, end):
-        *rows, incomplete = (incomplete + block).replace(b"\r\n", b"\n").split(b"\n")
-        for line, row in enumerate(rows, first_line):
-            if row and row.count(b",") != n_columns - 1:
-                problem = f"line {line} has {pluralize(row.count(b',') + 1, 'cell')}"
-                raise FileFormatError(
-                    str(path), f"{problem}, its header {n_columns}; correct that line"
-                )
-        first_line += len(rows)
-        if len(incomplete) > BLOCK_BYTES:
-            problem = f"line {first_line} is too long; allowed: {BLOCK_BYTES:,} bytes; correct it"
-            raise FileFormatError(str(path), problem)
-        raw = np.frombuffer(b"".join(row + b"," for row in rows if row), np.uint8)
-        ends = np.flatnonzero(raw == ord(","))
-        offsets = pa.py_buffer(np.append(0, ends - np.arange(len(ends))).astype(np.int32))
-        text = pa.py_buffer(raw[raw != ord(",")])
-        cells = pa.Array.from_buffers(pa.string(), len(ends), [None, offsets, text])
-        columns = [
-            _parse_cells(name, cells.take(pa.array(np.arange(index, len(ends), n_columns))), path)
-            for name, index in ((name, header.index(name)) for name in names)
-        ]
-        yield pa.record_batch(columns, list(names))
+    with open_file(path, follow=False) as file:
+        remaining = end - len(file.readline(MAX_HEADER_BYTES))
+        while remaining > 0 and (block := file.read(min(BLOCK_BYTES, remaining))):
+            remaining -= len(block)
+            *rows, incomplete = (incomplete + block).replace(b"\r\n", b"\n").split(b"\n")
+            for line, row in enumerate(rows, first_line):
+                if row and row.count(b",") != n_columns - 1:
+                    problem = f"line {line} has {pluralize(row.count(b',') + 1, 'cell')}"
+                    raise FileFormatError(
+                        str(path), f"{problem}, its header {n_columns}; correct that line"
+                    )
+            first_line += len(rows)
+            if len(incomplete) > BLOCK_BYTES:
+                problem = f"line {first_line} is too long; allowed: {BLOCK_BYTES:,} bytes"
+                raise FileFormatError(str(path), f"{problem}; correct it")
+            raw = np.frombuffer(b"".join(row + b"," for row in rows if row), np.uint8)
+            ends = np.flatnonzero(raw == ord(","))
+            offsets = pa.py_buffer(np.append(0, ends - np.arange(len(ends))).astype(np.int32))
+            text = pa.py_buffer(raw[raw != ord(",")])
+            cells = pa.Array.from_buffers(pa.string(), len(ends), [None, offsets, text])
+            columns = []
+            for name in names:
+                positions = pa.array(np.arange(header.index(name), len(ends), n_columns))
+                columns.append(_parse_cells(name, cells.take(positions), path))
+            yield pa.record_batch(columns, list(names))
 
 
 def _parse_cells(name: str, cells: Any, path: Path) -> Any:

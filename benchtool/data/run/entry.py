@@ -1,12 +1,16 @@
-"""Catalogue entries read from a runs folder, and verification of their hashes.
+"""Catalogue entries and labels (tags and notes) read from a runs folder, and verified hashes.
 
-Unreadable runs are listed too, with the reason.
+Unreadable runs are listed too, with the reason. Labels are not in metadata.json because the program
+that measures a run rewrites that file from memory and would discard them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from hashlib import sha256
 from math import nan
@@ -15,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.errors import BenchtoolError, FileFormatError
+from benchtool.core.errors import BenchtoolError, FileFormatError, InputError, check_name
 from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
-from benchtool.core.user_file import open_file
-from benchtool.data.atomic import data_hash, file_hash, read_json
+from benchtool.core.toml_text import build_dataclass
+from benchtool.data.atomic import data_hash, file_hash, read_json, replace_json
 from benchtool.data.catalogue.entry import ANSWER_FILE as ANSWER_FILE
 from benchtool.data.catalogue.entry import ENTRY_KINDS as ENTRY_KINDS
 from benchtool.data.catalogue.entry import FIT_FILE as FIT_FILE
@@ -28,9 +32,8 @@ from benchtool.data.catalogue.entry import SWEEPS as SWEEPS
 from benchtool.data.catalogue.entry import Entry as Entry
 from benchtool.data.catalogue.entry import detect_kind as detect_kind
 from benchtool.data.columns import KINDS, word_to_code
-from benchtool.data.csv_text import parse_csv
+from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.closing import has_rows
-from benchtool.data.run.labels import read_labels
 from benchtool.data.run.read import find_parts, is_run, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.data.run.recording_file import metadata_path
@@ -39,8 +42,6 @@ from benchtool.data.run.run_metadata import read_metadata, read_recording_facts
 from benchtool.data.run.runs_folder import RunsFolder
 
 FIT_FORMAT = "benchtool-fit-1"
-
-HEADER_BYTES = 65_536  # read of a CSV file for its column names; assumed
 
 
 def build_entry(folder: RunsFolder, name: str) -> Entry:
@@ -229,11 +230,7 @@ def _recording(entry: Entry, path: Path) -> Entry:
 
 
 def _csv(entry: Entry, path: Path) -> Entry:
-    with open_file(path) as file:
-        head = file.read(HEADER_BYTES)
-    if b"\n" in head:
-        head = head[: head.rindex(b"\n") + 1]
-    header = parse_csv(head, entry.name, whole=False).header
+    header = read_csv_header(path)
     return replace(entry, summary=", ".join(header[:8]) + (", ..." if len(header) > 8 else ""))
 
 
@@ -256,3 +253,77 @@ def _parse_time(text: object) -> datetime | None:
         return datetime.fromisoformat(str(text)).astimezone()
     except ValueError:
         return None
+
+
+LABELS_FILE = "labels.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Labels:
+    """Tags and notes of a run."""
+
+    tags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def read_labels(folder: Path) -> Labels:
+    """Return the labels of a folder; empty if it has none."""
+    path = folder / LABELS_FILE
+    if not os.path.lexists(path):
+        return Labels()
+    return build_dataclass(Labels, read_json(path, follow=False), str(path))
+
+
+def check_labels(
+    folders: Iterable[Path], add: Iterable[str] = (), remove: Iterable[str] = ()
+) -> None:
+    """Check the arguments of `update_labels` for several folders before the first is changed."""
+    remove = tuple(remove)
+    for tag in add:
+        check_name("tag", tag, max_length=60)
+    for folder in folders:
+        if not folder.is_dir():
+            raise FileFormatError(
+                str(folder), "there is no such folder; name runs or fits, and tags with --add"
+            )
+        _remaining_tags(folder, read_labels(folder), remove)
+
+
+def _remaining_tags(folder: Path, labels: Labels, remove: tuple[str, ...]) -> Iterator[str]:
+    if missing := [tag for tag in remove if tag not in labels.tags]:
+        tags = ", ".join(labels.tags) or "none"
+        raise InputError(f"{folder} has no tag {missing[0]!r} to remove (it has: {tags})")
+    return (tag for tag in labels.tags if tag not in remove)
+
+
+def update_labels(
+    folder: Path, add: Iterable[str] = (), remove: Iterable[str] = (), note: str = ""
+) -> Labels:
+    """Add and remove tags, add a note, and return the new labels.
+
+    A lock serialises programs that label the same folder (not on Windows).
+    """
+    add, remove = tuple(add), tuple(remove)
+    check_labels((folder,), add)
+    with _locked(folder):
+        labels = read_labels(folder)
+        tags = tuple(dict.fromkeys((*_remaining_tags(folder, labels, remove), *add)))
+        new_labels = Labels(tags=tags, notes=(*labels.notes, *([note] if note else ())))
+        if new_labels != labels:
+            replace_json(folder / LABELS_FILE, asdict(new_labels))
+    return new_labels
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)

@@ -101,13 +101,16 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     path = Path(path)
     parquet = path / "samples.parquet"
     if is_run(path) and parquet.is_file():
-        hashes = read_metadata(path).get("samples") or {}
-        problem = _hash_problem(parquet, path / "samples.csv", hashes)
-        if not problem:
+        hashes, csv = read_metadata(path).get("samples") or {}, path / "samples.csv"
+        if hashes.get("parquet_sha256") != file_hash(parquet, follow=False):
+            problem = "its hash differs from metadata.json"
+        elif csv.is_file() and hashes.get("csv_sha256") != file_hash(csv, follow=False):
+            problem = "samples.csv has changed since it was written"
+        else:
             return _with_provenance(read_parquet(parquet, names), parquet, path, ())
         text = f"{parquet}: {problem}; samples.csv was read instead"
         warnings.warn(text, DataWarning, stacklevel=1)
-        recording = _read_samples(path / "samples.csv", path, names)
+        recording = _read_samples(csv, path, names)
         repairs = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
         return replace(recording, provenance={**recording.provenance, "repairs": repairs})
     return _read_samples(_find_file(path, "samples.csv"), path, names)
@@ -182,14 +185,6 @@ def _approach(facts: Mapping[str, Any]) -> str:
     moved_by = ((facts.get("rig") or {}).get("plate") or {}).get("moved_by", "hand")
     stage = (facts.get("plate") or {}).get("stage") or moved_by
     return "" if stage == "hand" else "one side"
-
-
-def _hash_problem(parquet: Path, csv: Path, hashes: dict[str, Any]) -> str:
-    if hashes.get("parquet_sha256") != file_hash(parquet, follow=False):
-        return "its hash differs from metadata.json"
-    if csv.is_file() and hashes.get("csv_sha256") != file_hash(csv, follow=False):
-        return "samples.csv has changed since it was written"
-    return ""
 
 
 PITCH_CHANNELS = ("theta_ref_rad", "theta_rad", "gyro_rad_s")  # of a pitch experiment
