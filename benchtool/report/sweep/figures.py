@@ -37,9 +37,8 @@ from benchtool.report.ratio import (
     uncertainty_bands,
 )
 from benchtool.report.style import BASES
-from benchtool.report.sweep.run import SweepRun
+from benchtool.report.sweep.run import ERRORS, SweepRun
 
-ERRORS = "the larger of standard deviation over repeats and standard error of a point"
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
@@ -66,12 +65,10 @@ def plain(run: SweepRun) -> NDArray[np.bool_]:
 
 def _max_speeds(run: SweepRun) -> Array:
     """Return the speeds (n_rotors, 1) of the fastest setting: rad/s."""
-    numbers = range(1, run.rig.n_rotors + 1)
-    speeds = np.array([run.column(f"rpm{rotor}") for rotor in numbers]) * np.pi / 30.0
+    speeds = run.of_rotors("rpm{}") * np.pi / 30.0
     if not np.isfinite(speeds).any():
         p = run.rig.propulsion
-        pulses = np.array([run.column(f"pwm{rotor}_us") for rotor in numbers])
-        speeds = p.speed_per_us_rad_s * np.maximum(pulses - p.pwm_start_us, 0.0)
+        speeds = p.speed_per_us_rad_s * np.maximum(run.of_rotors("pwm{}_us") - p.pwm_start_us, 0.0)
     speeds = np.nan_to_num(speeds)
     return np.asarray(speeds[:, [int(np.argmax(speeds.sum(axis=0)))]], float)
 
@@ -273,8 +270,7 @@ def _model_line(
     predict: Predict,
 ) -> bool:
     """Draw the model's line at the mean speeds of one level; return True if it has a band."""
-    numbers = range(1, run.rig.n_rotors + 1)
-    rpm = np.array([np.nanmean(run.column(f"rpm{rotor}")[rows]) for rotor in numbers])
+    rpm = np.array([np.nanmean(rotor_rpm[rows]) for rotor_rpm in run.of_rotors("rpm{}")])
     if not np.isfinite(rpm).all():
         return False
     z = run.z_over_R(run.settings)[rows]

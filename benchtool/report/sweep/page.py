@@ -39,15 +39,15 @@ from benchtool.report.run_facts import (
 )
 from benchtool.report.style import BASES
 from benchtool.report.sweep.figures import plain
-from benchtool.report.sweep.run import SweepRun
-from benchtool.report.sweep.samples import anchor_changes
-from benchtool.report.sweep.tables import (
+from benchtool.report.sweep.run import (
+    SweepRun,
     events_block,
     limits_table,
     quantity_tables,
     settings_table,
     tares_table,
 )
+from benchtool.report.sweep.samples import anchor_changes
 
 NO_SAMPLES = Paragraph("The folder contains no samples, only points averaged from them.")
 

@@ -1,9 +1,10 @@
-"""Data of a sweep's run folder for reports, each file read once."""
+"""Data of a sweep's run folder for reports, each file read once, and their tables."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import data_hash, file_hash
-from benchtool.data.columns import code_to_word, speed_columns, word_to_code
+from benchtool.data.columns import REJECTED, code_to_word, speed_columns, word_to_code
 from benchtool.data.derived import QuantityValues
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.ratios import ratios
@@ -25,6 +27,10 @@ from benchtool.data.run.settings import average_settings, settings_quantities
 from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget
+from benchtool.report.numbers import value_with_sd
+from benchtool.report.page import Block, Paragraph, Table
+from benchtool.report.quantities import origins_table, values_table
+from benchtool.report.style import BASES
 
 FILES = (  # files of a run folder in the order of their hashes in a report
     *("plan.toml", "metadata.json", "points.csv", "samples.csv", "samples.parquet"),
@@ -32,6 +38,7 @@ FILES = (  # files of a run folder in the order of their hashes in a report
 )
 
 
+ERRORS = "the larger of standard deviation over repeats and standard error of a point"
 _HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels with limits
 
 
@@ -96,6 +103,11 @@ class SweepRun:
         if name in self.settings:
             return self.settings.column(name)
         return np.full(len(self.settings), np.nan)
+
+    def of_rotors(self, name: str) -> Array:
+        """Return a column of each rotor (n_rotors, s), nan if the run has no such column."""
+        numbers = range(1, self.rig.n_rotors + 1)
+        return np.array([self.column(name.format(number)) for number in numbers])
 
     def level_us(self) -> Array:
         """Return the maximum pulse width of each setting (s,), which is its throttle level."""
@@ -175,3 +187,144 @@ def _combine_errors(settings: Recording, sd: str, points: Recording, point_error
             single[row] = errors.mean()
     larger: Array = np.fmax(settings.column(sd), single)
     return larger
+
+
+SHOWN_EVENTS = 60  # maximum number of events in the table; events.jsonl contains all
+_LIMITS = {  # limits of a rig: label, unit, begin of channel names
+    "thrust_N": ("thrust", "N", "thrust_N"),
+    "rpm": ("rotor speed", "rpm", "rpm"),
+    "current_A": ("current", "A", "current_A"),
+    "temperature_degC": ("temperature", "°C", "temperature_degC"),
+    "pwm_us": ("pulse", "µs", "pwm"),
+}
+
+
+def _mean_rpm(run: SweepRun) -> Array:
+    """Return the mean speed of the driven rotors per setting (s,); nan without speeds."""
+    rpm = np.nan_to_num(run.of_rotors("rpm{}"))
+    turning = (rpm > 0.0).sum(axis=0)
+    blank = np.full(len(turning), np.nan)
+    mean: Array = np.divide(rpm.sum(axis=0), turning, out=blank, where=turning > 0)
+    return mean
+
+
+def settings_table(run: SweepRun) -> Table:
+    """Return a table of settings: distance, pulse width, speed, thrust, ratio."""
+    z, levels = run.z_over_R(run.settings), run.level_us()
+    rpm = _mean_rpm(run)
+    rows = []
+    for row_index in range(len(run.settings)):
+        thrust, error = run.column("thrust_N")[row_index], run.thrust_error_N[row_index]
+        is_near = bool(run.measured()[row_index])
+        offsets = run.column("plate_x_m")[row_index], run.column("plate_tilt_deg")[row_index]
+        shifted = [
+            f"{value:g} {unit}"
+            for value, unit in zip(offsets, ("m shifted", "° tilted"), strict=True)
+            if isfinite(value) and abs(value) > 1e-6
+        ]
+        rows.append(
+            (
+                " ".join([f"{z[row_index]:.3g}" if is_near else "parked", *shifted]),
+                f"{levels[row_index]:g}",
+                f"{run.column('n_repeats')[row_index]:.0f}",
+                f"{rpm[row_index]:.0f}" if isfinite(rpm[row_index]) else "–",
+                value_with_sd(float(thrust), float(error)),
+                value_with_sd(float(run.ratio[row_index]), float(run.ratio_error[row_index]))
+                if is_near and isfinite(run.ratio[row_index])
+                else "–",
+            )
+        )
+    if not run.uses_plate:
+        head = ("pulse [µs]", "points", "mean rpm", "thrust [N]")
+        caption = f"Throttle levels: means over repeats ± {ERRORS}."
+        return Table(caption, head, [row[1:-1] for row in rows])
+    return Table(
+        f"Settings: means over repeats ± {ERRORS}. Ratios at {BASES[run.basis]}.",
+        ("plate z/R", "pulse [µs]", "points", "mean rpm", "thrust [N]", "T_IGE/T_OGE"),
+        rows,
+    )
+
+
+def quantity_tables(run: SweepRun) -> list[Table]:
+    """Return tables of the quantities of each setting, and of their origin."""
+    if not run.quantities:
+        return []
+    settings = settings_table(run)
+    count = 2 if run.uses_plate else 1
+    names = [[str(cell) for cell in row[:count]] for row in settings.rows]
+    caption = "Quantities of each setting ± standard errors, including shared errors."
+    return [
+        values_table(caption, names, settings.header[:count], run.quantities),
+        origins_table(run.quantities),
+    ]
+
+
+def tares_table(tares: Recording) -> Table:
+    """Return a table of the load cell readings after each tare."""
+    return Table(
+        "Tares: load cell reading after the tare, motors at standstill.",
+        ("time [min]", "offset [mN]", "samples"),
+        [
+            (
+                f"{time / 60.0:.1f}",
+                value_with_sd(1e3 * float(offset), 1e3 * float(se)),
+                f"{count:.0f}",
+            )
+            for time, offset, se, count in zip(
+                tares.column("time_s"),
+                tares.column("thrust_N"),
+                tares.column("thrust_se_N"),
+                tares.column("n_samples"),
+                strict=True,
+            )
+        ],
+    )
+
+
+def limits_table(run: SweepRun) -> Table:
+    """Return a table of extreme readings and the limits of the rig."""
+    limits, source = run.metadata["rig"]["limits"], run.samples or run.points
+    rows = []
+    for key, (label, unit, prefix) in _LIMITS.items():
+        names = [
+            name
+            for name in source.names
+            if name.startswith(prefix) and not name.endswith(("_se", "_sd_N", "_se_N", REJECTED))
+        ]
+        columns = [source.column(name) for name in names]
+        if key not in limits or not columns or not np.isfinite(columns).any():
+            continue
+        maximum = float(np.nanmax(columns))
+        margin = f"{100.0 * (1.0 - maximum / limits[key]):.0f} %"
+        rows.append((label, unit, f"{maximum:.4g}", f"{limits[key]:g}", margin))
+    min_V = limits.get("voltage_min_V", 0.0)
+    if "voltage_V" in source and np.isfinite(source.column("voltage_V")).any() and min_V:
+        lowest_V = float(np.nanmin(source.column("voltage_V")))
+        margin = f"{100.0 * (lowest_V / min_V - 1.0):.0f} %"
+        rows.append(("battery, minimum", "V", f"{lowest_V:.4g}", f"{min_V:g}", margin))
+    return Table(
+        "Extreme readings and rig limits.",
+        ("quantity", "unit", "reading", "limit", "margin"),
+        rows,
+        text_columns=2,
+    )
+
+
+def events_block(run: SweepRun) -> Block:
+    """Return the events of a run, without device messages."""
+    events = [event for event in run.events if event.event != "device"]
+    device = len(run.events) - len(events)
+    more = f" In events.jsonl: {pluralize(device, 'message')} of the device." if device else ""
+    if len(events) > SHOWN_EVENTS:
+        more += f" The first {SHOWN_EVENTS} of {len(events)} are shown."
+    if not events:
+        return Paragraph("No events." + more)
+    return Table(
+        "Events." + more,
+        ("event", "text", "point", "time [s]"),
+        [
+            (event.event, event.text, str(event.point or "–"), f"{event.time_s:.1f}")
+            for event in events[:SHOWN_EVENTS]
+        ],
+        text_columns=2,
+    )
