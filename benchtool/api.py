@@ -40,8 +40,7 @@ from benchtool.report.compare.pooled import PooledFits
 from benchtool.report.compare.runs import Over
 from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
-from benchtool.report.replay.page import STAND
-from benchtool.report.replay.replay_source import ReplaySource, read_recorded
+from benchtool.report.replay.replay_source import STAND, ReplaySource, read_recorded
 from benchtool.report.report_file import detect_kind
 from benchtool.report.result import Data, Found, Result, estimate_row, saved_paths
 from benchtool.report.style import look as figure_style

@@ -28,7 +28,7 @@ from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.compare.page import compare_runs
 from benchtool.report.compare.pooled import PooledFits
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
-from benchtool.report.replay.figures import ReplayedLog
+from benchtool.report.replay.page import ReplayedLog
 from benchtool.report.replay.replay_source import ReplaySource
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.simulate.flight.cases import flight_case
@@ -113,7 +113,7 @@ def log() -> ReplayedLog:
     recording = run.recording(study().setup.bench.model.rig, {})
     track = pitch_track(recording)
     recorded = ReplaySource(
-        path=Path("hinge"), recording=recording, facts={}, provenance={}, plan_text="", sha256="0"
+        path=Path("hinge"), recording=recording, facts={}, provenance={}, sha256="0"
     )
     replay = Replay(
         model="pitch_pquad", rig="pquad", time_s=track.time_s, theta_rad=track.theta_rad,

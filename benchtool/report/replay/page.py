@@ -1,143 +1,225 @@
-"""Report pages of a recording: log with simulated run, or test stand channels."""
+"""Page of a pitch or flight log with its simulated run, as in figures 26 to 30 of the paper."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from benchtool.core.array_type import Array
 from benchtool.core.plural import pluralize
-from benchtool.core.units import from_si
-from benchtool.data.derived import build_recording_context, derive_quantities
+from benchtool.core.schedule import PARKED_M
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.report.figure import Page, figure
-from benchtool.report.numbers import display_unit, format_number
-from benchtool.report.page import Block, Paragraph, Report, Table, Warnings
-from benchtool.report.palette import BLACK
-from benchtool.report.quantities import origins_table
-from benchtool.report.replay.figures import ReplayedLog
-from benchtool.report.replay.replay_source import ReplaySource, read_recorded, sections_behind
-from benchtool.report.sweep.samples import draw_samples, samples_height
+from benchtool.report.numbers import format_number
+from benchtool.report.page import Paragraph, Report, Table, Warnings
+from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
+from benchtool.report.panels import (
+    OVER,
+    broken_line,
+    rotor_color,
+    rotor_legend,
+    shade,
+    stack_panels,
+)
+from benchtool.report.replay.replay_source import (
+    STAND,
+    ReplaySource,
+    read_recorded,
+    sections_behind,
+)
+
+CLOSER_S = 5.0  # time shown before and after a surface interval
+MARGIN = 0.75  # of the recorded range, above and below it
+MIN_MARGIN_DEG = 1.0
+MAX_CLOSER = 6  # surface intervals that are enlarged; the first ones
 
 
-def _has_samples(recorded: ReplaySource) -> bool:
-    return "time_s" in recorded.recording and "thrust_N" in recorded.recording
+@dataclass(frozen=True, slots=True, eq=False)
+class ReplayedLog:
+    """Resampled recording with its simulated run."""
+
+    recorded: ReplaySource
+    track: PitchTrack
+    inputs: ReplayInputs
+    replay: Replay | None = None
+    warnings: Sequence[str] = ()
+
+    @property
+    def simulated(self) -> bool:
+        return self.recorded.recording.simulated
+
+    @property
+    def simulation(self) -> str:
+        """One sentence on the simulated run."""
+        replay = self.replay
+        if replay is not None:
+            remark = " It deviates from the log." if replay.warning else ""
+            vehicle = f"model {replay.model} on rig {replay.rig}"
+            return f"Simulated: {vehicle}; {replay.description}.{remark}"
+        if self.inputs.model:
+            return "Not simulated; see the warnings for missing data."
+        return "Not simulated; a simulated run needs --model."
+
+    @property
+    def height_m(self) -> Array:
+        """Distance sensor reading, else plate position (n,); nan when parked."""
+        sensor, plate = self.track.distance_m, self.track.plate_z_m
+        near = plate < PARKED_M
+        if np.isfinite(sensor).any() or not near.any():
+            return sensor
+        return np.where(near, plate, np.nan)
+
+    @property
+    def intervals(self) -> list[tuple[float, float]]:
+        """Start and end (s) of the intervals with a rotor over a surface."""
+        time_s = self.track.time_s
+        return [(float(time_s[first]), float(time_s[last])) for first, last in self.track.visits]
+
+    def rotors(self, first: int, last: int) -> str:
+        """Return the numbers of the rotors over a surface in a row range."""
+        numbers = self.track.rotors_over(first, last)
+        if len(numbers) == len(self.track.over) > 1:
+            return "all"
+        return ", ".join(map(str, numbers))
+
+
+def _has_values(values: Array) -> bool:
+    return bool(values.size and np.isfinite(values).any())
+
+
+Panel = Callable[[Axes, ReplayedLog], None]
+
+
+def _panels(log: ReplayedLog) -> list[Panel]:
+    """Return the panels with data, from top to bottom."""
+    track = log.track
+    torque = _has_values(track.torque_Nm) or _has_values(track.disturbance_Nm)
+    panels: list[tuple[bool, Panel]] = [
+        (True, _pitch),
+        (_has_values(track.pwm_us), _pulses),
+        (_has_values(track.rpm), _speeds),
+        (torque, _torque),
+        (_has_values(log.height_m), _height),
+    ]
+    return [panel for has_data, panel in panels if has_data]
 
 
 @figure(
-    page="replay.stand",
-    title="Samples: {0.name}",
-    caption="Samples of the recording after import.",
-    when=_has_samples,
-    height_in=lambda recorded: samples_height(recorded.recording),
+    title="Log: {0.recorded.name}",
+    caption="Pitch with its reference, and the other channels of the log; green: rotor over a "
+    "surface, as in figures 26 to 30 of the paper. {0.simulation}",
+    height_in=lambda log: 2.2 + 1.25 * len(_panels(log)),
 )
-def samples(figure: Figure, recorded: ReplaySource) -> None:
-    """Draw the signals of a recording as stacked panels."""
-    draw_samples(figure, recorded.recording)
-
-
-def _has_thrust_and_speed(recorded: ReplaySource) -> NDArray[np.bool_]:
-    recording = recorded.recording
-    if "thrust_N" not in recording or "rpm1" not in recording:
-        return np.zeros(len(recording), bool)
-    return np.isfinite(recording.to_si("rpm1")) & np.isfinite(recording.to_si("thrust_N"))
+def log(figure: Figure, log: ReplayedLog) -> None:
+    """Draw the whole log: attitude, and below outputs, speeds, torque and height."""
+    draw, time_s = _panels(log), log.track.time_s
+    panels = stack_panels(figure, [2.0] + [1.0] * (len(draw) - 1))
+    for axes, panel in zip(panels, draw, strict=True):
+        shade(axes, log.intervals)
+        panel(axes, log)
+    panels[-1].set_xlabel("time [s]")
+    panels[0].set_xlim(float(time_s[0]), float(time_s[-1]))
+    figure.align_ylabels(panels)
+    _legend(figure, log)
 
 
 @figure(
-    page="replay.stand",
-    title="Thrust against speed of rotor 1: {0.name}",
-    caption="Thrust against rotor speed per sample; the file contains no plate distance.",
-    when=lambda recorded: bool(_has_thrust_and_speed(recorded).any()),
-    height_in=4.4,
+    title="Enlarged: over the surface",
+    caption="Pitch around each surface interval. {0.simulation}",
+    when=lambda log: bool(log.intervals),
+    height_in=lambda log: 1.2 + 1.75 * min(len(log.intervals), MAX_CLOSER),
 )
-def thrust(figure: Figure, recorded: ReplaySource) -> None:
-    """Draw thrust against rotor speed."""
-    axes, rows = figure.subplots(), _has_thrust_and_speed(recorded)
-    rpm = from_si(recorded.recording.to_si("rpm1")[rows], "rpm")
-    thrust_N = recorded.recording.to_si("thrust_N")[rows]
-    axes.plot(rpm, thrust_N, "s", ms=4.2, color=BLACK, label="samples of the recording")
-    axes.set_ylabel("thrust [N]")
-    axes.set_xlabel("rotor speed [rpm]")
-    axes.legend(loc="upper left")
-
-
-def _quantities(recorded: ReplaySource) -> Block | None:
-    if recorded.is_run:
-        return None
-    quantities = derive_quantities(
-        recorded.recording, build_recording_context(recorded.facts, str(recorded.path))
-    )
-    return origins_table(quantities) if quantities else None
-
-
-def _nothing_drawn(recorded: ReplaySource) -> Block | None:
-    if _has_samples(recorded) or _has_thrust_and_speed(recorded).any():
-        return None
-    return Paragraph("The recording contains neither thrust nor attitude; see the channels below.")
-
-
-def _ranges(recorded: ReplaySource) -> Block:
-    rows = []
-    for channel in recorded.recording.channels:
-        values = recorded.recording.column(channel.name)
-        finite = values[np.isfinite(values)]
-        numbers = ["–"] * 3
-        if finite.size:
-            numbers = [
-                format_number(statistic(finite), ".5g") for statistic in (np.min, np.median, np.max)
-            ]
-        unit = "µs" if channel.unit == "pwm_us" else display_unit(channel.unit)
-        rows.append((channel.name, unit, str(finite.size), *numbers))
-    heads = ("channel", "unit", "values", "minimum", "median", "maximum")
-    return Table("Range of each channel.", heads, rows, text_columns=2)
-
-
-def stand_summary(recorded: ReplaySource) -> str:
-    """Return a summary of a recording without attitude."""
-    recording = recorded.recording
-    duration = ""
-    if "time_s" in recording and np.isfinite(recording.to_si("time_s")).any():
-        duration = f" over {np.nanmax(recording.to_si('time_s')):.4g} s"
-    rows, channels = pluralize(len(recording), "row"), pluralize(len(recording.names), "channel")
-    summary = f"{recorded.name}: {rows} of {channels}{duration}."
-    if "thrust_N" in recording and np.isfinite(thrust := recording.to_si("thrust_N")).any():
-        minimum, maximum = (
-            format_number(statistic(thrust), ".4g") for statistic in (np.nanmin, np.nanmax)
+def closer(figure: Figure, log: ReplayedLog) -> None:
+    """Draw the attitude around each of the first surface intervals."""
+    time_s, shown_intervals = log.track.time_s, log.intervals[:MAX_CLOSER]
+    panels = stack_panels(figure, [1.0] * len(shown_intervals), sharex=False)
+    for axes, (start_s, end_s) in zip(panels, shown_intervals, strict=True):
+        margin_s = min(CLOSER_S, max(1.0, 0.5 * (end_s - start_s)))
+        shade(axes, log.intervals)
+        _pitch(axes, log, (start_s - margin_s, end_s + margin_s))
+        axes.set_xlim(
+            max(start_s - margin_s, float(time_s[0])), min(end_s + margin_s, float(time_s[-1]))
         )
-        summary += f" Thrust from {minimum} to {maximum} N."
-    return summary
+    panels[-1].set_xlabel("time [s]")
+    _legend(figure, log)
 
 
-STAND = Page(
-    "replay.stand",
-    [
-        ("What was recorded", ["samples", "thrust", _nothing_drawn, _ranges, _quantities]),
-        sections_behind,
-    ],
-    title="Recording: {0.name}",
-    summary=stand_summary,
-)
+def _pitch(axes: Axes, log: ReplayedLog, interval: tuple[float, float] | None = None) -> None:
+    track, replay = log.track, log.replay
+    start_s, end_s = interval or (-np.inf, np.inf)
+    rows = (track.time_s >= start_s) & (track.time_s <= end_s)
+    reference, theta = np.degrees(track.reference_rad[rows]), np.degrees(track.theta_rad[rows])
+    broken_line(axes, track.time_s[rows], reference, color=GREY, lw=1.1, ls="--")
+    broken_line(axes, track.time_s[rows], theta, color=VERMILION, lw=1.2, zorder=2.2)
+    if replay is not None and _has_values(replay.theta_rad):
+        simulated_rows = (replay.time_s >= start_s) & (replay.time_s <= end_s)
+        simulated = np.degrees(replay.theta_rad[simulated_rows])
+        broken_line(axes, replay.time_s[simulated_rows], simulated, color=BLUE, lw=1.0, zorder=2.4)
+    axes.set_ylabel("pitch [deg]\n(nose down +)")
+    values = np.concatenate([theta, reference])
+    if np.isfinite(values).any():
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        margin = max(MARGIN * (high - low), MIN_MARGIN_DEG)
+        bottom, top = axes.get_ylim()
+        axes.set_ylim(max(bottom, low - margin), min(top, high + margin))
 
 
-def recording_page(path: Path, replay_inputs: ReplayInputs, commands: Sequence[str] = ()) -> Report:
-    """Return the report page of a recording; with a model, it includes a simulated run."""
-    recorded = read_recorded(path)
-    if not {"theta_rad", "time_s"} <= set(recorded.recording.names):
-        replay_inputs.check_unused("this recording has no attitude")
-        return STAND.report(recorded, commands)
-    track = pitch_track(recorded.recording, replay_inputs.motors)
-    replay, missing = None, list[str]()
-    if replay_inputs.model:
-        rig = rig_for_data([str(recorded.path)], replay_inputs.model, replay_inputs.rig)
-        replay, missing = run_replay(track, replay_inputs, recorded.provenance, rig)
-    log = ReplayedLog(recorded, track, replay_inputs, replay, [*missing, *track.remarks])
-    return REPLAY.report(log, commands)
+def _pulses(axes: Axes, log: ReplayedLog) -> None:
+    for rotor, row in enumerate(log.track.pwm_us):
+        broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
+    if log.replay is not None:
+        for rotor, row in enumerate(log.replay.pwm_us):
+            style = {"color": rotor_color(rotor), "lw": 0.8, "ls": ":", "zorder": 1.9}
+            broken_line(axes, log.replay.time_s, row, **style)
+    axes.set_ylabel("outputs\n[µs]")
+    rotor_legend(axes, len(log.track.pwm_us))
+
+
+def _speeds(axes: Axes, log: ReplayedLog) -> None:
+    for rotor, row in enumerate(log.track.rpm):
+        broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
+    axes.set_ylabel("speeds\n[rpm]")
+    if not len(log.track.pwm_us):
+        rotor_legend(axes, len(log.track.rpm))
+
+
+def _torque(axes: Axes, log: ReplayedLog) -> None:
+    axes.axhline(0.0, color=GREY, lw=0.8)
+    track, replay = log.track, log.replay
+    if _has_values(track.torque_Nm):
+        broken_line(axes, track.time_s, 1e3 * track.torque_Nm, color=GREY, lw=0.8)
+    if _has_values(track.disturbance_Nm):
+        broken_line(axes, track.time_s, 1e3 * track.disturbance_Nm, color=VERMILION, lw=1.1)
+        if replay is not None and _has_values(replay.disturbance_Nm):
+            broken_line(axes, replay.time_s, 1e3 * replay.disturbance_Nm, color=BLUE, lw=1.0)
+    axes.set_ylabel("torque\n[mN m]")
+
+
+def _height(axes: Axes, log: ReplayedLog) -> None:
+    broken_line(axes, log.track.time_s, log.height_m, color=BLACK, lw=0.9)
+    axes.set_ylabel("surface\nbelow [m]")
+
+
+def _legend(figure: Figure, log: ReplayedLog) -> None:
+    handles: list[Patch | Line2D] = [Line2D([], [], color=VERMILION, lw=1.4, label="recorded")]
+    if _has_values(log.track.reference_rad):
+        handles.append(Line2D([], [], color=GREY, lw=1.2, ls="--", label="reference"))
+    if log.replay is not None and _has_values(log.replay.theta_rad):
+        source = "closed loop" if log.replay.driven_by == "controller" else "logged pulses"
+        label = f"simulated, {'deviates from the log' if log.replay.warning else source}"
+        handles.append(Line2D([], [], color=BLUE, lw=1.4, label=label))
+    if log.intervals:
+        handles.append(Patch(facecolor=OVER, lw=0.0, label="rotor over a surface"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
 def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
@@ -270,3 +352,18 @@ REPLAY = Page(
     summary=_sentence,
     highlights=_highlights,
 )
+
+
+def recording_page(path: Path, replay_inputs: ReplayInputs, commands: Sequence[str] = ()) -> Report:
+    """Return the report page of a recording; with a model, it includes a simulated run."""
+    recorded = read_recorded(path)
+    if not {"theta_rad", "time_s"} <= set(recorded.recording.names):
+        replay_inputs.check_unused("this recording has no attitude")
+        return STAND.report(recorded, commands)
+    track = pitch_track(recorded.recording, replay_inputs.motors)
+    replay, missing = None, list[str]()
+    if replay_inputs.model:
+        rig = rig_for_data([str(recorded.path)], replay_inputs.model, replay_inputs.rig)
+        replay, missing = run_replay(track, replay_inputs, recorded.provenance, rig)
+    log = ReplayedLog(recorded, track, replay_inputs, replay, [*missing, *track.remarks])
+    return REPLAY.report(log, commands)

@@ -1,4 +1,4 @@
-"""Recording with its metadata files, and page sections on its provenance."""
+"""Recording with its metadata files, and its page: ranges, stand figures, provenance."""
 
 from __future__ import annotations
 
@@ -7,11 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
 from benchtool import __version__
 from benchtool.core.errors import FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.units import from_si
 from benchtool.data.atomic import data_hash, file_hash
-from benchtool.data.derived import add_quantities, build_recording_context
+from benchtool.data.derived import add_quantities, build_recording_context, derive_quantities
 from benchtool.data.formats.formats import import_file
 from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.read import read_pitch
@@ -19,7 +25,11 @@ from benchtool.data.run.recording_file import FORMAT, metadata_path, read_record
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_metadata import read_recording_facts
 from benchtool.explain.pitch.replay import read_provenance
+from benchtool.report.figure import Page, figure
+from benchtool.report.numbers import display_unit, format_number
 from benchtool.report.page import Block, FactTable, Listing, Paragraph, Section, Table
+from benchtool.report.palette import BLACK
+from benchtool.report.quantities import origins_table
 from benchtool.report.run_facts import (
     MISSING_VALUE,
     air_facts,
@@ -29,6 +39,7 @@ from benchtool.report.run_facts import (
     run_state_table,
     version_facts,
 )
+from benchtool.report.sweep.samples import draw_samples, samples_height
 
 PLAN = "Plan of the experiment (plan.toml)."
 MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
@@ -42,7 +53,6 @@ class ReplaySource:
     recording: Recording
     facts: Mapping[str, Any]  # metadata of a run, or of the JSON file of a recording
     provenance: Mapping[str, str]  # controller, gains and so on
-    plan_text: str  # "" for a file
     sha256: str
 
     @property
@@ -68,7 +78,7 @@ def read_recorded(path: Path) -> ReplaySource:
     """Read a pitch run, a recording file with its metadata, or a log of another program."""
     if path.is_dir():
         run = Run.open(path)
-        facts, recording, plan_text = run.metadata, read_pitch(path), run.plan_text
+        facts, recording = run.metadata, read_pitch(path)
         provenance: Mapping[str, str] = read_provenance(facts)
         sha256 = data_hash(path)
     else:
@@ -81,13 +91,12 @@ def read_recorded(path: Path) -> ReplaySource:
         else:
             imported = import_file(path)
             facts, recording = import_metadata(imported, ImportOptions()), imported.recording
-        provenance, plan_text, sha256 = recording.provenance, "", file_hash(path)
+        provenance, sha256 = recording.provenance, file_hash(path)
     return ReplaySource(
         path=path,
         recording=recording,
         facts=facts,
         provenance=provenance,
-        plan_text=plan_text,
         sha256=sha256,
     )
 
@@ -105,7 +114,7 @@ def sections_behind(recorded: ReplaySource) -> list[Section]:
         return [
             Section("Rig and device", [FactTable(rig_facts(facts) | device_facts(facts))]),
             Section("Conditions and calibration", [FactTable(conditions)]),
-            Section("Experiment", [Listing(PLAN, recorded.plan_text)]),
+            Section("Experiment", [Listing(PLAN, Run.open(recorded.path).plan_text)]),
             Section("Software and data", [FactTable(hashes)]),
         ]
     provenance = {key: value for key, value in recording.provenance.items() if value}
@@ -166,3 +175,102 @@ def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -
     caption = "Findings of the import: repairs, doubts, rejected and missing data."
     heads = ("kind", "finding", "channel", "text")
     return [*blocks, Table(caption, heads, rows, text_columns=4)]
+
+
+def _has_samples(recorded: ReplaySource) -> bool:
+    return "time_s" in recorded.recording and "thrust_N" in recorded.recording
+
+
+@figure(
+    page="replay.stand",
+    title="Samples: {0.name}",
+    caption="Samples of the recording after import.",
+    when=_has_samples,
+    height_in=lambda recorded: samples_height(recorded.recording),
+)
+def samples(figure: Figure, recorded: ReplaySource) -> None:
+    """Draw the signals of a recording as stacked panels."""
+    draw_samples(figure, recorded.recording)
+
+
+def _has_thrust_and_speed(recorded: ReplaySource) -> NDArray[np.bool_]:
+    recording = recorded.recording
+    if "thrust_N" not in recording or "rpm1" not in recording:
+        return np.zeros(len(recording), bool)
+    return np.isfinite(recording.to_si("rpm1")) & np.isfinite(recording.to_si("thrust_N"))
+
+
+@figure(
+    page="replay.stand",
+    title="Thrust against speed of rotor 1: {0.name}",
+    caption="Thrust against rotor speed per sample; the file contains no plate distance.",
+    when=lambda recorded: bool(_has_thrust_and_speed(recorded).any()),
+    height_in=4.4,
+)
+def thrust(figure: Figure, recorded: ReplaySource) -> None:
+    """Draw thrust against rotor speed."""
+    axes, rows = figure.subplots(), _has_thrust_and_speed(recorded)
+    rpm = from_si(recorded.recording.to_si("rpm1")[rows], "rpm")
+    thrust_N = recorded.recording.to_si("thrust_N")[rows]
+    axes.plot(rpm, thrust_N, "s", ms=4.2, color=BLACK, label="samples of the recording")
+    axes.set_ylabel("thrust [N]")
+    axes.set_xlabel("rotor speed [rpm]")
+    axes.legend(loc="upper left")
+
+
+def _quantities(recorded: ReplaySource) -> Block | None:
+    if recorded.is_run:
+        return None
+    quantities = derive_quantities(
+        recorded.recording, build_recording_context(recorded.facts, str(recorded.path))
+    )
+    return origins_table(quantities) if quantities else None
+
+
+def _nothing_drawn(recorded: ReplaySource) -> Block | None:
+    if _has_samples(recorded) or _has_thrust_and_speed(recorded).any():
+        return None
+    return Paragraph("The recording contains neither thrust nor attitude; see the channels below.")
+
+
+def _ranges(recorded: ReplaySource) -> Block:
+    rows = []
+    for channel in recorded.recording.channels:
+        values = recorded.recording.column(channel.name)
+        finite = values[np.isfinite(values)]
+        numbers = ["–"] * 3
+        if finite.size:
+            numbers = [
+                format_number(statistic(finite), ".5g") for statistic in (np.min, np.median, np.max)
+            ]
+        unit = "µs" if channel.unit == "pwm_us" else display_unit(channel.unit)
+        rows.append((channel.name, unit, str(finite.size), *numbers))
+    heads = ("channel", "unit", "values", "minimum", "median", "maximum")
+    return Table("Range of each channel.", heads, rows, text_columns=2)
+
+
+def stand_summary(recorded: ReplaySource) -> str:
+    """Return a summary of a recording without attitude."""
+    recording = recorded.recording
+    duration = ""
+    if "time_s" in recording and np.isfinite(recording.to_si("time_s")).any():
+        duration = f" over {np.nanmax(recording.to_si('time_s')):.4g} s"
+    rows, channels = pluralize(len(recording), "row"), pluralize(len(recording.names), "channel")
+    summary = f"{recorded.name}: {rows} of {channels}{duration}."
+    if "thrust_N" in recording and np.isfinite(thrust := recording.to_si("thrust_N")).any():
+        minimum, maximum = (
+            format_number(statistic(thrust), ".4g") for statistic in (np.nanmin, np.nanmax)
+        )
+        summary += f" Thrust from {minimum} to {maximum} N."
+    return summary
+
+
+STAND = Page(
+    "replay.stand",
+    [
+        ("What was recorded", ["samples", "thrust", _nothing_drawn, _ranges, _quantities]),
+        sections_behind,
+    ],
+    title="Recording: {0.name}",
+    summary=stand_summary,
+)
