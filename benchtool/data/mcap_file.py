@@ -78,28 +78,20 @@ def write_mcap(
         writer.add_metadata("benchtool", facts)
         for first in range(0, len(recording), rows):
             values = recording.values[first : first + rows]
-            data = _messages(values, names, layout)
-            for row, time_ns in enumerate(_times_ns(values, names, start_ns)):
+            records = np.zeros(len(values), layout)
+            for index, name in enumerate(names):
+                records[f"t{index}"] = _tag(index, name in WORDS)
+                records[f"v{index}"] = values[:, index]
+            data = records.tobytes()
+            time_s = (
+                values[:, names.index("time_s")] if "time_s" in names else np.zeros(len(values))
+            )
+            since_ns = np.round(np.nan_to_num(time_s) * 1e9).astype(np.int64)
+            for row, time_ns in enumerate(np.maximum(since_ns + start_ns, 0).tolist()):
                 message = data[row * size + _HEAD_BYTES : (row + 1) * size]
                 sequence = (first + row) & 0xFFFFFFFF
                 writer.add_message(channel, time_ns, message, time_ns, sequence)
         writer.finish()
-
-
-def _times_ns(values: Array, names: list[str], start_ns: int) -> list[int]:
-    time_s = values[:, names.index("time_s")] if "time_s" in names else np.zeros(len(values))
-    since_ns = np.round(np.nan_to_num(time_s) * 1e9).astype(np.int64)
-    times_ns: list[int] = np.maximum(since_ns + start_ns, 0).tolist()
-    return times_ns
-
-
-def _messages(values: Array, names: list[str], layout: np.dtype[Any]) -> bytes:
-    """Return concatenated messages of rows (m, c), each with space for its header."""
-    records = np.zeros(len(values), layout)
-    for index, name in enumerate(names):
-        records[f"t{index}"] = _tag(index, name in WORDS)
-        records[f"v{index}"] = values[:, index]
-    return records.tobytes()
 
 
 def _tag(index: int, is_word: bool) -> NDArray[np.uint8]:

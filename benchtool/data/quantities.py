@@ -70,28 +70,6 @@ def _sum_of_powers(speed_rad_s: Array, exponent: int) -> Array:
     return np.asarray(np.sum(turns_per_s**exponent, axis=0), float)
 
 
-def _ct(thrust_N: Array, speed_rad_s: Array, density_kg_m3: float, diameter_m: float) -> Array:
-    return _over(thrust_N, density_kg_m3 * _sum_of_powers(speed_rad_s, 2) * diameter_m**4)
-
-
-def _cp(
-    mechanical_power_W: Array, speed_rad_s: Array, density_kg_m3: float, diameter_m: float
-) -> Array:
-    return _over(mechanical_power_W, density_kg_m3 * _sum_of_powers(speed_rad_s, 3) * diameter_m**5)
-
-
-def _mach(speed_rad_s: Array, diameter_m: float, air_degC: float) -> Array:
-    speed_m_s = 0.5 * diameter_m * np.max(speed_rad_s, axis=0)
-    return np.asarray(speed_m_s / sound_speed_m_s(air_degC), float)
-
-
-def _reynolds(
-    speed_rad_s: Array, diameter_m: float, chord_m: float, density_kg_m3: float, air_degC: float
-) -> Array:
-    speed_m_s = CHORD_RADIUS * 0.5 * diameter_m * np.max(speed_rad_s, axis=0)
-    return np.asarray(density_kg_m3 * speed_m_s * chord_m / viscosity_Pa_s(air_degC), float)
-
-
 PROPELLER_CONVENTION = "propeller convention: n in turns per second, D the diameter (Brandt and "
 PROPELLER_CONVENTION += (
     "Selig, AIAA 2011-1255); with several rotors n^2 and n^3 are summed over them"
@@ -133,11 +111,17 @@ QUANTITIES: tuple[Quantity, ...] = (
         of=lambda thrust_N, mechanical_power_W: _over(thrust_N, mechanical_power_W),
     ),
     Quantity(
-        name="ct", symbol="C_T", title="thrust coefficient", formula="T/(rho n^2 D^4)", of=_ct,
+        name="ct", symbol="C_T", title="thrust coefficient", formula="T/(rho n^2 D^4)",
+        of=lambda thrust_N, speed_rad_s, density_kg_m3, diameter_m: _over(
+            thrust_N, density_kg_m3 * _sum_of_powers(speed_rad_s, 2) * diameter_m**4
+        ),
         source=PROPELLER_CONVENTION,
     ),
     Quantity(
-        name="cp", symbol="C_P", title="power coefficient", formula="P_mech/(rho n^3 D^5)", of=_cp,
+        name="cp", symbol="C_P", title="power coefficient", formula="P_mech/(rho n^3 D^5)",
+        of=lambda mechanical_power_W, speed_rad_s, density_kg_m3, diameter_m: _over(
+            mechanical_power_W, density_kg_m3 * _sum_of_powers(speed_rad_s, 3) * diameter_m**5
+        ),
         source=PROPELLER_CONVENTION,
     ),
     Quantity(
@@ -148,12 +132,19 @@ QUANTITIES: tuple[Quantity, ...] = (
         "(Leishman, Principles of Helicopter Aerodynamics, 2006, section 2.8)",
     ),
     Quantity(
-        name="tip_mach", symbol="M_tip", title="tip Mach number", formula="w R/a", of=_mach,
+        name="tip_mach", symbol="M_tip", title="tip Mach number", formula="w R/a",
+        of=lambda speed_rad_s, diameter_m, air_degC: (
+            0.5 * diameter_m * np.max(speed_rad_s, axis=0) / sound_speed_m_s(air_degC)
+        ),
         source="a = sqrt(1.4 287.053 K) of dry air (ISO 2533), K its temperature in kelvin",
     ),
     Quantity(
         name="reynolds_75", symbol="Re_75", title="Reynolds number at 75 % of the radius",
-        formula="rho (0.75 w R) c/mu", of=_reynolds,
+        formula="rho (0.75 w R) c/mu",
+        of=lambda speed_rad_s, diameter_m, chord_m, density_kg_m3, air_degC: (
+            density_kg_m3 * (CHORD_RADIUS * 0.5 * diameter_m * np.max(speed_rad_s, axis=0))
+            * chord_m / viscosity_Pa_s(air_degC)
+        ),
         source="c is the chord at 75 % of the radius; mu by Sutherland's law (U.S. Standard "
         "Atmosphere 1976, eq. 51)",
     ),

@@ -270,7 +270,11 @@ def _clean(streams: Sequence[Stream], findings: list[Finding]) -> tuple[list[Str
             values[is_infinite] = np.nan
         if is_good.any():
             retained.append(replace(stream, time_us=stream.time_us[is_good], columns=columns))
-    retained = [_drop_blank(stream, findings) for stream in retained]
+    for stream in retained:
+        for name in [name for name, values in stream.columns.items() if np.isnan(values).all()]:
+            text = f"{stream.source} has no number for it"
+            findings.append(Finding("lacks", "blank channel", text, name))
+            del stream.columns[name]
     retained = [stream for stream in retained if stream.columns]
     if n_strange:
         text = f"{pluralize(n_strange, 'message')} stamped days away from the others"
@@ -279,16 +283,6 @@ def _clean(streams: Sequence[Stream], findings: list[Finding]) -> tuple[list[Str
         text = f"{pluralize(n_infinite, 'infinite value')} blanked"
         findings.append(Finding("repaired", "infinite numbers", text, count=n_infinite))
     return retained, n_strange
-
-
-def _drop_blank(stream: Stream, findings: list[Finding]) -> Stream:
-    blank = [name for name, values in stream.columns.items() if np.isnan(values).all()]
-    if not blank:
-        return stream
-    text = f"{stream.source} has no number for it"
-    findings += [Finding("lacks", "blank channel", text, name) for name in blank]
-    columns = {name: values for name, values in stream.columns.items() if name not in blank}
-    return replace(stream, columns=columns)
 
 
 def _gaps(streams: Sequence[Stream]) -> list[Finding]:

@@ -52,9 +52,7 @@ def build_entry(folder: RunsFolder, name: str) -> Entry:
     try:
         labels = read_labels(path)
         entry = replace(entry, tags=labels.tags, notes=labels.notes)
-        entry = (
-            _READERS[kind](entry, path) if kind else replace(entry, problem=_unknown_problem(path))
-        )
+        entry = _READERS[kind](entry, path)
     except BenchtoolError as error:
         entry = replace(entry, problem=str(error))
     except KeyError as error:
@@ -120,9 +118,10 @@ def read_result(folder: Path) -> dict[str, Any]:
     return tables
 
 
-def _unknown_problem(path: Path) -> str:
+def _unknown(entry: Entry, path: Path) -> Entry:
     contents = ", ".join(sorted(item.name for item in path.iterdir())[:6]) if path.is_dir() else ""
-    return f"it contains no run, fit or table (contents: {contents or 'none'})"
+    problem = f"it contains no run, fit or table (contents: {contents or 'none'})"
+    return replace(entry, problem=problem)
 
 
 def _modification_time(path: Path) -> datetime | None:
@@ -235,6 +234,7 @@ def _csv(entry: Entry, path: Path) -> Entry:
 
 
 _READERS: dict[str, Callable[[Entry, Path], Entry]] = {
+    "": _unknown,
     "sweep": _run,
     "fit": _fit,
     "explanation": _explanation,
