@@ -70,6 +70,9 @@ def write_mcap(
     }
     layout = _layout(names)
     size, rows = layout.itemsize, max(1, CHUNK_BYTES // layout.itemsize)
+    time_s = recording.column("time_s") if "time_s" in recording else np.zeros(len(recording))
+    since_ns = np.round(np.nan_to_num(time_s) * 1e9).astype(np.int64)
+    times_ns = np.maximum(since_ns + start_ns, 0)
     with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
         writer = mcap.Writer(file, chunk_size=CHUNK_BYTES)
         writer.start(library="benchtool")
@@ -83,11 +86,7 @@ def write_mcap(
                 records[f"t{index}"] = _tag(index, name in WORDS)
                 records[f"v{index}"] = values[:, index]
             data = records.tobytes()
-            time_s = (
-                values[:, names.index("time_s")] if "time_s" in names else np.zeros(len(values))
-            )
-            since_ns = np.round(np.nan_to_num(time_s) * 1e9).astype(np.int64)
-            for row, time_ns in enumerate(np.maximum(since_ns + start_ns, 0).tolist()):
+            for row, time_ns in enumerate(times_ns[first : first + rows].tolist()):
                 message = data[row * size + _HEAD_BYTES : (row + 1) * size]
                 sequence = (first + row) & 0xFFFFFFFF
                 writer.add_message(channel, time_ns, message, time_ns, sequence)
