@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.data.repairs.foreign_units import is_unit, parse_header_cell
+from benchtool.data.column_map import is_unit, parse_header_cell
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 

@@ -21,12 +21,12 @@ from benchtool.core.rig_file import load_rig_by_name, parse_rig
 from benchtool.data.column_map import (
     RADII_PER_UNIT,
     column_map_to_toml,
+    find_conversion,
     guess_columns,
     name_and_unit,
 )
 from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.repairs.foreign_units import find_conversion
 from benchtool.data.run.read import is_run, load_rig_for_data
 from benchtool.data.table import RowFilter, filter_rows, read_table
 from benchtool.physics.model_file import model_names, read_model_head

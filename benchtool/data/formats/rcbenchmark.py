@@ -12,10 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from benchtool.core.array_type import Array
-from benchtool.data.column_map import MappedColumn
+from benchtool.data.column_map import MappedColumn, parse_header_cell
 from benchtool.data.csv_text import parse_rows
 from benchtool.data.repairs.column_mapping import map_header, read_columns
-from benchtool.data.repairs.foreign_units import parse_header_cell
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"

@@ -18,14 +18,15 @@ from benchtool.core.table_bounds import MAX_NUMBER
 from benchtool.data.column_map import (
     IDENTITY,
     MappedColumn,
+    find_conversion,
     map_column,
     match_channel,
+    parse_header_cell,
     read_column_map,
 )
 from benchtool.data.csv_header import find_header, most_frequent_delimiter, normalise_rows
 from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows, parse_rows
 from benchtool.data.parquet import plain_values
-from benchtool.data.repairs.foreign_units import find_conversion, parse_header_cell
 from benchtool.data.repairs.import_result import (
     Finding,
     ImportCount,

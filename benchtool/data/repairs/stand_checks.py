@@ -22,15 +22,15 @@ MAX_POLE_PAIRS = 14  # motors with more than 28 magnets are rare
 LIKELY_EFFICIENCY = 0.9  # upper limit; small brushless motors reach about 85 %
 
 
-def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
-    """Return the nearest ratio of small whole numbers, None if it is 1 or not within `within`."""
+def small_ratio(ratio: float) -> Fraction | None:
+    """Return the nearest ratio of small whole numbers, None if it is 1 or not within 3 %."""
     if not np.isfinite(ratio) or not 1.0 / MAX_POLE_PAIRS <= ratio <= MAX_POLE_PAIRS:
         return None
     best = min(
         (Fraction(p, q) for p in range(1, MAX_POLE_PAIRS + 1) for q in range(1, 8)),
         key=lambda fraction: abs(float(fraction) / ratio - 1.0) + 0.002 * fraction.denominator,
     )
-    return best if best != 1 and abs(float(best) / ratio - 1.0) < within else None
+    return best if best != 1 and abs(float(best) / ratio - 1.0) < 0.03 else None
 
 
 def check_speed_scale(recording: Recording) -> list[Finding]:

@@ -17,8 +17,7 @@ from benchtool.core.inputs import build_inputs
 from benchtool.data.catalogue.entry import ChoiceInputs, find_entries
 from benchtool.data.catalogue.index import index_folder, load_entries
 from benchtool.data.run import entry as run_list
-from benchtool.data.run.entry import Entry, build_entry
-from benchtool.data.run.entry import update_labels
+from benchtool.data.run.entry import Entry, build_entry, update_labels
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.commands.command_line import said
 from tests.unit.data.run_of import small_run

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError
+from benchtool.data.column_map import parse_header_cell
 from benchtool.data.csv_text import parse_csv, parse_rows
 from benchtool.data.repairs.column_mapping import parse_numbers
-from benchtool.data.repairs.foreign_units import parse_header_cell
 
 
 def test_spreadsheet_file_is_mended_with_words():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.data.repairs.foreign_units import find_conversion
+from benchtool.data.column_map import find_conversion
 from tests.unit.data.stand_logs import found, imported
 
 FLIGHT_STAND = "Time;Load [ozf];Torque (ozf in);Speed;Note\n0,0;1,5;0,1;50;a\n0,5;2,5;0,2;60;b\n"
