@@ -17,6 +17,7 @@ from benchtool.data.formats.flight_log import (
     RAD,
     MessageLog,
     Messages,
+    Scales,
     Stream,
     Times,
     ardupilot_motors,
@@ -26,6 +27,14 @@ from benchtool.data.formats.flight_log import (
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
+ATTITUDE: Scales = {
+    "theta_rad": ("pitch", -1.0),
+    "gyro_rad_s": ("pitchspeed", -1.0),
+    "roll_rad": ("roll", 1.0),
+    "roll_rate_rad_s": ("rollspeed", 1.0),
+    "yaw_rad": ("yaw", 1.0),
+    "yaw_rate_rad_s": ("yawspeed", 1.0),
+}
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")
 WANTED = (  # messages that are read, in addition to ESC_STATUS; others are only counted
     *("ATTITUDE", "ATTITUDE_TARGET", "NAV_CONTROLLER_OUTPUT", "SERVO_OUTPUT_RAW", "RPM"),
@@ -91,7 +100,7 @@ def read_mavlink(
     }
     log = replace(log, kinds=_convert_clocks(kinds, log.findings))
     streams = [
-        *_attitude(log["ATTITUDE"]),
+        *log["ATTITUDE"].stream(ATTITUDE),
         *_setpoints(log),
         *_outputs(log),
         *_speeds(log),
@@ -166,19 +175,6 @@ def _times(clock: AutopilotClock, messages: Messages) -> Times | None:
     if messages.source == "SERVO_OUTPUT_RAW":
         return clock.time_from_wrapped_us(stamps, messages.numbers("time_usec"))
     return clock.time_from_host(stamps)
-
-
-def _attitude(messages: Messages) -> list[Stream]:
-    return messages.stream(
-        {
-            "theta_rad": ("pitch", -1.0),
-            "gyro_rad_s": ("pitchspeed", -1.0),
-            "roll_rad": ("roll", 1.0),
-            "roll_rate_rad_s": ("rollspeed", 1.0),
-            "yaw_rad": ("yaw", 1.0),
-            "yaw_rate_rad_s": ("yawspeed", 1.0),
-        }
-    )
 
 
 def _setpoints(log: MessageLog) -> list[Stream]:
