@@ -307,27 +307,19 @@ def _by_setting(run: SweepRun) -> dict[tuple[float, float], tuple[float, float]]
 
 def facts_table(runs: Sequence[SweepRun]) -> Table:
     """Return a table of runs: rig, device, time, state, air, calibration, hash."""
-    columns = []
-    for run in runs:
-        air, state = air_facts(run.metadata), run_state_table(run.metadata)
-        columns.append(
-            {
-                "rig": run.rig.name,
-                "device": str(run.metadata.get("device_id", MISSING_VALUE)),
-                "started": state["started"],
-                "state": state["state"],
-                "air density": air.get("density", air["air"]),
-                "calibration": calibration_facts(run.metadata)["calibration"],
-                "points": str(len(run.points)),
-                "sha256 of the data": f"{run.sha256[:16]}…",
-            }
-        )
-    return Table(
-        "The runs.",
-        ("", *(run.name for run in runs)),
-        [(key, *(column[key] for column in columns)) for key in columns[0]],
-        text_columns=1 + len(runs),
-    )
+    facts = [run.metadata for run in runs]
+    states, airs = [*map(run_state_table, facts)], [*map(air_facts, facts)]
+    rows = [
+        ("rig", *(run.rig.name for run in runs)),
+        ("device", *(str(metadata.get("device_id", MISSING_VALUE)) for metadata in facts)),
+        ("started", *(state["started"] for state in states)),
+        ("state", *(state["state"] for state in states)),
+        ("air density", *(air.get("density", air["air"]) for air in airs)),
+        ("calibration", *(calibration_facts(metadata)["calibration"] for metadata in facts)),
+        ("points", *(str(len(run.points)) for run in runs)),
+        ("sha256 of the data", *(f"{run.sha256[:16]}…" for run in runs)),
+    ]
+    return Table("The runs.", ("", *(run.name for run in runs)), rows, text_columns=1 + len(runs))
 
 
 def _in_full(runs: Sequence[SweepRun]) -> list[Section]:
