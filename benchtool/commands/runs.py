@@ -46,7 +46,7 @@ def search(inputs: SearchInputs) -> None:
 
 
 def _list(inputs: ListInputs) -> None:
-    from benchtool.data.catalogue.entry import find_entries
+    from benchtool.data.catalogue.index import find_entries
 
     entries = find_entries(inputs, rebuild=inputs.rebuild)
     if inputs.paths:
@@ -92,7 +92,7 @@ class QueryInputs(ChoiceInputs):
 @command_from_inputs(QueryInputs)
 def query(inputs: QueryInputs) -> None:
     """Query points, samples and fits with SQL (DuckDB)."""
-    from benchtool.data.catalogue.entry import find_entries
+    from benchtool.data.catalogue.index import find_entries
     from benchtool.data.catalogue.query import run_query, write_result
 
     entries = find_entries(inputs)

@@ -144,19 +144,6 @@ def filter_entries(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, .
     )
 
 
-def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path, Entry]]:
-    """Return the selected entries of all folders, each with its path."""
-    from benchtool.data.catalogue.index import load_entries
-
-    selected = []
-    for root in by.folder:
-        if not root.is_dir():
-            raise InputError(f"there is no folder {root}; give a folder of runs")
-        entries = filter_entries(load_entries(root, rebuild=rebuild), by)
-        selected += [(root / entry.name, entry) for entry in entries]
-    return selected
-
-
 def _parse_condition(text: str) -> tuple[str, float, float]:
     """Return name and limits of a fitted parameter, from NAME or NAME=LOW..HIGH."""
     name, has_limits, limits = text.partition("=")

@@ -19,9 +19,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from benchtool.core.errors import BenchtoolError
+from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.data.atomic import make_folder
-from benchtool.data.catalogue.entry import SWEEPS, Entry, detect_kind
+from benchtool.data.catalogue.entry import SWEEPS, ChoiceInputs, Entry, detect_kind, filter_entries
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
@@ -155,6 +155,17 @@ def load_entries(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
                 rows = [(name, stamp, _to_json(entry)) for name, (stamp, entry) in changed.items()]
                 database.executemany("INSERT OR REPLACE INTO entry VALUES (?, ?, ?)", rows)
     return entries
+
+
+def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path, Entry]]:
+    """Return the selected entries of all folders, each with its path."""
+    selected = []
+    for root in by.folder:
+        if not root.is_dir():
+            raise InputError(f"there is no folder {root}; give a folder of runs")
+        entries = filter_entries(load_entries(root, rebuild=rebuild), by)
+        selected += [(root / entry.name, entry) for entry in entries]
+    return selected
 
 
 def _open_index(folder: Path) -> sqlite3.Connection:

@@ -18,7 +18,8 @@ from benchtool.core.inputs import build_inputs
 from benchtool.core.plural import pluralize
 from benchtool.core.table_bounds import MAX_TABLE_BYTES
 from benchtool.core.user_file import read_file
-from benchtool.data.catalogue.entry import SWEEPS, ChoiceInputs, Entry, find_entries
+from benchtool.data.catalogue.entry import SWEEPS, ChoiceInputs, Entry
+from benchtool.data.catalogue.index import find_entries
 from benchtool.data.columns import WORDS
 from benchtool.data.parquet import load_extra
 from benchtool.data.run.state import state_folder

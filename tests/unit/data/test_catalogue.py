@@ -14,8 +14,8 @@ import pytest
 import benchtool as bt
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
-from benchtool.data.catalogue.entry import ChoiceInputs, find_entries
-from benchtool.data.catalogue.index import index_folder, load_entries
+from benchtool.data.catalogue.entry import ChoiceInputs
+from benchtool.data.catalogue.index import find_entries, index_folder, load_entries
 from benchtool.data.run import entry as run_list
 from benchtool.data.run.entry import Entry, build_entry, update_labels
 from benchtool.data.run.runs_folder import RunsFolder
