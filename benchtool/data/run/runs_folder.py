@@ -143,7 +143,7 @@ def parse_upload(data: bytes, name: str) -> CsvTable:
             f"it has {len(table.header)} columns; allowed: {MAX_COLUMNS}; keep only the columns "
             f"needed for a fit",
         )
-    if not table.rows:
+    if not len(table.rows):
         raise empty_table_error(name, table.header)
     return table
 
