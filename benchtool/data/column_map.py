@@ -33,8 +33,7 @@ _SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, 
     "": "1",
 }
 
-_FORCE_OF_MASS: dict[str, str] = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
-"""Unit of weight by unit of mass, for a thrust in a unit of mass."""
+_FORCE_OF_MASS: dict[str, str] = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}  # weight
 
 _TURNS: frozenset[str] = frozenset({"Hz", "rps", "rev/s", "1/s"})  # pint takes Hz for rad/s
 
@@ -127,11 +126,10 @@ def _through_pint(unit: str, target: str, text: str) -> Conversion:
     return Conversion(at_one - at_zero, at_zero)
 
 
-_PINT_FAULTS = (
+_PINT_FAULTS = (  # for text that is not a unit (UndefinedUnitError is an AttributeError)
     *(AttributeError, ValueError, TypeError, KeyError, SyntaxError, AssertionError),
     *(ArithmeticError, RecursionError, NotImplementedError, tokenize.TokenError),
 )
-"""Exceptions of pint for text that is not a unit (UndefinedUnitError is an AttributeError)."""
 
 
 @cache

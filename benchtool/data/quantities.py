@@ -75,7 +75,7 @@ PROPELLER_CONVENTION += (
     "Selig, AIAA 2011-1255); with several rotors n^2 and n^3 are summed over them"
 )
 
-QUANTITIES: tuple[Quantity, ...] = (
+QUANTITIES: tuple[Quantity, ...] = (  # each after its arguments
     Quantity(
         name="power_W", symbol="P_el", title="electrical power", formula="U I",
         of=lambda voltage_V, current_A: voltage_V * current_A,
@@ -149,7 +149,6 @@ QUANTITIES: tuple[Quantity, ...] = (
         "Atmosphere 1976, eq. 51)",
     ),
 )  # fmt: skip
-"""All quantities, each after its arguments."""
 
 MEASURED = ("thrust_N", "torque_Nm", "voltage_V", "current_A")  # and speeds
 

@@ -24,7 +24,7 @@ Positions = NDArray[np.intp]
 HEAD = b"\xa3\x95"
 FMT_TYPE, FMT_LENGTH = 0x80, 89
 
-_TYPES: dict[str, tuple[str, float]] = {
+_TYPES: dict[str, tuple[str, float]] = {  # NumPy type and divisor by format letter
     "a": ("V64", 1.0),
     "b": ("i1", 1.0),
     "B": ("u1", 1.0),
@@ -47,7 +47,6 @@ _TYPES: dict[str, tuple[str, float]] = {
     "q": ("<i8", 1.0),
     "Q": ("<u8", 1.0),
 }
-"""NumPy type and divisor by format letter."""
 
 
 @dataclass(frozen=True, slots=True)

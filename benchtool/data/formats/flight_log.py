@@ -191,7 +191,7 @@ def _rank_equal_times(time_us: Times) -> NDArray[np.intp]:
 MIN_GAP_S = 1.0  # dropout of the attitude, which every log has at 4 Hz or more; assumed
 MAX_LOG_US = 7 * 86400e6  # messages farther from the median time are corrupt; assumed
 
-_NEEDS: tuple[tuple[str, str, str], ...] = (
+_NEEDS: tuple[tuple[str, str, str], ...] = (  # contents, pattern of channels, message if missing
     ("attitude", r"theta_rad", "no attitude in the log, so it is not a pitch recording"),
     ("rates", r"gyro_rad_s", "no rates in the log; only differences of the attitude are available"),
     ("reference", r"theta_ref_rad", "no pitch setpoint in the log"),
@@ -199,7 +199,6 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (
     ("rpm", r"rpm\d+", "no speeds of ESC or tachometer; they can only be modelled from outputs"),
     ("distance", r"distance_m", "no distance sensor in the log; --over sets the surface windows"),
 )
-"""Contents of a pitch recording, pattern of their channels, message if they are missing."""
 
 
 def import_flight_log(

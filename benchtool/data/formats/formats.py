@@ -76,7 +76,7 @@ class Format:
 
 _HERE = "benchtool.data.formats"
 
-FORMATS: tuple[Format, ...] = (
+FORMATS: tuple[Format, ...] = (  # others are read by a column map or the names of columns
     Format(
         "ArduPilot DataFlash", "log", lambda head: head.startswith(b"\xa3\x95"),
         f"{_HERE}.ardupilot:read_binary",
@@ -100,7 +100,6 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format("UIUC static", "table", is_uiuc, f"{_HERE}.uiuc:read_uiuc"),
 )  # fmt: skip
-"""Known formats. Any other table is read by a column map, or by the names of its columns."""
 
 
 def detect_format(head: bytes) -> Format | None:

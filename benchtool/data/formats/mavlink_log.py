@@ -77,10 +77,9 @@ class PayloadLayout:
         return Messages(name, times, {field: rows[field] for field in self.dtype.names or ()})
 
 
-_ESC_STATUS = PayloadLayout.from_struct(
+_ESC_STATUS = PayloadLayout.from_struct(  # of PX4 (MAVLink common.xml); not in pymavlink 2.4.50
     291, 10, "<Q4i4f4fB", ("time_usec", "rpm", "voltage", "current", "index")
 )
-"""PX4's speeds (MAVLink common.xml), which pymavlink's ArduPilot dialect lacks (2.4.50)."""
 
 
 def read_mavlink(
