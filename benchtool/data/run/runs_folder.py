@@ -12,12 +12,8 @@ import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING
 
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite, check_name
-
-if TYPE_CHECKING:
-    from benchtool.data.csv_text import CsvTable
 
 MAX_DEPTH = 6  # levels of folders checked below a name; a run has two; assumed
 MAX_NAME_LENGTH = 200  # characters in one part of a name; file systems allow 255 bytes
@@ -126,28 +122,6 @@ MAX_UPLOAD_BYTES = 20_000_000  # a table of points has a few kilobytes, a log mo
 MAX_COLUMNS = 500
 
 
-def parse_upload(data: bytes, name: str) -> CsvTable:
-    """Return the cells of an uploaded table."""
-    from benchtool.data.csv_text import empty_table_error, parse_csv
-
-    if len(data) > MAX_UPLOAD_BYTES:
-        raise FileFormatError(
-            name,
-            f"it has {len(data) / 1e6:.1f} MB; allowed: {MAX_UPLOAD_BYTES / 1e6:.0f} MB; shorten "
-            f"it, or copy it to the runs folder",
-        )
-    table = parse_csv(data, name)
-    if len(table.header) > MAX_COLUMNS:
-        raise FileFormatError(
-            name,
-            f"it has {len(table.header)} columns; allowed: {MAX_COLUMNS}; keep only the columns "
-            f"needed for a fit",
-        )
-    if not len(table.rows):
-        raise empty_table_error(name, table.header)
-    return table
-
-
 def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """Check an uploaded table, write it to a new folder of the runs folder and return its path.
 
@@ -155,8 +129,24 @@ def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
         name: of the uploaded file; only ASCII letters, digits, _ and - are kept.
     """
     from benchtool.data.atomic import sync_folder
+    from benchtool.data.csv_text import empty_table_error, parse_csv
 
-    parse_upload(data, upload_name(name))
+    where = upload_name(name)
+    if len(data) > MAX_UPLOAD_BYTES:
+        raise FileFormatError(
+            where,
+            f"it has {len(data) / 1e6:.1f} MB; allowed: {MAX_UPLOAD_BYTES / 1e6:.0f} MB; shorten "
+            f"it, or copy it to the runs folder",
+        )
+    table = parse_csv(data, where)
+    if len(table.header) > MAX_COLUMNS:
+        raise FileFormatError(
+            where,
+            f"it has {len(table.header)} columns; allowed: {MAX_COLUMNS}; keep only the columns "
+            f"needed for a fit",
+        )
+    if not len(table.rows):
+        raise empty_table_error(where, table.header)
     path = create_table_path(folder, name, date)
     path.write_bytes(data)
     sync_folder(path.parent)
