@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isnan, nan
@@ -77,26 +78,18 @@ def point_columns(n_rotors: int) -> tuple[str, ...]:
     )
 
 
-def point_cells(point: Point) -> list[str]:
-    """Return the cells of one row of points.csv."""
-    values = (
-        *point.pwm_us,
-        *point.rpm,
-        *point.rpm_se,
-        *(point.thrust_N, point.thrust_sd_N, point.thrust_se_N, point.n_samples),
-        *(point.plate_z_m, point.plate_stage_z_m, point.plate_read_z_m),
-        *(point.plate_x_m, point.plate_tilt_deg),
-        *(point.voltage_V, point.current_A, point.torque_Nm, point.temperature_degC),
-    )
-    return [
-        *(str(point.point), point.kind, str(point.setting), str(point.repeat)),
-        *(f"{point.time_s:.6f}", f"{point.elapsed_s:.6f}"),
-        *map(format_cell, values),
-        "1" if point.settled else "0",
-        *(str(point.rejected.get(name, 0)) for name in averaged_channels(len(point.rpm))),
-        "1" if point.suspect else "0",
-        *map(format_cell, (point.voltage_se_V, point.current_se_A, point.torque_se_Nm)),
-    ]
+def _format_field(point: Point, column: str) -> str:
+    """Return the cell of a point in a column of points.csv."""
+    if column.endswith(REJECTED):
+        return str(point.rejected.get(column.removesuffix(REJECTED), 0))
+    if match := re.fullmatch(r"(pwm|rpm)(\d+)(_us|_se)?", column):
+        return format_cell(getattr(point, f"{match[1]}{match[3] or ''}")[int(match[2]) - 1])
+    value = getattr(point, column)
+    if column in ("time_s", "elapsed_s"):
+        return f"{value:.6f}"
+    if is_whole(column):
+        return str(int(value))
+    return value if isinstance(value, str) else format_cell(value)
 
 
 def format_cell(value: float) -> str:
@@ -116,7 +109,8 @@ class PointWriter(AppendTable):
 
     def append(self, point: Point) -> None:
         """Append one point and flush it to the disk."""
-        self.write(",".join(point_cells(point)).encode("ascii") + b"\n")
+        cells = (_format_field(point, column) for column in point_columns(len(point.rpm)))
+        self.write(",".join(cells).encode("ascii") + b"\n")
         self.sync()
 
 
