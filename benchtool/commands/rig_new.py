@@ -111,7 +111,7 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     import tomli_w
 
     from benchtool.core.library import read_library_file
-    from benchtool.core.parsed_text import parse_toml
+    from benchtool.core.toml_text import parse_toml
 
     fields = {item.key: item for item in items(NewRigInputs)}
     data = parse_toml(*read_library_file("rig", "rigs", inputs.like)) if inputs.like else {}

@@ -14,11 +14,11 @@ import tomli_w
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.library import list_names, read_library_file, user_names
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
     ValueSources,
     build_dataclass,
+    parse_toml,
     require_sources,
     unwrap_quantities,
 )

@@ -1,18 +1,21 @@
-"""Schedules of pitch experiments, as signals and as samples in time."""
+"""Schedules of pitch experiments: signals, samples in time, and TOML files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import tomli_w
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.toml_text import FiniteTable
+from benchtool.core.library import list_names, read_library_file
+from benchtool.core.toml_text import FiniteTable, read_strict
 
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
@@ -278,3 +281,31 @@ def due_ticks(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> 
     whole = np.floor(edges + 1e-9)
     fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]
     return fresh
+
+
+def schedule_names() -> tuple[str, ...]:
+    """Return the names of the bundled schedules."""
+    return list_names("schedules")
+
+
+def load_schedule(name_or_path: str | Path) -> Schedule:
+    """Return a bundled schedule by name, or a user-defined one by the path of its TOML file."""
+    return read_strict(Schedule, *read_library_file("schedule", "schedules", name_or_path))
+
+
+def schedule_to_toml(schedule: Schedule) -> str:
+    """Return a schedule as TOML text; parsing it gives the same schedule."""
+    return tomli_w.dumps(_non_default_values(schedule))
+
+
+def _non_default_values(item: Any) -> dict[str, Any]:
+    """Return a table of the values that differ from their defaults; nested parts become tables."""
+    table: dict[str, Any] = {}
+    for field in fields(item):
+        value = getattr(item, field.name)
+        if value == field.default:
+            continue
+        if isinstance(value, tuple):
+            value = [_non_default_values(part) if is_dataclass(part) else part for part in value]
+        table[field.name] = value
+    return table

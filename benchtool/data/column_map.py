@@ -12,12 +12,15 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from benchtool.core.channel import require_known_channel, unit_from_name
-from benchtool.core.column_source import ColumnSource, check_channels
+from benchtool.core.channel import (
+    ColumnSource,
+    check_channels,
+    require_known_channel,
+    unit_from_name,
+)
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
 from benchtool.core.library import read_library_file
-from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import FileTable, build_dataclass
+from benchtool.core.toml_text import FileTable, build_dataclass, parse_toml
 from benchtool.core.units import UNITS
 from benchtool.data.repairs.foreign_units import (
     Conversion,

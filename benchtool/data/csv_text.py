@@ -19,8 +19,13 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.core.table_bounds import MAX_TABLE_BYTES, check_cells, check_columns, check_decoded
-from benchtool.core.user_file import read_file
+from benchtool.core.user_file import (
+    MAX_TABLE_BYTES,
+    check_cells,
+    check_columns,
+    check_decoded,
+    read_file,
+)
 from benchtool.data.csv_header import (
     BYTE_ORDER_MARK,
     START_BYTES,

@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
-from benchtool.core.parsed_text import parse_json
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import check_columns, check_decoded
-from benchtool.core.user_file import MAX_METADATA_BYTES, open_file
+from benchtool.core.toml_text import parse_json
+from benchtool.core.user_file import MAX_METADATA_BYTES, check_columns, check_decoded, open_file
 from benchtool.data.atomic import atomic_writer
 from benchtool.data.catalogue.optional_dependency import load_extra
 from benchtool.data.columns import WORDS

@@ -13,8 +13,7 @@ import numpy as np
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import check_columns, check_decoded
-from benchtool.core.user_file import open_file
+from benchtool.core.user_file import check_columns, check_decoded, open_file
 from benchtool.data.atomic import atomic_writer
 from benchtool.data.columns import WORDS, find_channel
 from benchtool.data.run.sample_stream import WholeLines, encode_words, read_batches, stack_batches

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchtool.core.array_type import Array
 from benchtool.core.plural import pluralize
-from benchtool.core.table_bounds import MAX_NUMBER
+from benchtool.core.user_file import MAX_NUMBER
 from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
 from benchtool.data.repairs.import_result import Finding, line_ranges
 from benchtool.data.run.sample_stream import plain_values

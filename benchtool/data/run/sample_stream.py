@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.core.table_bounds import check_columns, check_decoded
-from benchtool.core.user_file import open_file
+from benchtool.core.user_file import check_columns, check_decoded, open_file
 from benchtool.data.columns import WORDS
 
 BLOCK_BYTES = 1 << 20  # block size of the parser, about 6,000 rows of 20 columns; assumed

@@ -12,9 +12,8 @@ from scipy.signal import savgol_filter
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.recording import Recording
+from benchtool.core.recording import Recording, check_rotor_count
 from benchtool.core.rig import Rig
-from benchtool.core.rotor_count import check_rotor_count
 from benchtool.core.schedule import PARKED_M
 from benchtool.explain.pitch.resampling import (
     HELD_S,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.recording import Recording
+from benchtool.core.toml_text import parse_toml
 from benchtool.core.units import from_si
 from benchtool.data.columns import word_to_code
 from benchtool.report.figure import figure

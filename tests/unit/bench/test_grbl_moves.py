@@ -69,7 +69,9 @@ def test_a_distance_without_room_to_brake_is_refused_before_anything_moves():
     stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
     stage.open()
     # 0.5 mm until it is off its way, and 0.5 + 0.025 mm from 5 mm/s.
-    with pytest.raises(StageError, match=r"not moved to 0\.051 m: feed 300 .* maximum: 286 mm/min;"):
+    with pytest.raises(
+        StageError, match=r"not moved to 0\.051 m: feed 300 .* maximum: 286 mm/min;"
+    ):
         stage.move(0.051, 0.0, 0.0, quiet)
     assert link.stage.position_mm["Z"] == -1.0
     assert stage.move(0.0511, 0.0, 0.0, quiet) == pytest.approx(0.0511)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError
 from benchtool.data.atomic import replace_text, write_atomically
 from benchtool.data.column_map import column_map_to_toml
