@@ -83,15 +83,10 @@ CHANNELS: dict[str, str] = {  # channels that a table can be mapped to; # is a r
 }
 
 _PLAIN = ("s", "us", "m", "N", "V", "A", "W", "deg", "rad", "degC", "kg", "Pa")
-_SUFFIXES = {unit: unit for unit in _PLAIN} | {"Nm": "N m", "raw": "count"}
-_LONG_SUFFIXES: dict[str, str] = {
-    "_rad_s": "rad/s",
-    "_m_s": "m/s",
-    "_m_s2": "m/s2",
-    "_kg_m3": "kg/m3",
-    "_N_W": "N/W",
-    "_gf_W": "gf/W",
-}
+_UNIT_OF_ENDING = {f"_{unit}": unit for unit in _PLAIN} | {
+    "_Nm": "N m", "_raw": "count", "_rad_s": "rad/s", "_m_s": "m/s", "_m_s2": "m/s2",
+    "_kg_m3": "kg/m3", "_N_W": "N/W", "_gf_W": "gf/W",
+}  # fmt: skip
 _RPM = re.compile(r"rpm\d*(_sd|_se|_optical)?")
 _PWM = re.compile(r"pwm\d+_us")
 
@@ -113,17 +108,18 @@ def unit_from_name(name: str) -> str:
         return "rpm"
     if _PWM.fullmatch(name):
         return "pwm_us"
-    for ending, unit in _LONG_SUFFIXES.items():
-        if name.endswith(ending):
-            return unit
-    head, _, suffix = name.rpartition("_")
-    return _SUFFIXES.get(suffix, "1") if head else "1"
+    return _UNIT_OF_ENDING.get(_find_ending(name), "1")
+
+
+def _find_ending(name: str) -> str:
+    """Return the longest ending of a name that is a unit; "" without one."""
+    endings = (ending for ending in _UNIT_OF_ENDING if name[1:].endswith(ending))
+    return max(endings, key=len, default="")
 
 
 def error_channel_name(name: str) -> str:
     """Return the column name of a channel's standard error: "se" before the unit."""
-    endings = (*_LONG_SUFFIXES, *(f"_{suffix}" for suffix in _SUFFIXES))
-    ending = next((text for text in endings if name.endswith(text)), "")
+    ending = _find_ending(name)
     return f"{name.removesuffix(ending)}_se{ending}"
 
 

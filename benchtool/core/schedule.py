@@ -195,31 +195,31 @@ class Schedule(FiniteTable):
                 observer[later] = float(switch.observer)
             if switch.feedforward is not None:
                 feedforward[later] = float(switch.feedforward)
-        reference_deg = _sum(self.reference_deg, t, self.duration_s)
-        collective = 1.0 + _sum(self.collective, t, self.duration_s)
-        dither_us = _sum(self.dither_us, t, self.duration_s)
-        self._check_level("reference_deg", reference_deg)
-        self._check_level("collective", collective)
-        self._check_level("dither_us", dither_us)
         return SampledSchedule(
             rate_Hz=rate_Hz,
             time_s=t,
-            reference_rad=np.radians(reference_deg),
-            collective=collective,
-            dither_us=dither_us,
+            reference_rad=np.radians(self._track("reference_deg", 0.0, t)),
+            collective=self._track("collective", 1.0, t),
+            dither_us=self._track("dither_us", 0.0, t),
             plate_z_m=plate_z,
             plate_share=share,
             observer=observer,
             feedforward=feedforward,
         )
 
-    def _check_level(self, track: str, values: Array) -> None:
+    def _track(self, track: str, level: float, time_s: Array) -> Array:
+        """Return the sum of a level and the signals of a track (m,)."""
+        values = np.zeros(time_s.shape)
+        for signal in getattr(self, track):
+            values += signal.sampled(time_s, self.duration_s)
+        values += level
         low, high = MAX_LEVEL[track]
         worst = float(values[np.argmax(np.maximum(values - high, low - values))])
         if not low <= worst <= high:
             raise InputError(
                 f"{track} of schedule {self.name!r} is {worst:g}; allowed: {low:g} to {high:g}"
             )
+        return values
 
     def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
         """Return plate distance (m,) and visit fraction (m,), parked between visits."""
@@ -254,13 +254,6 @@ class SampledSchedule:
 
     def __len__(self) -> int:
         return len(self.time_s)
-
-
-def _sum(signals: tuple[Signal, ...], time_s: Array, duration_s: float) -> Array:
-    total = np.zeros(time_s.shape)
-    for signal in signals:
-        total += signal.sampled(time_s, duration_s)
-    return total
 
 
 def _index(time_s: Array, every_s: float, count: int) -> NDArray[np.intp]:

@@ -144,19 +144,13 @@ def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         raise FileFormatError(where, problem) from error
 
 
+@dataclass
 class RefusedValue(ValueError):
-    """Invalid value.
+    """Invalid value."""
 
-    Args:
-        kind: error type of pydantic.
-        reason: expectation as text.
-    """
-
-    def __init__(self, kind: str, value: Any, reason: str) -> None:
-        self.kind = kind
-        self.value = value
-        self.reason = reason
-        super().__init__(reason)
+    kind: str  # error type of pydantic
+    value: Any
+    reason: str  # expectation as text
 
 
 def check_value(declared: Any, value: Any) -> Any:

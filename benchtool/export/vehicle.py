@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +95,7 @@ class Vehicle:
     @property
     def name(self) -> str:
         """Name of the rig as an identifier."""
-        text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.rig.name)
+        text = re.sub("[^A-Za-z0-9]", "_", self.rig.name)
         return text if text[:1].isalpha() else f"rig_{text}"
 
     def of_rig(self, key: str, unit: str) -> ExportedNumber:
@@ -101,14 +103,11 @@ class Vehicle:
         is_rig = self.rotors in (None, self.rig.n_rotors)
         if key == "body.mass_kg" and self.mass_kg is not None and is_rig:
             return ExportedNumber(self.mass_kg, unit, "no interval; as stated for the export")
-        value: object = self.rig
-        for part in key.split("."):
-            value = getattr(value, part)
-        assert isinstance(value, float | int)
         source = self.rig.sources.get(key) or "no source"
         assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
         stated = not source.startswith(UNSPECIFIED)
-        return ExportedNumber(float(value), unit, f"no interval; {assumed}{source}", stated)
+        value = float(attrgetter(key)(self.rig))
+        return ExportedNumber(value, unit, f"no interval; {assumed}{source}", stated)
 
     @property
     def masses(self) -> dict[str, ExportedNumber]:
@@ -332,18 +331,8 @@ def build_vehicle(
                 intervals[name] = (float(low), float(high))
     inputs = (None, rig or loaded.rig, propeller)
     motor_test = fit_motor(motor, *inputs, extrapolate=extrapolate) if motor else None
-    # A test of one rotor represents each rotor of the vehicle.
-    if motor_test is not None and motor_test.rig.n_rotors not in (1, loaded.rig.n_rotors):
-        raise InputError(
-            f"the motor test has {motor_test.rig.n_rotors} rotors and rig {loaded.rig.name!r} "
-            f"{loaded.rig.n_rotors}; test one rotor, or this vehicle's"
-        )
-    if motor_test is not None and _pulses(motor_test.rig) != _pulses(loaded.rig):
-        raise InputError(
-            f"pulse widths differ: {_pulses(motor_test.rig)} us of rig {motor_test.rig.name!r} "
-            f"in the motor test, {_pulses(loaded.rig)} us of rig {loaded.rig.name!r} in the "
-            f"model; name the run instead of a model, or another model"
-        )
+    if motor_test is not None:
+        _check_rigs(motor_test.rig, loaded.rig)
     return Vehicle(
         model=loaded,
         motor=motor_test,
@@ -353,6 +342,18 @@ def build_vehicle(
     )
 
 
-def _pulses(rig: Rig) -> tuple[float, float, float]:
-    p = rig.propulsion
-    return p.pwm_stop_us, p.pwm_start_us, p.pwm_max_us
+def _check_rigs(tested: Rig, rig: Rig) -> None:
+    """Raise InputError if a motor test is not valid for the rig of a model."""
+    # A test of one rotor represents each rotor of the vehicle.
+    if tested.n_rotors not in (1, rig.n_rotors):
+        raise InputError(
+            f"the motor test has {tested.n_rotors} rotors and rig {rig.name!r} {rig.n_rotors}; "
+            f"test one rotor, or this vehicle's"
+        )
+    pulses = attrgetter("pwm_stop_us", "pwm_start_us", "pwm_max_us")
+    if pulses(tested.propulsion) != pulses(rig.propulsion):
+        raise InputError(
+            f"pulse widths differ: {pulses(tested.propulsion)} us of rig {tested.name!r} in the "
+            f"motor test, {pulses(rig.propulsion)} us of rig {rig.name!r} in the model; name the "
+            f"run instead of a model, or another model"
+        )
