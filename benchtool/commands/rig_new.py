@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
+from benchtool.core.choices import PlateMover
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import Input, InputField, Inputs, items
 
@@ -55,7 +56,7 @@ class NewRigInputs(Inputs):
         Input("Current limit; a run stops above it.", "A", default_text="no limit"),
     ] = None
     plate: Annotated[
-        Literal["device", "grbl", "hand"] | None,
+        PlateMover | None,
         Input("Plate stage.", default_text="prompt for sweep"),
     ] = None
     travel: Annotated[

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import tomli_w
@@ -13,6 +13,7 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
+from benchtool.core.choices import SignalShape
 from benchtool.core.errors import InputError
 from benchtool.core.library import list_names, read_library_file
 from benchtool.core.toml_text import FiniteTable, read_strict
@@ -46,7 +47,7 @@ class Signal(FiniteTable):
         level: in the track's unit.
     """
 
-    shape: Literal["step", "ramp", "triangle", "chirp", "prbs", "steps"]
+    shape: SignalShape
     level: float = 0.0
     levels: tuple[float, ...] = ()
     from_s: NotNegative = 0.0

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from benchtool.core.array_type import Array
+from benchtool.core.choices import EvaluationType
 from benchtool.core.error_source import effective_dof
 from benchtool.core.errors import CalibrationError
 from benchtool.core.rig import Sensor
@@ -32,7 +33,7 @@ class CalibrationComponent(FiniteTable):
     """
 
     name: str
-    kind: Literal["A", "B"]
+    kind: EvaluationType
     unit: str
     sd: float
     relative_sd: float

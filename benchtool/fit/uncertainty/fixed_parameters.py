@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.array_type import Array
-from benchtool.core.error_source import Distribution, ErrorSource
+from benchtool.core.choices import Distribution
+from benchtool.core.error_source import ErrorSource
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.fit.problem import Problem
