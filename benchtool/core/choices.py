@@ -1,4 +1,7 @@
-"""Named choices and states that several packages use, with their text in files and options."""
+"""Named choices and states that several packages use, with their text in files and options.
+
+Help and forms list them in this order.
+"""
 
 from __future__ import annotations
 
