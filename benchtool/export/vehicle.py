@@ -100,9 +100,6 @@ class Vehicle:
 
     def of_rig(self, key: str, unit: str) -> ExportedNumber:
         """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
-        is_rig = self.rotors in (None, self.rig.n_rotors)
-        if key == "body.mass_kg" and self.mass_kg is not None and is_rig:
-            return ExportedNumber(self.mass_kg, unit, "no interval; as stated for the export")
         source = self.rig.sources.get(key) or "no source"
         assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
         stated = not source.startswith(UNSPECIFIED)
@@ -110,13 +107,21 @@ class Vehicle:
         return ExportedNumber(value, unit, f"no interval; {assumed}{source}", stated)
 
     @property
+    def mass(self) -> ExportedNumber:
+        """Mass that `rotors` carry: kg."""
+        if self.mass_kg is None:
+            return self.of_rig("body.mass_kg", "kg")
+        return ExportedNumber(self.mass_kg, "kg", "no interval; as stated for the export")
+
+    @property
     def masses(self) -> dict[str, ExportedNumber]:
-        """Mass and moments of inertia of the whole vehicle."""
+        """Mass and moments of inertia of the whole vehicle of the rig."""
         inertias = {
             f"i{axis}": self.of_rig(f"body.inertia_{axis}_kgm2", "kg m^2")
             for axis in ("xx", "yy", "zz")
         }
-        return {"mass": self.of_rig("body.mass_kg", "kg"), **inertias}
+        is_rig = self.rotors in (None, self.rig.n_rotors)
+        return {"mass": self.mass if is_rig else self.of_rig("body.mass_kg", "kg"), **inertias}
 
     def _of_motor(self, name: str) -> ExportedNumber | None:
         """Return a constant of the motor test; None if it is not determined."""
@@ -146,21 +151,17 @@ class Vehicle:
     def parameter(self, name: str) -> ExportedNumber:
         """Return a parameter of the model by its full name."""
         item = self.model.parameters[name]
+        why = f"no interval; {item.source or 'the rig'}"
         if name in self.intervals:
             low, high = self.intervals[name]
-            return ExportedNumber(
-                item.value, item.unit, f"95 %: {low:.5g} to {high:.5g}, {self.fitted}"
-            )
-        return ExportedNumber(item.value, item.unit, f"no interval; {item.source or 'the rig'}")
+            why = f"95 %: {low:.5g} to {high:.5g}, {self.fitted}"
+        return ExportedNumber(item.value, item.unit, why)
 
     @cached_property
     def _k(self) -> ExportedNumber:
         """Thrust over squared speed of one rotor: from motor test, fit or rig, in this order."""
-        if (k := self._of_motor("k")) is not None:
-            return k
-        if "k" in self.intervals:
-            return self.parameter("k")
-        return self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
+        k = self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
+        return self._of_motor("k") or (self.parameter("k") if "k" in self.intervals else k)
 
     @cached_property
     def k(self) -> ExportedNumber:
@@ -192,9 +193,8 @@ class Vehicle:
     @cached_property
     def torque_per_thrust(self) -> ExportedNumber:
         """Shaft torque over thrust: m."""
-        return self.of_rig("propulsion.drag_coefficient_Nm_s2", "N m/(rad/s)^2").of(
-            1.0 / self.k.value, "m"
-        )
+        torque = self.of_rig("propulsion.drag_coefficient_Nm_s2", "N m/(rad/s)^2")
+        return torque.of(1.0 / self.k.value, "m")
 
     @cached_property
     def speed_max(self) -> ExportedNumber:
@@ -206,11 +206,9 @@ class Vehicle:
     @cached_property
     def thrust_max(self) -> ExportedNumber:
         """Thrust of one rotor at pulse and voltage of `full`: N."""
-        if (thrust := self._of_motor("T_max")) is not None:
-            return thrust
         p = self.rig.propulsion
-        slope = self.of_rig("propulsion.speed_per_us_rad_s", "rad/s/us")
-        return self._k.of((slope.value * (p.pwm_max_us - p.pwm_start_us)) ** 2, "N")
+        speed_rad_s = p.speed_per_us_rad_s * (p.pwm_max_us - p.pwm_start_us)
+        return self._of_motor("T_max") or self._k.of(speed_rad_s**2, "N")
 
     @cached_property
     def expo(self) -> ExportedNumber:
@@ -218,23 +216,17 @@ class Vehicle:
 
         1 for a speed linear in the pulse above `pwm_start_us`, as in rigs.
         """
-        expo = self._of_motor("expo")
         why = "no interval; the rig's speed is linear in the pulse, thrust in its square"
-        return expo if expo is not None else ExportedNumber(1.0, "1", why, stated=False)
+        return self._of_motor("expo") or ExportedNumber(1.0, "1", why, stated=False)
 
     def lag(self, way: str) -> ExportedNumber:
         """Return the time constant of speed, throttle rising ("up") or falling ("down"): s."""
-        if (lag := self._of_motor(f"lag_{way}")) is not None:
-            return lag
-        return self.of_rig("propulsion.lag_s", "s")
+        return self._of_motor(f"lag_{way}") or self.of_rig("propulsion.lag_s", "s")
 
     @property
     def hover_share(self) -> ExportedNumber:
         """Hover thrust over full thrust."""
-        mass = self.of_rig("body.mass_kg", "kg")
-        if self.mass_kg is not None:
-            mass = ExportedNumber(self.mass_kg, "kg", "no interval; as stated for the export")
-        rotors = self.rotors or self.rig.n_rotors
+        mass, rotors = self.mass, self.rotors or self.rig.n_rotors
         share = mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
         if share.value > 1.0 and (self.mass_kg, self.rotors) != (None, None):
             raise InputError(
