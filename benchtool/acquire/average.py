@@ -11,8 +11,8 @@ import numpy as np
 from benchtool.bench.bench import Bench
 from benchtool.core.array_type import Array
 from benchtool.core.channel import channel_family
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Sensor, rounding_error
+from benchtool.core.text import pluralize
 
 
 def read_span(bench: Bench, seconds: float, step_s: float = 0.1) -> Array:

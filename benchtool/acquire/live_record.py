@@ -23,9 +23,9 @@ from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import plate_tolerance_m
 from benchtool.core.choices import PointKind
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run
 

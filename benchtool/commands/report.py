@@ -13,8 +13,8 @@ from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.choices import Over
 from benchtool.core.errors import InputError
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.text import format_value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

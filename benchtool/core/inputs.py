@@ -29,7 +29,7 @@ from typing import (
 from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.input_text import (
+from benchtool.core.text import (
     format_arguments,
     is_string_sequence,
     read_number,

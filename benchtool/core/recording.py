@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.core.units import to_si
 
 _ROTOR = re.compile(r"(?:rpm|pwm)(\d+)(?:_us)?")

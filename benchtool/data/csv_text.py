@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import (
     MAX_TABLE_BYTES,
     check_cells,

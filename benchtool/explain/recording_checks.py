@@ -15,9 +15,9 @@ from scipy.ndimage import median_filter
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.text import pluralize
 
 Mask = NDArray[np.bool_]
 Repair = tuple[Mapping[str, Array], list[str]]  # new values (n,) by column; messages

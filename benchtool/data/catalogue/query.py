@@ -15,7 +15,7 @@ import numpy as np
 
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
 from benchtool.core.inputs import build_inputs
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import MAX_TABLE_BYTES, read_file
 from benchtool.data.catalogue.entry import SWEEPS, Entry
 from benchtool.data.catalogue.filters import ChoiceInputs, find_entries

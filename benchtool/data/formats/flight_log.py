@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.formats.messages import MessageLog, Messages, Stream, merge_streams
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportResult
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.data.repairs.import_result import Finding
 
 Times = NDArray[np.int64]

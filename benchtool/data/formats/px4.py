@@ -13,7 +13,7 @@ import numpy as np
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.formats.flight_log import (
     import_flight_log,
     parse_motor_map,

@@ -10,7 +10,7 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.repairs.import_result import Finding, ImportResult
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.data.quantities import dependent_quantities
 from benchtool.data.repairs.import_result import Finding, ImportResult, Kind
 

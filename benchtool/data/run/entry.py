@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.errors import BenchtoolError, FileFormatError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import data_hash, file_hash, read_json
 from benchtool.data.catalogue.entry import ANSWER_FILE as ANSWER_FILE

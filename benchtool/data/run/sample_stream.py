@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import check_columns, check_decoded, open_file
 from benchtool.data.columns import WORDS
 

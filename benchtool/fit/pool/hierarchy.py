@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, NotConverged
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.fit.ensemble import ENSEMBLES, build_sampler, sample_until_converged
 from benchtool.fit.sampling import IslandDifference
 

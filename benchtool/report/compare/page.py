@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from benchtool.core.channel import error_channel_name
 from benchtool.core.choices import Over
 from benchtool.core.errors import InputError, UnknownChoice, check_number
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.data.derived import with_quantities
 from benchtool.data.quantities import QUANTITIES, Quantity
 from benchtool.report.compare.runs import (

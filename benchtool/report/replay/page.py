@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.units import from_si
 from benchtool.data.derived import build_recording_context, derive_quantities
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
