@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import Distribution, EvaluationType
+from benchtool.core.units import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

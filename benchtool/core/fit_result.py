@@ -8,9 +8,9 @@ from math import nan
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import Method, Status
 from benchtool.core.parameter import resolve_name
+from benchtool.core.units import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,9 @@ from math import inf, isfinite
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import PriorKind
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.units import find_unit
+from benchtool.core.units import Array, find_unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.core.text import pluralize
-from benchtool.core.units import to_si
+from benchtool.core.units import Array, to_si
 
 _ROTOR = re.compile(r"(?:rpm|pwm)(\d+)(?:_us)?")
 

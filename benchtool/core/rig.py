@@ -11,9 +11,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import PlateMover, Surface
 from benchtool.core.toml_text import FiniteTable
+from benchtool.core.units import Array
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]

@@ -12,11 +12,11 @@ import tomli_w
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import SignalShape
 from benchtool.core.errors import InputError
 from benchtool.core.library import list_names, read_library_file
 from benchtool.core.toml_text import FiniteTable, read_strict
+from benchtool.core.units import Array
 
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]

@@ -11,13 +11,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import EvaluationType
 from benchtool.core.error_source import effective_dof
 from benchtool.core.errors import CalibrationError
 from benchtool.core.rig import Sensor
 from benchtool.core.toml_text import FiniteTable, build_dataclass
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.atomic import read_json
 
 

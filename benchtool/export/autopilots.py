@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.export.vehicle import ExportedNumber, Vehicle
 
 DEFAULT_IDLE_SHARE = 0.1  # idle throttle: 1 % of full thrust for a square law; assumed

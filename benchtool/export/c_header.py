@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.units import Array
 from benchtool.export.vehicle import Vehicle
 
 DEGREE = 7

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.fit_result import Estimate
 from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import is_run

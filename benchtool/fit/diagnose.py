@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr
 from scipy.stats import rankdata
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import Loss
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.jacobian import select_method
 from benchtool.fit.problem import NOISE_SCALE, Problem

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import Loss
+from benchtool.core.units import Array
 
 LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchtool.core.array_type import Array
 from benchtool.core.choices import Loss
 from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
+from benchtool.core.units import Array
 from benchtool.fit.jacobian import (
     RANK_LIMIT,
     DerivativeMethod,

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.repairs.import_result import Finding
 
 Times = NDArray[np.int64]

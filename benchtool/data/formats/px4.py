@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.formats.flight_log import (
     import_flight_log,
     parse_motor_map,

@@ -6,11 +6,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.column_map import (
     IDENTITY,
     MappedColumn,

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.text import pluralize
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.repairs.import_result import Finding, ImportResult
 
 MIN_HOVER_S = 1.0  # duration of a point: tens of samples at nearly constant height; assumed

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_NUMBER
 from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
 from benchtool.data.repairs.import_result import Finding, line_ranges

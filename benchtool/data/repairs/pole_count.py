@@ -9,8 +9,8 @@ from math import pi
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.import_result import Finding
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.core.user_file import check_columns, check_decoded, open_file
 from benchtool.data.columns import WORDS
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.units import Array
 
 DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))  # 1/f noise, flat in 5 %
 

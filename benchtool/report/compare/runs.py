@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.acquire.plan import plan_from_toml
-from benchtool.core.array_type import Array
 from benchtool.core.channel import error_channel_name
 from benchtool.core.choices import Over
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.columns import word_to_code
 from benchtool.data.derived import QuantityValues, derive_quantities, load_run_context
 from benchtool.data.levels import read_levels, split_levels

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchtool.core.array_type import Array
 from benchtool.core.schedule import PARKED_M
+from benchtool.core.units import Array
 from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import PitchTrack
 from benchtool.report.figure import figure

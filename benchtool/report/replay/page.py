@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.text import pluralize
-from benchtool.core.units import from_si
+from benchtool.core.units import Array, from_si
 from benchtool.data.derived import build_recording_context, derive_quantities
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log

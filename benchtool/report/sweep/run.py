@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import code_to_word, speed_columns, word_to_code
 from benchtool.data.derived import QuantityValues

@@ -6,9 +6,9 @@ from math import isfinite
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.columns import REJECTED, speed_columns
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
