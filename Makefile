@@ -114,29 +114,29 @@ wheel: $(TESTING)
 # Needs uv. The test set is resolved first, so that all files agree on every version.
 UV := uv pip compile --quiet --universal --python-version 3.11 \
   --generate-hashes --no-header --no-annotate
-WITH := --constraints requirements-test.txt --output-file
+WITH := --constraints requirements/test.txt --output-file
 requirements:
-	$(UV) pyproject.toml --group build --extra test --output-file requirements-test.txt
-	$(UV) pyproject.toml --group build --extra fast $(WITH) requirements.txt
-	$(UV) --group docs $(WITH) requirements-docs.txt
+	$(UV) pyproject.toml --group build --extra test --output-file requirements/test.txt
+	$(UV) pyproject.toml --group build --extra fast $(WITH) requirements/run.txt
+	$(UV) --group docs $(WITH) requirements/docs.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The project itself comes after its hashed requirements: pip refuses a local folder under hashes.
-$(TESTING): $(BIN)/python requirements-test.txt $(PROJECT)
-	$(PIP) install --require-hashes --requirement requirements-test.txt
+$(TESTING): $(BIN)/python requirements/test.txt $(PROJECT)
+	$(PIP) install --require-hashes --requirement requirements/test.txt
 	$(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(TESTING) $(RUNTIME)
 
-$(SITE): $(TESTING) requirements-docs.txt
-	$(PIP) install --require-hashes --requirement requirements-docs.txt
+$(SITE): $(TESTING) requirements/docs.txt
+	$(PIP) install --require-hashes --requirement requirements/docs.txt
 	touch $(SITE)
 
-$(RUNTIME): $(BIN)/python requirements.txt $(PROJECT)
+$(RUNTIME): $(BIN)/python requirements/run.txt $(PROJECT)
 	@echo "Installing benchtool and what it needs into $(VENV); this takes a minute."
-	$(PIP) install --require-hashes --requirement requirements.txt
+	$(PIP) install --require-hashes --requirement requirements/run.txt
 	$(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(RUNTIME)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Operator, Unattended
 from benchtool.acquire.sweep_run import base_inputs, run_sweep_to_folder
+from benchtool.core.choices import Over
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
 from benchtool.core.rig import Propeller, Rig
@@ -37,7 +38,6 @@ from benchtool.physics.model_file import load_model as _load_model
 from benchtool.report.answer.folder import check_not_existing, write_json
 from benchtool.report.compare import page as comparing
 from benchtool.report.compare.pooled import PooledFits
-from benchtool.report.compare.runs import Over
 from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
 from benchtool.report.replay.replay_source import STAND, ReplaySource, read_recorded

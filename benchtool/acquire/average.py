@@ -9,10 +9,10 @@ from math import hypot, inf, log, nan, pi, sqrt
 import numpy as np
 
 from benchtool.bench.bench import Bench
-from benchtool.core.array_type import Array
 from benchtool.core.channel import channel_family
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Sensor, rounding_error
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 
 
 def read_span(bench: Bench, seconds: float, step_s: float = 0.1) -> Array:

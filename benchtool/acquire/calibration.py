@@ -14,9 +14,8 @@ from benchtool.acquire.average import Average, average, read_span
 from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
 from benchtool.acquire.run_creation import user_name
 from benchtool.bench.bench import Bench, DeviceInfo
-from benchtool.core.array_type import Array
 from benchtool.core.errors import CalibrationError
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.calibration import (
     Calibration,
     CalibrationComponent,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +22,10 @@ from benchtool.acquire.visit_order import PlatePosition, Setting, Visit
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import plate_tolerance_m
-from benchtool.core.plural import pluralize
+from benchtool.core.choices import PointKind
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run
 
@@ -163,7 +163,7 @@ class _Live:
         number = list(self._visits).index(key) + 1
         self.points += 1
         setting = Setting(number, position, max(pulses_us), pulses_us)
-        kind: Literal["measure", "reference"] = "reference" if position.parked else "measure"
+        kind: PointKind = "reference" if position.parked else "measure"
         visit = Visit(self._number, kind, setting, self._visits[key])
         point, events = measure(
             samples, visit, position.z_m, self.tare_result, self._calibration, self._rig.sensors,

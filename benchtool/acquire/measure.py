@@ -10,9 +10,9 @@ import numpy as np
 from benchtool.acquire.average import Average, average, estimate_quantum
 from benchtool.acquire.tare import TareResult
 from benchtool.acquire.visit_order import Visit
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
+from benchtool.core.units import Array
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.points import Point, averaged_channels
 

@@ -12,10 +12,10 @@ import numpy as np
 from benchtool.acquire.average import average
 from benchtool.acquire.plan import CooldownPart
 from benchtool.acquire.record import Recorder
-from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchError, CommandRefused, RunInterrupted, StandstillNotConfirmed
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.data.run.points import Point
 
 RAMP_STEP_S = 0.05  # between pulses; far below the device watchdog of 0.25 s; assumed

@@ -15,8 +15,8 @@ from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import LimitExceeded
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.data.run.run import Run
 
 RAMP_UP_S = 0.5  # ramp from idle to the collective; ten times the motor lag; assumed

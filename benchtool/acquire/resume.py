@@ -13,8 +13,8 @@ from benchtool.acquire.sweep import SweepStart
 from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.bench import DeviceInfo
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import read_file
 from benchtool.data.calibration import Calibration, parse_calibration
 from benchtool.data.columns import VALID_KINDS, word_to_code

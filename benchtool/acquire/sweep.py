@@ -24,9 +24,9 @@ from benchtool.bench.stage.stage import PlateStage
 from benchtool.bench.wrappers import PauseRequested
 from benchtool.core.channel import channel_family
 from benchtool.core.errors import InputError, RunInterrupted
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.data.calibration import Calibration, format_age_warning
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run

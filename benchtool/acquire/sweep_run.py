@@ -35,8 +35,8 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.signals import ClosingSignals
 from benchtool.core.errors import InputError, check_name
 from benchtool.core.inputs import Source, items
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.calibration import read_calibration
 from benchtool.data.run.run import Run, check_not_existing

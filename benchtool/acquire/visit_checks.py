@@ -10,10 +10,10 @@ import numpy as np
 
 from benchtool.bench.bench import Readings
 from benchtool.bench.channel_limits import CHECKS, ChannelChecks
-from benchtool.core.array_type import Array
 from benchtool.core.channel import channel_family
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
+from benchtool.core.units import Array
 
 FROZEN_S, FROZEN_VALUES = 1.0, 20  # minimum duration and count of a repeated value; assumed
 FALSE_ALARM_PROBABILITY = 1e-9  # of a repetition by noise; assumed

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import hypot
-from typing import Literal
 
 import numpy as np
 
 from benchtool.acquire.plan import Plan
+from benchtool.core.choices import PointKind
 from benchtool.core.errors import PlanError
 from benchtool.core.rig import Rig
 
@@ -42,7 +42,7 @@ class Visit:
     """Visit of a setting, numbered from 1 in the order of the sweep."""
 
     point: int
-    kind: Literal["measure", "reference", "anchor"]
+    kind: PointKind
     setting: Setting
     repeat: int
 
@@ -99,7 +99,7 @@ def plan_visits(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     anchors = since = 0
     every = plan.order.anchor_every
 
-    def add(kind: Literal["measure", "reference", "anchor"], setting: Setting, repeat: int) -> None:
+    def add(kind: PointKind, setting: Setting, repeat: int) -> None:
         visits.append(Visit(len(visits) + 1, kind, setting, repeat))
 
     for repeat, group in _position_groups(plan, settings):

@@ -14,9 +14,9 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LinkLost
+from benchtool.core.units import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

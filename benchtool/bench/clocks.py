@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.bench import DeviceInfo
-from benchtool.core.array_type import Array
 from benchtool.core.errors import HostSuspended, ReadingsLate
+from benchtool.core.units import Array
 
 WINDOW_S = 10.0  # wall time of the delay minimum; quartz drifts by 0.5 ms (50 ppm) in it; assumed
 MAX_SLEW_RATE = 2e-4  # correction, seconds per second: four times a poor quartz's drift; assumed

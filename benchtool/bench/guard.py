@@ -25,7 +25,6 @@ from benchtool.bench.motor_state import MotorStateBench
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
 from benchtool.bench.signals import StopSignals
 from benchtool.bench.wrappers import send_halt
-from benchtool.core.array_type import Array
 from benchtool.core.errors import (
     BenchError,
     BenchtoolError,
@@ -36,6 +35,7 @@ from benchtool.core.errors import (
     RunInterrupted,
 )
 from benchtool.core.rig import Limits, Rig
+from benchtool.core.units import Array
 
 RAMP_S = 0.9  # duration of a normal ramp from any throttle to zero
 RAMP_STEPS = 10

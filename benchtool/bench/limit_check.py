@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.plate_check import PLATE_CHANNEL, plate_tolerance_m
 from benchtool.bench.rpm_tracking import GAP_S, HostPulseTracking, LoopPulseTracking
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, channel_family
 from benchtool.core.errors import BenchError, LimitExceeded, ReadingsLate
 from benchtool.core.rig import Limits, Rig
+from benchtool.core.units import Array
 
 # Band of thrust over k sum w^2. Ground effect in its range of validity stays below 2.5 (paper,
 # eq. 4, z/R from 0.5 on); the rest is a margin for a roughly known k; assumed.

@@ -9,9 +9,9 @@ import numpy as np
 
 from benchtool.bench.bench import Bench, DeviceInfo, Readings
 from benchtool.bench.standstill import Standstill, StandstillMonitor
-from benchtool.core.array_type import Array
 from benchtool.core.errors import StandstillNotConfirmed
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 
 STANDSTILL_TIMEOUT_S = 0.1  # watched beyond the longest delay of a late command; assumed
 

@@ -25,7 +25,7 @@ from benchtool.core.errors import (
     PortDenied,
     ProtocolError,
 )
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 
 BY_ID = Path("/dev/serial/by-id")
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from benchtool.bench.addresses import ReplayAddress
 from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
-from benchtool.core.parsed_text import parse_json
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.toml_text import parse_json
+from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_DATA_BYTES, MAX_METADATA_BYTES, read_text
 
 _META_COLUMNS = ("time_s", "device_time_us", "point", "phase")

@@ -6,9 +6,9 @@ from math import exp, pi
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Propulsion
+from benchtool.core.units import Array
 
 # Least share of the expected speed this long after the command; below it the motor or its rpm
 # channel has failed. The margin covers a roughly known pulse map; assumed.

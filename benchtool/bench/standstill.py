@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.rpm_tracking import rotor_speeds
-from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 
 # Largest tip speed of a rotor at standstill: walking pace, at which even 0.1 kg of blade, all of it
 # at the tip, has 0.05 J, as 50 g dropped from 0.1 m; assumed.

@@ -9,8 +9,8 @@ from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
 from benchtool.bench.bench import Bench, ContextBench, DeviceInfo, Listener, Readings, Subscribable
-from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError, CommandRefused, RunInterrupted, StageError
+from benchtool.core.units import Array
 
 PACING_INTERVAL_S = 0.02  # longest wall time of one read; half a frame of a live chart, assumed
 MAX_LAG_S = 0.5  # a larger lag, as after a plate move, resets the schedule of reads

@@ -19,7 +19,6 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
-from benchtool.commands.input_commands import GroupedCommand, option_help
 from benchtool.commands.terminal.messages import (
     EscapedStream,
     find_cause,
@@ -33,8 +32,6 @@ from benchtool.core.errors import (
     UnknownChoice,
     show_warning,
 )
-from benchtool.core.inputs import items
-from benchtool.core.user_file import display_path
 
 COMMANDS: dict[str, tuple[str, str]] = {  # by name, in the order of the help:
     # "module:function" in this package ("" for a group), and the first line of its docstring
@@ -150,6 +147,8 @@ def _run(arguments: list[str]) -> None:
             raise
         if isinstance(error, OSError) and error.errno in _PATH_ERRORS and error.filename:
             reason = (error.strerror or "cannot be used").lower()
+            from benchtool.core.user_file import display_path
+
             print_error(f"{display_path(error.filename)}: {reason}; use another path")
             sys.exit(InputError.exit_code)
         if (cause := find_cause(error)) is not None:
@@ -203,20 +202,20 @@ def build_app(arguments: Sequence[str]) -> typer.Typer:
     for name, (location, line) in COMMANDS.items():
         parent, _, last = name.rpartition(" ")
         if parent not in groups:
-            continue  # the parent is a command
-        is_requested = f"{requested} ".startswith(f"{name} ")
-        if not location or (is_requested and name != requested):
-            groups[name] = typer.Typer(cls=_Group, rich_markup_mode=None, add_completion=False)
-            groups[name].callback()(_unloaded)
-            text = f"{line}." if is_requested else line
-            groups[parent].add_typer(groups[name], name=last, cls=_Group, help=text)
-        elif is_requested:
+            continue  # the parent is a command, or not requested
+        if not f"{requested} ".startswith(f"{name} "):
+            groups[parent].command(last, help=line)(_unloaded)
+        elif location and name == requested:
+            from benchtool.commands.input_commands import GroupedCommand
+
             module = import_module(command_module(name))
             function = getattr(module, location.partition(":")[2])
             command_class = getattr(module, "Parser", GroupedCommand)
             groups[parent].command(last, cls=command_class)(function)
         else:
-            groups[parent].command(last, help=line)(_unloaded)
+            groups[name] = typer.Typer(cls=_Group, rich_markup_mode=None, add_completion=False)
+            groups[name].callback()(_unloaded)
+            groups[parent].add_typer(groups[name], name=last, cls=_Group, help=f"{line}.")
     return app
 
 
@@ -296,6 +295,9 @@ def _describe_usage_error(error: typer.TyperException, arguments: Sequence[str])
     name = _find_command(arguments)
     option = getattr(error, "option_name", "")
     if "requires an argument" in problem and COMMANDS.get(name, ("",))[0]:
+        from benchtool.commands.input_commands import option_help
+        from benchtool.core.inputs import items
+
         function = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
         fields = [item for item in items(function.inputs) if item.option == option]
         texts = [option_help(item).rstrip(".") for item in fields]

@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
+from benchtool.core.choices import BenchMode
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.simulate.user_controller import load_controller_class
@@ -46,9 +47,9 @@ class ServeInputs(Inputs):
     fault: Annotated[
         tuple[str, ...], Input("Injected fault, e.g. silence:at_s=12,for_s=1; repeatable.")
     ] = ()
-    mode: Annotated[
-        Literal["plate", "pitch"], Input("Load cell with plate, or hinged beam with controller.")
-    ] = "plate"
+    mode: Annotated[BenchMode, Input("Load cell with plate, or hinged beam with controller.")] = (
+        "plate"
+    )
     schedule: Annotated[str, Input("Pitch: schedule name or file.", group="Pitch bench")] = "plate"
     controller: Annotated[str, Input("Pitch: controller, or module:Class.")] = "pid"
     gains: Annotated[str, Input("Pitch: gain set or file.")] = "s3"

@@ -12,8 +12,8 @@ from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, write_new
 from benchtool.commands.terminal.sweep_operator import POLL_INTERVAL_S, TERMINAL
 from benchtool.core.errors import BenchError, InputError, WouldOverwrite
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.text import format_value
 
 if TYPE_CHECKING:
     from collections.abc import Callable

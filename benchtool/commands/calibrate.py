@@ -18,7 +18,7 @@ from benchtool.core.errors import CalibrationError, InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs, items
 
 if TYPE_CHECKING:
-    from benchtool.core.array_type import Array
+    from benchtool.core.units import Array
     from benchtool.data.calibration import Calibration
 
 FIGURES: Final = ("svg", "png")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.recipe_options import MotorTestInputs
 from benchtool.commands.terminal.messages import announce_code
+from benchtool.core.choices import ExportTarget
 from benchtool.core.inputs import Input, Inputs, input_values
-
-To = Literal["all", "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +24,7 @@ class ExportInputs(Inputs):
             argument="MODEL",
         ),
     ]
-    to: Annotated[To, Input("Target; all writes a folder with a file for each.")]
+    to: Annotated[ExportTarget, Input("Target; all writes a folder with a file for each.")]
     motor: Annotated[
         tuple[Path, ...],
         Input("Run without a plate or test stand log for motor constants; repeatable."),

@@ -42,7 +42,7 @@ def _base_inputs(options: dict[str, Any]) -> FitArguments:
         from benchtool.commands.terminal.table_fit import prepare_table
 
         run_filters = prepare_table(options)
-    inputs = FitArguments(recipe=recipe_from_options(options, "fit"), run_filters=run_filters)
+    inputs = FitArguments(recipe=recipe_from_options(options), run_filters=run_filters)
     for item in items(TableInputs):
         options.pop(item.name, None)  # already in the column map
     return inputs

@@ -10,8 +10,8 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import InputField, Inputs, build_inputs, items
+from benchtool.core.text import format_value
 
 T = TypeVar("T", bound=Inputs)
 

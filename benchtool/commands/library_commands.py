@@ -24,7 +24,12 @@ class LibraryInputs(Inputs):
 @command_from_inputs(LibraryInputs)
 def models(inputs: LibraryInputs) -> None:
     """List models, or show one with its effects and parameters."""
-    _show("model", inputs, list_all=_list_models, describe=_describe_model)
+    from benchtool.physics.model_file import load_model
+
+    if inputs.name:
+        _show("model", inputs, _describe_model(inputs.name))
+    else:
+        _list("models", lambda name: load_model(name).model.description)
 
 
 @command_from_inputs(LibraryInputs)
@@ -33,101 +38,68 @@ def rigs(inputs: LibraryInputs) -> None:
 
     `benchtool library rigs new` creates a rig file.
     """
-    _show("rig", inputs, list_all=_list_rigs, describe=_describe_rig)
+    from benchtool.core.rig_file import load_rig_by_name
+
+    if inputs.name:
+        _show("rig", inputs, _describe_rig(inputs.name))
+    else:
+        _list("rigs", lambda name: load_rig_by_name(name).title, has_user_files=True)
 
 
 @command_from_inputs(LibraryInputs)
 def propellers(inputs: LibraryInputs) -> None:
     """List propellers, or show one with all values and sources."""
-    _show("propeller", inputs, list_all=_list_propellers, describe=_describe_propeller)
+    from benchtool.data.propeller_file import read_propeller
+
+    if inputs.name:
+        propeller, sources = read_propeller(inputs.name)
+        lines = [f"{propeller.name}: {propeller.title}"]
+        for key, source in sources.items():
+            lines.append(f"  {key:<12} {_format_value(propeller, key):>10}  {source}")
+        _show("propeller", inputs, lines)
+    else:
+        _list("propellers", lambda name: read_propeller(name)[0].title, has_user_files=True)
 
 
-def _show(
-    kind: str,
-    inputs: LibraryInputs,
-    *,
-    list_all: Callable[[], Iterable[str]],
-    describe: Callable[[str], Iterable[str]],
-) -> None:
-    """Print the list, or the description or TOML text of one entry.
-
-    Args:
-        list_all: returns one line per entry of the library.
-        describe: returns the lines of one entry; raises for an invalid file.
-    """
+def _show(kind: str, inputs: LibraryInputs, lines: Iterable[str]) -> None:
+    """Print the lines that describe one entry, or its TOML text."""
     from benchtool.core.library import read_library_file
 
-    lines = describe(inputs.name) if inputs.name else list_all()
-    if inputs.name and inputs.toml:
-        list(lines)  # raises for an invalid file
-        print(read_library_file(kind, f"{kind}s", inputs.name)[0], end="")
+    text = "".join(f"{line}\n" for line in lines)
+    print(read_library_file(kind, f"{kind}s", inputs.name)[0] if inputs.toml else text, end="")
+
+
+def _list(folder: str, title: Callable[[str], str], *, has_user_files: bool = False) -> None:
+    """Print one line per entry of the library; user's files that are invalid with their error."""
+    from benchtool.core.errors import BenchtoolError
+    from benchtool.core.library import list_names, user_library_folder, user_names
+
+    for name in list_names(folder):
+        print(f"{name:<16} {title(name)}")
+    if not has_user_files:
         return
-    for line in lines:
-        print(line)
-
-
-def _list_models() -> Iterator[str]:
-    from benchtool.physics.model_file import load_model, model_names
-
-    for name in model_names():
-        yield f"{name:<16} {load_model(name).model.description}"
+    names = user_names(folder)
+    print(f"user library, {user_library_folder() / folder}:{'' if names else ' none'}")
+    for name in names:
+        try:
+            print(f"{name:<16} {title(name)}")
+        except BenchtoolError as error:
+            print(f"{name:<14} cannot be read: {error}")
 
 
 def _describe_model(name: str) -> Iterator[str]:
     from benchtool.physics.model_file import load_model
 
-    model_file = load_model(name, permit=announce_code)
-    model = model_file.model
+    model = load_model(name, permit=announce_code).model
     yield f"{model.name}: {model.description}"
     rules = f"wake rule {model.wake_rule}, tilt rule {model.tilt_rule}"
     yield f"rig {model.rig.name}, {rules}, b is the {model.body_distance}"
-    effects = ", ".join(effect.name for effect in model.effects) or "none"
-    yield f"effects: {effects}"
+    yield f"effects: {', '.join(effect.name for effect in model.effects) or 'none'}"
     for name, parameter in model.parameters.items():
         state = "free " if parameter.free else "fixed"
         bounds = f"[{parameter.lower:g}, {parameter.upper:g}]"
         value = f"{parameter.value:>12g} {parameter.unit:<14}"
         yield f"  {name:<26} {value} {state} {bounds:<18} {parameter.source}"
-
-
-def _list_rigs() -> Iterator[str]:
-    from benchtool.core.rig_file import load_rig_by_name, rig_names
-
-    for name in rig_names():
-        yield f"{name:<16} {load_rig_by_name(name).title}"
-    yield from _list_user_files("rigs", lambda name: load_rig_by_name(name).title)
-
-
-def _list_user_files(folder: str, title: Callable[[str], str]) -> Iterator[str]:
-    """Yield one line per file in the user library; invalid files with their error."""
-    from benchtool.core.errors import BenchtoolError
-    from benchtool.core.library import user_library_folder, user_names
-
-    names = user_names(folder)
-    yield f"user library, {user_library_folder() / folder}:{'' if names else ' none'}"
-    for name in names:
-        try:
-            yield f"{name:<16} {title(name)}"
-        except BenchtoolError as error:
-            yield f"{name:<14} cannot be read: {error}"
-
-
-def _list_propellers() -> Iterator[str]:
-    from benchtool.core.library import list_names
-    from benchtool.data.propeller_file import FOLDER, read_propeller
-
-    for name in list_names(FOLDER):
-        yield f"{name:<16} {read_propeller(name)[0].title}"
-    yield from _list_user_files(FOLDER, lambda name: read_propeller(name)[0].title)
-
-
-def _describe_propeller(name: str) -> Iterator[str]:
-    from benchtool.data.propeller_file import read_propeller
-
-    propeller, sources = read_propeller(name)
-    yield f"{propeller.name}: {propeller.title}"
-    for key, source in sources.items():
-        yield f"  {key:<12} {_format_value(propeller, key):>10}  {source}"
 
 
 def _describe_rig(name: str) -> Iterator[str]:

@@ -15,23 +15,15 @@ from benchtool.fit.recipe import Recipe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandInputs(Inputs):
-    """Options of test stand logs."""
+class MotorTestInputs(Inputs):
+    """Options of a motor fit: rig of the logs, vehicle mass and extrapolation of thrust."""
 
-    TITLE = "Test stand logs"
+    TITLE = "Motor fit"
 
     propeller: Annotated[
         str | None, Input("Propeller, if missing in a log: name, file or inches: 5x4.5.")
     ] = None
     rig: Annotated[str | None, Input("Rig name or file.", default_text="from the logs")] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotorTestInputs(StandInputs):
-    """Options of a motor fit: vehicle mass and extrapolation of thrust."""
-
-    TITLE = "Motor fit"
-
     mass_kg: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
         Input("Vehicle mass for the hover point.", "kg", default_text="rig value"),
@@ -45,7 +37,7 @@ class MotorTestInputs(StandInputs):
     ] = False
 
 
-def recipe_from_options(options: dict[str, Any], command: str) -> Recipe:
+def recipe_from_options(options: dict[str, Any]) -> Recipe:
     """Return the base recipe of the options: from a recipe folder, or of data and model."""
     from benchtool.fit.recipe import read_recipe
 
@@ -59,20 +51,17 @@ def recipe_from_options(options: dict[str, Any], command: str) -> Recipe:
         return read_recipe(folder)
     if "data" not in options:
         raise InputError(
-            f"no data to {command}; give run folders or CSV files, for example "
-            f"benchtool {command} runs/NAME --model quad_body_lift"
+            "no data to fit; give run folders or CSV files, for example "
+            "benchtool fit runs/NAME --model quad_body_lift"
         )
     if "model" not in options:
         from benchtool.physics.model_file import model_names
 
-        for path in options.get("data", ()):
+        for path in options["data"]:
             data_hash(path)  # raises for a missing file
         raise InputError(f"model is missing; add --model with one of: {', '.join(model_names())}")
     data = tuple(options["data"])
     return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
-
-
-Error = Literal["sd", "se"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +78,8 @@ class TableInputs(Inputs):
     z_unit: Annotated[str, Input("Unit of the distance, if its column name has none: mm, R.")] = ""
     error: Annotated[str, Input("Column of the error of thrust or ratio, or none.")] = ""
     error_is: Annotated[
-        Error | None, Input("Kind of error: standard deviation (sd) or standard error (se).")
+        Literal["sd", "se"] | None,
+        Input("Kind of error: standard deviation (sd) or standard error (se)."),
     ] = None
     reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
     runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""

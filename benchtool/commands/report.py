@@ -5,15 +5,16 @@ from __future__ import annotations
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
+from benchtool.core.choices import Over
 from benchtool.core.errors import InputError
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.text import format_value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +43,7 @@ class ReportInputs(Inputs):
         Input("Motor number of each rotor in the log, e.g. 1,3,2,4."),
     ] = ()
     over: Annotated[
-        Literal["thrust", "rpm", "power", "throttle", "distance"] | None,
+        Over | None,
         Input("Abscissa of a comparison plot.", default_text="thrust", group="Comparison"),
     ] = None
     at_thrust: Annotated[

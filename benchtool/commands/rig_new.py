@@ -5,16 +5,17 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from math import ceil
+from dataclasses import asdict, dataclass, replace
+from math import ceil, cos, pi, sin
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
+from benchtool.core.choices import PlateMover
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import Input, Inputs, items
+from benchtool.core.inputs import Input, InputField, Inputs, items
 
 Purpose = Literal["fit", "motor", "sweep", "pitch"]
 
@@ -55,7 +56,7 @@ class NewRigInputs(Inputs):
         Input("Current limit; a run stops above it.", "A", default_text="no limit"),
     ] = None
     plate: Annotated[
-        Literal["device", "grbl", "hand"] | None,
+        PlateMover | None,
         Input("Plate stage.", default_text="prompt for sweep"),
     ] = None
     travel: Annotated[
@@ -102,6 +103,18 @@ def new_rig(inputs: NewRigInputs) -> None:
     print(f"benchtool sweep sim:{name} --z-over-r {distances} --pwm 1500 --repeats 2 --yes")
 
 
+VALUES = {  # by option: table and keys of the file, and purposes that need it
+    "radius": ("propulsion", "radius_m", "fit motor sweep pitch"),
+    "inertia": ("body", "inertia_yy_kgm2", "pitch"),
+    "cell": ("limits", "load_cell_rating_N", "motor sweep"),
+    "current": ("limits", "current_A", ""),
+    "pulses": ("propulsion", "pwm_stop_us pwm_start_us pwm_max_us", "motor sweep"),
+    "plate": ("plate", "moved_by", "sweep"),
+    "travel": ("plate", "z_min_m z_max_m", "sweep"),
+}
+PROMPT_DEFAULTS = {"pulses": "1000,1050,1950", "plate": "device"}
+
+
 def rig_text(inputs: NewRigInputs, name: str) -> str:
     """Return the text of the rig file; prompts for missing values.
 
@@ -111,87 +124,75 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     import tomli_w
 
     from benchtool.core.library import read_library_file
-    from benchtool.core.parsed_text import parse_toml
+    from benchtool.core.toml_text import parse_toml
 
     fields = {item.key: item for item in items(NewRigInputs)}
     data = parse_toml(*read_library_file("rig", "rigs", inputs.like)) if inputs.like else {}
     data |= {"name": name, "title": name}
-    is_sweep, is_pitch = inputs.purpose == "sweep", inputs.purpose == "pitch"
     source = inputs.source
 
-    def table(key: str) -> dict[str, Any]:
-        result: dict[str, Any] = data.setdefault(key, {"source": source})
-        return result
-
-    def write(key: str, **values: float) -> None:
-        for name, value in values.items():
-            table(key)[name] = {"value": value, "source": source} if inputs.like else value
-
-    def get(key: str, default: str = "") -> Any:
+    def get(key: str) -> Any:
         if (value := getattr(inputs, key)) is not None:
             return value
         item = fields[key]
-        reason = f"{item.option} is missing ({item.label[:1].lower()}{item.label[1:]})"
-        text = ask(item.label, item.option, default, item.choices, reason)
+        text = ask(item, PROMPT_DEFAULTS.get(key, ""))
         return item.read(text, item.option)
 
-    def is_needed(key: str, table_name: str, name: str) -> bool:
-        """Return whether to write a value: given as an option, or missing in the copied rig."""
-        return getattr(inputs, key) is not None or name not in data.get(table_name, {})
+    def write_option(option: str) -> None:
+        table, keys, purposes = VALUES[option]
+        is_missing = keys.split()[0] not in data.get(table, {})
+        if getattr(inputs, option) is None and not (is_missing and inputs.purpose in purposes):
+            return
+        value = get(option)
+        values = value if isinstance(value, tuple) else (value,)
+        if option == "travel" and not 0.0 < values[0] < values[1]:
+            raise InputError(
+                f"--travel {values[0]:g},{values[1]:g} m is invalid; give --travel MIN,MAX with "
+                f"0 < MIN < MAX"
+            )
+        for key, item in zip(keys.split(), values, strict=True):
+            has_source = inputs.like and not isinstance(item, str)
+            data.setdefault(table, {"source": source})[key] = (
+                {"value": item, "source": source} if has_source else item
+            )
 
     if inputs.propeller:
         _set_propeller(inputs.propeller, data)
         if inputs.radius is None:
-            write("propulsion", radius_m=data["propeller"]["diameter_m"] / 2.0)
-    if is_needed("radius", "propulsion", "radius_m"):
-        write("propulsion", radius_m=get("radius"))
-    if is_pitch and (inputs.arm is not None or "rotors" not in data):
-        # Rotor 1 is behind the hinge: positive pitch moves it away from the plate.
-        data["rotors"] = _rotors([(side * get("arm"), 0.0) for side in (-1.0, 1.0)], source)
-    elif not is_pitch and inputs.rotors > 1:
+            inputs = replace(inputs, radius=data["propeller"]["diameter_m"] / 2.0)
+    write_option("radius")
+    if inputs.purpose == "pitch":
+        if inputs.arm is not None or "rotors" not in data:
+            # Rotor 1 is behind the hinge: positive pitch moves it away from the plate.
+            data["rotors"] = _rotors([(side * get("arm"), 0.0) for side in (-1.0, 1.0)], source)
+        write_option("inertia")
+    elif inputs.rotors > 1:
         data["rotors"] = _rotor_circle(inputs.rotors, get("arm"), source)
-    if is_pitch and is_needed("inertia", "body", "inertia_yy_kgm2"):
-        write("body", inertia_yy_kgm2=get("inertia"))
-    has_motor = is_sweep or inputs.purpose == "motor"
-    if (has_motor or inputs.cell is not None) and is_needed("cell", "limits", "load_cell_rating_N"):
-        write("limits", load_cell_rating_N=get("cell"))
-    if inputs.current is not None:
-        write("limits", current_A=inputs.current)
-    if (has_motor or inputs.pulses) and is_needed("pulses", "propulsion", "pwm_stop_us"):
-        stop_us, start_us, max_us = get("pulses", "1000,1050,1950")
-        write("propulsion", pwm_stop_us=stop_us, pwm_start_us=start_us, pwm_max_us=max_us)
-    if (is_sweep or inputs.plate is not None) and is_needed("plate", "plate", "moved_by"):
-        table("plate")["moved_by"] = get("plate", "device")
-    if (is_sweep or inputs.travel is not None) and is_needed("travel", "plate", "z_min_m"):
-        nearest, farthest = get("travel")
-        if not 0.0 < nearest < farthest:
-            raise InputError(
-                f"--travel {nearest:g},{farthest:g} m is invalid; give --travel MIN,MAX with "
-                f"0 < MIN < MAX"
-            )
-        write("plate", z_min_m=nearest, z_max_m=farthest)
+    for option in ("cell", "current", "pulses", "plate", "travel"):
+        write_option(option)
     return tomli_w.dumps(data)
 
 
-def ask(question: str, option: str, default: str, choices: Sequence[str], reason: str) -> str:
+def ask(item: InputField, default: str) -> str:
     """Prompt on a terminal until the answer is one of the choices, and return it.
 
     Raises:
         InputError: no terminal, or end of input.
     """
     if not sys.stdin.isatty():
-        raise InputError(f"{reason}; give {option}")
-    choice_text = f" ({', '.join(choices)})" if choices else ""
+        label = f"{item.label[:1].lower()}{item.label[1:]}"
+        raise InputError(f"{item.option} is missing ({label}); give {item.option}")
+    choice_text = f" ({', '.join(item.choices)})" if item.choices else ""
     end = f" [{default}]: " if default else ": "
     while True:
-        print(f"{question}?{choice_text}{end}", end="", flush=True)
+        print(f"{item.label}?{choice_text}{end}", end="", flush=True)
         if not (line := sys.stdin.readline()):
-            raise InputError(f"end of input; give {option}")
+            raise InputError(f"end of input; give {item.option}")
         answer = line.strip() or default
-        if answer and (not choices or answer in choices):
+        if answer and (not item.choices or answer in item.choices):
             return answer
         if answer:
-            print(UnknownChoice("answer", answer, choices))
+            print(UnknownChoice("answer", answer, item.choices))
 
 
 def _set_propeller(name: str, data: dict[str, Any]) -> None:
@@ -207,8 +208,6 @@ def _set_propeller(name: str, data: dict[str, Any]) -> None:
 
 def _rotor_circle(count: int, arm_m: float, source: str) -> list[dict[str, Any]]:
     """Return rotors evenly spaced on a circle, first front left, with alternating spin."""
-    from math import cos, pi, sin
-
     angles = [2.0 * pi * (index + 0.5) / count for index in range(count)]
     return _rotors([(arm_m * cos(angle), arm_m * sin(angle)) for angle in angles], source)
 

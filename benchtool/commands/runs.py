@@ -171,7 +171,7 @@ def show(inputs: ShowInputs) -> None:
 @command_from_inputs(ShowInputs)
 def compare(inputs: ShowInputs) -> None:
     """Compare runs: metadata, and T_IGE/T_OGE by z/R."""
-    from benchtool.core.plural import pluralize
+    from benchtool.core.text import pluralize
     from benchtool.data.run.settings import ratios_by_distance
 
     if len(inputs.runs) < 2:
@@ -258,7 +258,7 @@ class MergeInputs(Inputs):
 @command_from_inputs(MergeInputs)
 def merge(inputs: MergeInputs) -> None:
     """Merge runs of one rig and propeller into a new run folder."""
-    from benchtool.core.plural import pluralize
+    from benchtool.core.text import pluralize
     from benchtool.data.run.merge import merge_runs
     from benchtool.data.run.read import find_parts
 

@@ -8,9 +8,12 @@ Plate distance has three names, in m along the axis: `target_z_m` is commanded,
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
-from benchtool.core.errors import UnknownChoice
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.toml_text import FiniteTable
 from benchtool.core.units import find_unit
 
 CHANNELS: dict[str, str] = {  # channels that a table can be mapped to; # is a rotor's number
@@ -80,15 +83,10 @@ CHANNELS: dict[str, str] = {  # channels that a table can be mapped to; # is a r
 }
 
 _PLAIN = ("s", "us", "m", "N", "V", "A", "W", "deg", "rad", "degC", "kg", "Pa")
-_SUFFIXES = {unit: unit for unit in _PLAIN} | {"Nm": "N m", "raw": "count"}
-_LONG_SUFFIXES: dict[str, str] = {
-    "_rad_s": "rad/s",
-    "_m_s": "m/s",
-    "_m_s2": "m/s2",
-    "_kg_m3": "kg/m3",
-    "_N_W": "N/W",
-    "_gf_W": "gf/W",
-}
+_UNIT_OF_ENDING = {f"_{unit}": unit for unit in _PLAIN} | {
+    "_Nm": "N m", "_raw": "count", "_rad_s": "rad/s", "_m_s": "m/s", "_m_s2": "m/s2",
+    "_kg_m3": "kg/m3", "_N_W": "N/W", "_gf_W": "gf/W",
+}  # fmt: skip
 _RPM = re.compile(r"rpm\d*(_sd|_se|_optical)?")
 _PWM = re.compile(r"pwm\d+_us")
 
@@ -110,17 +108,18 @@ def unit_from_name(name: str) -> str:
         return "rpm"
     if _PWM.fullmatch(name):
         return "pwm_us"
-    for ending, unit in _LONG_SUFFIXES.items():
-        if name.endswith(ending):
-            return unit
-    head, _, suffix = name.rpartition("_")
-    return _SUFFIXES.get(suffix, "1") if head else "1"
+    return _UNIT_OF_ENDING.get(_find_ending(name), "1")
+
+
+def _find_ending(name: str) -> str:
+    """Return the longest ending of a name that is a unit; "" without one."""
+    endings = (ending for ending in _UNIT_OF_ENDING if name[1:].endswith(ending))
+    return max(endings, key=len, default="")
 
 
 def error_channel_name(name: str) -> str:
     """Return the column name of a channel's standard error: "se" before the unit."""
-    endings = (*_LONG_SUFFIXES, *(f"_{suffix}" for suffix in _SUFFIXES))
-    ending = next((text for text in endings if name.endswith(text)), "")
+    ending = _find_ending(name)
     return f"{name.removesuffix(ending)}_se{ending}"
 
 
@@ -140,3 +139,41 @@ class Channel:
 
     def __post_init__(self) -> None:
         find_unit(self.unit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnSource(FiniteTable):
+    """Source of one channel: a column or a constant.
+
+    Attributes:
+        column: the file's column; None for a constant.
+        constant: one number for all rows, in `unit`.
+        unit: unit of the file's numbers; default: that in the column name, else the channel's.
+        sign: -1 if the file uses the opposite sign.
+        factor: factor on the file's numbers (0.1651 converts z/R to metres for that R; 1/6 corrects
+            a wrong pole count).
+        reference: for `kind` only: cell text of reference rows, far from any plate.
+    """
+
+    column: str | None = None
+    constant: float | None = None
+    unit: str | None = None
+    sign: Literal[-1, 1] = 1
+    factor: float = 1.0
+    reference: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.column is None) == (self.constant is None):
+            raise InputError(
+                "an entry of [columns] needs either column = 'NAME' or constant = NUMBER; give "
+                "exactly one of them"
+            )
+
+
+def check_channels(names: Iterable[str], where: str) -> None:
+    """Raise FileFormatError for a map with an unknown channel."""
+    for name in names:
+        try:
+            require_known_channel(name)
+        except InputError as error:
+            raise FileFormatError(f"[columns] of {where}", str(error)) from error

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from benchtool.core.array_type import Array
-
-Distribution = Literal["normal", "uniform", "triangular", "student_t"]
-# of one draw, with standard deviation 1 (JCGM 101:2008, 6.4); "student_t" uses `dof`
+from benchtool.core.choices import Distribution, EvaluationType
+from benchtool.core.units import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,7 +22,6 @@ class ErrorSource:
     zero drift the columns of a square root of its covariance.
 
     Attributes:
-        kind: type of evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
         sd: standard deviation of one draw, in `unit`; typical value if draws differ.
         dof: degrees of freedom of `sd`.
         columns: (m, r) change of each observation by one standard deviation of each of r
@@ -38,7 +34,7 @@ class ErrorSource:
     """
 
     name: str
-    kind: Literal["A", "B"]
+    kind: EvaluationType
     unit: str
     sd: float
     columns: Array

@@ -89,8 +89,6 @@ class UnknownChoice(InputError):
 
     Args:
         kind: noun in the singular ("unit", "key in [limits] of plan.toml").
-        name: the name as given.
-        choices: accepted names.
     """
 
     def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
@@ -130,12 +128,7 @@ class MissingColumn(InputError):
     """File without a column of the map.
 
     No similar column is proposed: a similar name may be another quantity (reference and angle).
-
-    Args:
-        where: the file.
-        column: name in the map.
-        columns: columns of the file.
-        mapped_by: file of the map, if known.
+    `mapped_by` is the file of the map.
     """
 
     def __init__(
@@ -168,12 +161,7 @@ class CalibrationError(InputError):
 
 
 class WouldOverwrite(InputError):
-    """Rejected write to an existing file or folder.
-
-    Args:
-        path: of the target.
-        option: option that replaces it; empty if there is none.
-    """
+    """Rejected write to an existing file or folder; `option` would replace it."""
 
     def __init__(self, path: str, option: str = "") -> None:
         self.path = path
@@ -212,7 +200,6 @@ class ReadingsLate(LinkError):
 
     Args:
         age_s: of the newest reading, wall time; below 0 if it is in the future.
-        limit_s: maximum difference.
         speed: of the bench's clock, as reported.
     """
 
@@ -240,12 +227,7 @@ class ProtocolError(BenchError):
 
 
 class CommandRefused(BenchError):
-    """Command rejected by the device.
-
-    Args:
-        command: the command as sent.
-        reason: message of the device.
-    """
+    """Command rejected by the device, with the reason that it gives."""
 
     def __init__(self, command: str, reason: str) -> None:
         self.command = command
@@ -254,14 +236,7 @@ class CommandRefused(BenchError):
 
 
 class LimitExceeded(BenchError):
-    """Reading beyond its limit; zero was commanded to the motors.
-
-    Args:
-        channel: channel name with its unit suffix.
-        value: reading.
-        limit: exceeded limit.
-        advice: remedy.
-    """
+    """Reading beyond its limit; zero was commanded to the motors."""
 
     exit_code = 4
 
@@ -337,7 +312,6 @@ class MissingLibrary(BenchtoolError):
     """Optional package or system library not installed.
 
     Args:
-        package: missing package.
         purpose: feature that needs it.
         extra: benchtool extra that installs it.
         install: installation hint if there is no extra.

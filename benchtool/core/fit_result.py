@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
-from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import Method, Status
 from benchtool.core.parameter import resolve_name
-
-Status = Literal["converged", "stopped_early", "not_converged"]
+from benchtool.core.units import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,7 @@ class FitResult:
         facts: data hash, seed, versions, counts: texts and numbers for result.json.
     """
 
-    method: Literal["least_squares", "emcee"]
+    method: Method
     basis: str
     model: str
     estimates: tuple[Estimate, ...]

@@ -13,6 +13,7 @@ import types
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from functools import cache
+from operator import attrgetter
 from typing import (
     Annotated,
     Any,
@@ -28,7 +29,7 @@ from typing import (
 from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.input_text import (
+from benchtool.core.text import (
     format_arguments,
     is_string_sequence,
     read_number,
@@ -315,7 +316,7 @@ def build_inputs(
     values: dict[str, Any] = {}
     for item, value in present.items():
         if other := item.metadata.instead_of:
-            key = _sibling_key(item.key, other)
+            key = ".".join([*item.key.split(".")[:-1], other])
             replaced = next(field for field in by_name.values() if field.key == key)
             if replaced in present:
                 both = " and ".join(
@@ -329,11 +330,6 @@ def build_inputs(
             raise InputError(f"{item.display_name(source)} is missing; give it")
     inputs: T = _assemble(cls, base, values, "")
     return inputs
-
-
-def _sibling_key(key: str, name: str) -> str:
-    table, dot, _ = key.rpartition(".")
-    return f"{table}{dot}{name}"
 
 
 def _assemble(cls: Any, base: Any, values: Mapping[str, Any], prefix: str) -> Any:
@@ -352,14 +348,7 @@ def _assemble(cls: Any, base: Any, values: Mapping[str, Any], prefix: str) -> An
 
 def input_values(inputs: Any) -> dict[str, Any]:
     """Return the value of every input of a dataclass, by name."""
-
-    def value(key: str) -> Any:
-        result = inputs
-        for part in key.split("."):
-            result = getattr(result, part)
-        return result
-
-    return {item.name: value(item.key) for item in items(type(inputs))}
+    return {item.name: attrgetter(item.key)(inputs) for item in items(type(inputs))}
 
 
 def with_changes(inputs: Any) -> dict[str, Any]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf, isfinite
-from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import PriorKind
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.units import find_unit
+from benchtool.core.units import Array, find_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +23,7 @@ class Prior:
         source: origin of the numbers (data sheet, calibration, assumed).
     """
 
-    kind: Literal["uniform", "normal"] = "uniform"
+    kind: PriorKind = "uniform"
     mean: float = 0.0
     sd: float = 1.0
     source: str = ""

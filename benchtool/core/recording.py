@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,10 +10,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.units import to_si
+from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array, to_si
+
+_ROTOR = re.compile(r"(?:rpm|pwm)(\d+)(?:_us)?")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,3 +104,34 @@ class Recording:
         values = np.column_stack([np.asarray(column, float) for _, column in columns])
         channels = tuple(channel for channel, _ in columns)
         return cls(channels, values, dict(provenance or {}), simulated)
+
+
+def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: bool = False) -> None:
+    """Raise InputError for more active rotors than in the rig, or fewer with `lacking`."""
+    present = count_rotors(recording)
+    if not present:
+        return
+    rig_count, count = len(rig.rotors), max(present)
+    if count > rig_count or (lacking and count < rig_count):
+        raise InputError(
+            f"{name} has pulses or speeds of {pluralize(count, 'rotor')}, and the model "
+            f"{rig_count} (rig {rig.name!r}); name the model of this bench with --model, or map "
+            f"the rotors' columns in its [columns]"
+        )
+
+
+def count_rotors(recording: Recording) -> tuple[int, ...]:
+    """Return the numbers (from 1) of the rotors whose pulse or speed changes, in order.
+
+    A constant channel may be unconnected.
+    """
+    numbers = set()
+    for name in recording.names:
+        number = _ROTOR.fullmatch(name)
+        if number is None:
+            continue
+        values = recording.column(name)
+        finite = values[np.isfinite(values)]
+        if len(finite) and np.ptp(finite) > 0.0:
+            numbers.add(int(number[1]))
+    return tuple(sorted(numbers))

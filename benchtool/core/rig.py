@@ -11,10 +11,9 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import PlateMover, Surface
 from benchtool.core.toml_text import FiniteTable
-
-Surface = Literal["below", "above", "beside"]  # in the wake, at the inlet, or at the side
+from benchtool.core.units import Array
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
@@ -214,7 +213,7 @@ class PlateDrive(FiniteTable):
         size_x_m, size_y_m: plate dimensions.
     """
 
-    moved_by: Literal["device", "grbl", "hand"]
+    moved_by: PlateMover
     z_min_m: Positive
     z_max_m: Positive
     z_park_m: Positive

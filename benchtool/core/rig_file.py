@@ -14,11 +14,11 @@ import tomli_w
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.library import list_names, read_library_file, user_names
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
     ValueSources,
     build_dataclass,
+    parse_toml,
     require_sources,
     unwrap_quantities,
 )
@@ -60,7 +60,7 @@ def parse_rig(text: str, where: str) -> Rig:
 
 
 MAX_DIAMETER_DIFFERENCE = 0.01  # relative, propeller to rig (rounded names)
-Typical = Callable[[float, int, Mapping[str, Any]], Any]  # radius (m), rotors, tables so far
+Typical = float | str | Callable[[float, int, Mapping[str, Any]], Any]  # radius, rotors, tables
 
 
 def _pulse(tables: Mapping[str, Any], name: str) -> float:
@@ -87,27 +87,21 @@ TYPICAL: dict[str, tuple[Typical, str]] = {  # of missing keys, in order; assume
         lambda R, n, tables: 0.045 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
         "C_P 0.045 in air of 1.225 kg/m3, typical static run of the UIUC Propeller Database",
     ),
-    "propulsion.pwm_stop_us": (
-        lambda R, n, tables: 1000.0,
-        "1000 us, the convention of hobby ESCs",
-    ),
+    "propulsion.pwm_stop_us": (1000.0, "1000 us, the convention of hobby ESCs"),
     "propulsion.pwm_start_us": (
         lambda R, n, tables: _pulse(tables, "pwm_stop_us") + 50.0,
         "50 us above the stop pulse",
     ),
-    "propulsion.pwm_max_us": (lambda R, n, tables: 1950.0, "1950 us, the convention of hobby ESCs"),
+    "propulsion.pwm_max_us": (1950.0, "1950 us, the convention of hobby ESCs"),
     "propulsion.speed_per_us_rad_s": (
         lambda R, n, tables: (
             110.0 / R / (_pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us"))
         ),
         "tip speed 110 m/s at the maximum pulse",
     ),
-    "propulsion.voltage_nominal_V": (lambda R, n, tables: 11.1, "11.1 V, 3S lithium polymer"),
-    "propulsion.lag_s": (lambda R, n, tables: 0.05, "0.05 s, typical for rotors of 10 to 30 cm"),
-    "propulsion.efficiency": (
-        lambda R, n, tables: 0.75,
-        "0.75, typical for brushless motors at hover",
-    ),
+    "propulsion.voltage_nominal_V": (11.1, "11.1 V, 3S lithium polymer"),
+    "propulsion.lag_s": (0.05, "0.05 s, typical for rotors of 10 to 30 cm"),
+    "propulsion.efficiency": (0.75, "0.75, typical for brushless motors at hover"),
     "body.mass_kg": (
         lambda R, n, tables: _thrust_N(tables, n, 0.6) / STANDARD_GRAVITY_M_S2,
         "hover at 0.6 of the maximum speed",
@@ -121,7 +115,7 @@ TYPICAL: dict[str, tuple[Typical, str]] = {  # of missing keys, in order; assume
         lambda R, n, tables: 2.0 * tables["body"]["inertia_xx_kgm2"],
         "twice xx",
     ),
-    "plate.moved_by": (lambda R, n, tables: "device", "the bench"),
+    "plate.moved_by": ("device", "the bench"),
     "plate.z_min_m": (lambda R, n, tables: 0.4 * R, "0.4 rotor radii"),
     "plate.z_max_m": (
         lambda R, n, tables: 1.1 * tables["plate"].get("z_park_m", 11.5 * R),
@@ -131,8 +125,8 @@ TYPICAL: dict[str, tuple[Typical, str]] = {  # of missing keys, in order; assume
         lambda R, n, tables: min(11.5 * R, tables["plate"]["z_max_m"]),
         "11.5 rotor radii (eq. (4) below 0.3 %), or the end of the travel",
     ),
-    "plate.speed_m_s": (lambda R, n, tables: 0.1, "0.1 m/s, typical for a belt-driven stage"),
-    "plate.backlash_m": (lambda R, n, tables: 0.0, "none"),
+    "plate.speed_m_s": (0.1, "0.1 m/s, typical for a belt-driven stage"),
+    "plate.backlash_m": (0.0, "none"),
     "plate.size_x_m": (lambda R, n, tables: 10.0 * R, "ten rotor radii"),
     "plate.size_y_m": (lambda R, n, tables: 10.0 * R, "ten rotor radii"),
     "limits.load_cell_rating_N": (
@@ -144,12 +138,9 @@ TYPICAL: dict[str, tuple[Typical, str]] = {  # of missing keys, in order; assume
         "0.8 of the load cell's rating",
     ),
     "limits.rpm": (lambda R, n, tables: 0.7 * 340.0 / R * 30.0 / pi, "tip speed Mach 0.7"),
-    "limits.current_A": (lambda R, n, tables: 1000.0, "no limit"),
-    "limits.voltage_min_V": (lambda R, n, tables: 0.0, "no limit"),
-    "limits.temperature_degC": (
-        lambda R, n, tables: 90.0,
-        "90 degC, for magnets and windings of small motors",
-    ),
+    "limits.current_A": (1000.0, "no limit"),
+    "limits.voltage_min_V": (0.0, "no limit"),
+    "limits.temperature_degC": (90.0, "90 degC, for magnets and windings of small motors"),
     "limits.pwm_us": (lambda R, n, tables: _pulse(tables, "pwm_max_us"), "the maximum pulse"),
 }
 
@@ -165,15 +156,15 @@ def _fill_missing(data: dict[str, Any], value_sources: ValueSources) -> None:
     if "rotors" not in data:
         data["rotors"] = [{"name": "rotor", "x_m": 0.0, "y_m": 0.0, "spin": 1}]
         value_sources.by_key |= {
-            f"rotors[0].{key}": f"{UNSPECIFIED}: one rotor" for key in ("x_m", "y_m")
+            f"rotors[0].{key}": f"{UNSPECIFIED}: one rotor" for key in ("x_m", "y_m", "spin")
         }
-        value_sources.by_key["rotors[0].spin"] = f"{UNSPECIFIED}: one rotor"
     for key, (typical, reason) in TYPICAL.items():
         table, _, name = key.partition(".")
         if not isinstance(data.setdefault(table, {}), dict) or name in data[table]:
             continue
         try:
-            data[table][name] = typical(float(radius_m), len(data["rotors"]), data)
+            values = float(radius_m), len(data["rotors"]), data
+            data[table][name] = typical(*values) if callable(typical) else typical
         except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError):
             return  # reported by the later check of the whole rig
         value_sources.by_key[key] = f"{UNSPECIFIED}: {reason}"

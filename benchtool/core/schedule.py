@@ -1,18 +1,22 @@
-"""Schedules of pitch experiments, as signals and as samples in time."""
+"""Schedules of pitch experiments: signals, samples in time, and TOML files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+import tomli_w
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import SignalShape
 from benchtool.core.errors import InputError
-from benchtool.core.toml_text import FiniteTable
+from benchtool.core.library import list_names, read_library_file
+from benchtool.core.toml_text import FiniteTable, read_strict
+from benchtool.core.units import Array
 
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
@@ -43,7 +47,7 @@ class Signal(FiniteTable):
         level: in the track's unit.
     """
 
-    shape: Literal["step", "ramp", "triangle", "chirp", "prbs", "steps"]
+    shape: SignalShape
     level: float = 0.0
     levels: tuple[float, ...] = ()
     from_s: NotNegative = 0.0
@@ -192,31 +196,31 @@ class Schedule(FiniteTable):
                 observer[later] = float(switch.observer)
             if switch.feedforward is not None:
                 feedforward[later] = float(switch.feedforward)
-        reference_deg = _sum(self.reference_deg, t, self.duration_s)
-        collective = 1.0 + _sum(self.collective, t, self.duration_s)
-        dither_us = _sum(self.dither_us, t, self.duration_s)
-        self._check_level("reference_deg", reference_deg)
-        self._check_level("collective", collective)
-        self._check_level("dither_us", dither_us)
         return SampledSchedule(
             rate_Hz=rate_Hz,
             time_s=t,
-            reference_rad=np.radians(reference_deg),
-            collective=collective,
-            dither_us=dither_us,
+            reference_rad=np.radians(self._track("reference_deg", 0.0, t)),
+            collective=self._track("collective", 1.0, t),
+            dither_us=self._track("dither_us", 0.0, t),
             plate_z_m=plate_z,
             plate_share=share,
             observer=observer,
             feedforward=feedforward,
         )
 
-    def _check_level(self, track: str, values: Array) -> None:
+    def _track(self, track: str, level: float, time_s: Array) -> Array:
+        """Return the sum of a level and the signals of a track (m,)."""
+        values = np.zeros(time_s.shape)
+        for signal in getattr(self, track):
+            values += signal.sampled(time_s, self.duration_s)
+        values += level
         low, high = MAX_LEVEL[track]
         worst = float(values[np.argmax(np.maximum(values - high, low - values))])
         if not low <= worst <= high:
             raise InputError(
                 f"{track} of schedule {self.name!r} is {worst:g}; allowed: {low:g} to {high:g}"
             )
+        return values
 
     def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
         """Return plate distance (m,) and visit fraction (m,), parked between visits."""
@@ -253,13 +257,6 @@ class SampledSchedule:
         return len(self.time_s)
 
 
-def _sum(signals: tuple[Signal, ...], time_s: Array, duration_s: float) -> Array:
-    total = np.zeros(time_s.shape)
-    for signal in signals:
-        total += signal.sampled(time_s, duration_s)
-    return total
-
-
 def _index(time_s: Array, every_s: float, count: int) -> NDArray[np.intp]:
     index: NDArray[np.intp] = np.clip((time_s / every_s + 1e-9).astype(np.intp), 0, count - 1)
     return index
@@ -278,3 +275,31 @@ def due_ticks(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> 
     whole = np.floor(edges + 1e-9)
     fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]
     return fresh
+
+
+def schedule_names() -> tuple[str, ...]:
+    """Return the names of the bundled schedules."""
+    return list_names("schedules")
+
+
+def load_schedule(name_or_path: str | Path) -> Schedule:
+    """Return a bundled schedule by name, or a user-defined one by the path of its TOML file."""
+    return read_strict(Schedule, *read_library_file("schedule", "schedules", name_or_path))
+
+
+def schedule_to_toml(schedule: Schedule) -> str:
+    """Return a schedule as TOML text; parsing it gives the same schedule."""
+    return tomli_w.dumps(_non_default_values(schedule))
+
+
+def _non_default_values(item: Any) -> dict[str, Any]:
+    """Return a table of the values that differ from their defaults; nested parts become tables."""
+    table: dict[str, Any] = {}
+    for field in fields(item):
+        value = getattr(item, field.name)
+        if value == field.default:
+            continue
+        if isinstance(value, tuple):
+            value = [_non_default_values(part) if is_dataclass(part) else part for part in value]
+        table[field.name] = value
+    return table

@@ -12,6 +12,7 @@ import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from math import isfinite
 from typing import (
     TYPE_CHECKING,
     Any,
@@ -24,12 +25,14 @@ from typing import (
 )
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.parsed_text import parse_toml
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 T = TypeVar("T")
+
+MAX_DEPTH = 32  # nesting of tables and lists; files of benchtool have up to six levels
+MAX_INTEGER = 2**63 - 1  # largest integer of TOML
 
 _QUANTITY_KEYS = {"value", "source", "assumed"}
 _UNKNOWN_KEY = {"extra_forbidden", "unexpected_keyword_argument"}  # pydantic's names for it
@@ -141,19 +144,13 @@ def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         raise FileFormatError(where, problem) from error
 
 
+@dataclass
 class RefusedValue(ValueError):
-    """Invalid value.
+    """Invalid value."""
 
-    Args:
-        kind: error type of pydantic.
-        reason: expectation as text.
-    """
-
-    def __init__(self, kind: str, value: Any, reason: str) -> None:
-        self.kind = kind
-        self.value = value
-        self.reason = reason
-        super().__init__(reason)
+    kind: str  # error type of pydantic
+    value: Any
+    reason: str  # expectation as text
 
 
 def check_value(declared: Any, value: Any) -> Any:
@@ -223,3 +220,84 @@ def _without_none(cls: Any) -> Any:
     if get_origin(cls) in (Union, types.UnionType):
         return next(arg for arg in get_args(cls) if arg is not type(None))
     return cls
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the tables of TOML text; raise FileFormatError with the line of an error."""
+    import tomllib
+
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        problem = f"this is not valid TOML: {error}; correct that line"
+        raise FileFormatError(where, problem) from error
+    except RecursionError as error:
+        raise _too_deep(where) from error
+    except ValueError as error:  # number with thousands of digits
+        raise _too_large(where) from error
+    _check_bounds(data, where)
+    return data
+
+
+def parse_json(text: str | bytes, where: str) -> Any:
+    """Return the content of JSON text; raise FileFormatError for errors, nan and infinity."""
+    try:
+        data = json.loads(text, parse_constant=_no_constant)
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        problem = f"this is not valid JSON ({error}); restore it from a copy"
+        raise FileFormatError(where, problem) from error
+    except _NoNumber as error:
+        problem = f"this is not valid JSON ({error} is no number); restore it from a copy"
+        raise FileFormatError(where, problem) from error
+    except RecursionError as error:
+        raise _too_deep(where) from error
+    except ValueError as error:
+        raise _too_large(where) from error
+    _check_bounds(data, where, finite=True)
+    return data
+
+
+class _NoNumber(Exception):
+    """JavaScript constant that is invalid in JSON, such as NaN."""
+
+
+def _no_constant(word: str) -> None:
+    raise _NoNumber(word)
+
+
+def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
+    """Raise FileFormatError for deep nesting, and for invalid numbers and texts."""
+    level, depth = [data], 0
+    while level:
+        depth += 1
+        if depth > MAX_DEPTH + 1:
+            raise _too_deep(where)
+        below: list[Any] = []
+        for item in level:
+            if isinstance(item, dict):
+                below.extend(item.keys())
+                below.extend(item.values())
+            elif isinstance(item, list):
+                below.extend(item)
+            elif isinstance(item, str):
+                if not item.isascii() and any("\ud800" <= letter <= "\udfff" for letter in item):
+                    raise FileFormatError(
+                        where, f"{item!r:.60} is not valid text; restore it from a copy"
+                    )
+            elif isinstance(item, int) and abs(item) > MAX_INTEGER:
+                raise _too_large(where)
+            elif finite and isinstance(item, float) and not isfinite(item):
+                raise FileFormatError(where, "a number in it is beyond 1.8e308; correct it")
+        level = below
+
+
+def _too_deep(where: str) -> FileFormatError:
+    return FileFormatError(
+        where, f"it is nested deeper than {MAX_DEPTH} levels; write it with fewer"
+    )
+
+
+def _too_large(where: str) -> FileFormatError:
+    return FileFormatError(
+        where, f"a whole number in it is beyond {MAX_INTEGER} (64 bits); correct it"
+    )

@@ -1,4 +1,4 @@
-"""Units of files and columns, with their factors to SI.
+"""Units of files and columns with their factors to SI, and the array type of numbers in them.
 
 All internal quantities are SI; other units are used only when files are read or numbers printed.
 """
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import UnknownChoice
 
-Number = TypeVar("Number", float, NDArray[np.float64])
+Array = NDArray[np.float64]  # a docstring gives shape and unit
+Number = TypeVar("Number", float, Array)
 
 STANDARD_GRAVITY_M_S2 = 9.80665  # CGPM 1901; for gram-force and kilogram-force
 POUND_FORCE_N = 4.4482216152605  # 0.45359237 kg (international pound, 1959) times gravity

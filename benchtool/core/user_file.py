@@ -13,13 +13,27 @@ import sys
 from io import BufferedReader
 from pathlib import Path
 
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, ResourceExhausted
 
 MAX_TEXT_BYTES = 1 << 20  # of a plan, rig, model or map: hundreds of times the library; assumed
 MAX_METADATA_BYTES = 1 << 26  # of a JSON file: ten times a result with all draws; assumed
 MAX_DATA_BYTES = 1 << 32  # largest file of data: a day of flight logs; assumed
+MAX_COLUMNS = 4096  # of any table; the widest logs have some hundred; assumed
+MAX_CELLS = 6_000_000  # of a table read as text: about 0.6 GB; assumed
+MAX_TABLE_BYTES = 1 << 28  # largest file of such a table
+MAX_LOG_BYTES = 1 << 30  # largest imported file: hours of an autopilot's log; assumed
+MAX_DECODED_BYTES = 1 << 31  # of one recording: 10^7 rows of 25 channels; assumed
+MAX_NUMBER = 1e20  # largest magnitude in any unit: its products stay finite; assumed
 
 _PIECE_BYTES = 1 << 20
+
+_EXHAUSTION = frozenset(
+    {
+        *(errno.ENOSPC, getattr(errno, "EDQUOT", -1), errno.EFBIG, errno.EMFILE, errno.ENFILE),
+        *(errno.ENOMEM, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EPIPE),
+        errno.EBADF,
+    }
+)
 
 _KINDS = (
     (stat.S_ISDIR, "this is a folder"),
@@ -132,3 +146,53 @@ def _reason(error: OSError | ValueError, path: str | Path) -> str:
         link = "this is a symbolic link, which is not followed here"
         return f"{link if is_link else 'its links are circular'}; name the file itself"
     return f"{(error.strerror or 'it cannot be read').lower()}; check the path"
+
+
+def check_columns(count: int, where: str) -> None:
+    """Raise FileFormatError for a table with too many columns."""
+    if count > MAX_COLUMNS:
+        raise FileFormatError(
+            where, f"it has {count:,} columns, limit {MAX_COLUMNS:,}; keep those that you need"
+        )
+
+
+def check_cells(count: int, where: str) -> None:
+    """Raise FileFormatError for a table with too many cells for memory."""
+    if count > MAX_CELLS:
+        raise FileFormatError(
+            where,
+            f"it has {count:,} cells, limit {MAX_CELLS:,}; keep the rows and columns that you need",
+        )
+
+
+def check_decoded(rows: int, columns: int, where: str) -> None:
+    """Raise FileFormatError for a table of float64 that is too large for memory."""
+    decoded = 8 * rows * columns
+    if decoded > MAX_DECODED_BYTES:
+        raise FileFormatError(
+            where,
+            f"its {rows:,} rows of {columns} columns take {decoded / 1e9:.1f} GB when they are "
+            f"read, limit {MAX_DECODED_BYTES / 1e9:.1f} GB; write fewer rows or columns",
+        )
+
+
+def is_exhaustion(error: OSError | MemoryError) -> bool:
+    """Return True for a lack of resources or permission, not for a wrong path."""
+    return isinstance(error, MemoryError) or error.errno in _EXHAUSTION
+
+
+def resource_error(error: OSError | MemoryError, subject: str, then: str = "") -> ResourceExhausted:
+    """Return the error with a message for the user.
+
+    Args:
+        error: of the system.
+        subject: failed operation ("run cannot be closed").
+        then: next step after its cause is removed.
+    """
+    if isinstance(error, MemoryError):
+        what = os.strerror(errno.ENOMEM)
+    else:
+        name = f" ({error.filename})" if error.filename else ""
+        what = f"{error.strerror or str(error) or type(error).__name__}{name}"
+    message = f"{subject}: {what[:1].lower()}{what[1:]}"
+    return ResourceExhausted(f"{message}; {then}" if then else message)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from benchtool.core.errors import FileFormatError, WouldOverwrite
-from benchtool.core.parsed_text import parse_json
+from benchtool.core.toml_text import parse_json
 from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
 
 

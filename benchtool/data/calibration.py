@@ -11,13 +11,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import EvaluationType
 from benchtool.core.error_source import effective_dof
 from benchtool.core.errors import CalibrationError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.core.toml_text import FiniteTable, build_dataclass
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.atomic import read_json
 
 
@@ -26,7 +26,7 @@ class CalibrationComponent(FiniteTable):
     """One source of the slope's uncertainty."""
 
     name: str
-    kind: Literal["A", "B"]  # evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise
+    kind: EvaluationType  # evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise
     unit: str
     sd: float  # standard uncertainty of the source in `unit`
     relative_sd: float  # its contribution to the slope, over the slope

@@ -14,12 +14,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchtool.core.channel import require_known_channel, unit_from_name
-from benchtool.core.column_source import ColumnSource, check_channels
+from benchtool.core.channel import (
+    ColumnSource,
+    check_channels,
+    require_known_channel,
+    unit_from_name,
+)
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
 from benchtool.core.library import read_library_file
-from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import FileTable, build_dataclass
+from benchtool.core.toml_text import FileTable, build_dataclass, parse_toml
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, find_unit
 
 _SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, N·m and ºC)

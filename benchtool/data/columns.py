@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import MAX_NUMBER
+from benchtool.core.user_file import MAX_NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,7 +10,7 @@ from itertools import chain, zip_longest
 from typing import NamedTuple
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.column_map import is_unit, parse_header_cell
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"

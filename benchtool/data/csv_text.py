@@ -18,9 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
-from benchtool.core.table_bounds import MAX_TABLE_BYTES, check_cells, check_columns, check_decoded
-from benchtool.core.user_file import open_file, read_file
+from benchtool.core.text import pluralize
+from benchtool.core.user_file import (
+    MAX_TABLE_BYTES,
+    check_cells,
+    check_columns,
+    check_decoded,
+    open_file,
+    read_file,
+)
 from benchtool.data.csv_header import (
     BYTE_ORDER_MARK,
     START_BYTES,

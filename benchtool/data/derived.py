@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.air import STANDARD_DEGC, STANDARD_DENSITY_KG_M3, relative_density_sd
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.error_source import ErrorSource, UncertainValues
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Propeller, Rig, Sensor
 from benchtool.core.toml_text import build_dataclass
+from benchtool.core.units import Array
 from benchtool.data.calibration import zero_noise, zero_variance
 from benchtool.data.columns import speed_columns
 from benchtool.data.quantities import DATA_SHEET, MEASURED, QUANTITIES, Quantity

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.data.derived import MeasurementContext, build_recording_context
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.repairs.import_result import ImportOptions, import_metadata

@@ -20,13 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
-from benchtool.core.parsed_text import parse_json
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import check_columns, check_decoded
-from benchtool.core.user_file import MAX_METADATA_BYTES, open_file
+from benchtool.core.toml_text import parse_json
+from benchtool.core.units import Array
+from benchtool.core.user_file import MAX_METADATA_BYTES, check_columns, check_decoded, open_file
 from benchtool.data.atomic import atomic_writer
 from benchtool.data.columns import WORDS
 from benchtool.data.parquet import load_extra

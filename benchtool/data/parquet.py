@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import check_columns, check_decoded
-from benchtool.core.user_file import open_file
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
+from benchtool.core.user_file import check_columns, check_decoded, open_file
 from benchtool.data.atomic import atomic_writer
 from benchtool.data.columns import WORDS, find_channel
 

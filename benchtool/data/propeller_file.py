@@ -8,11 +8,11 @@ from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.library import list_names, read_library_file, user_names
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Propeller
 from benchtool.core.toml_text import (
     ValueSources,
     build_dataclass,
+    parse_toml,
     require_sources,
     unwrap_quantities,
 )

@@ -14,10 +14,9 @@ from math import pi, sqrt
 import numpy as np
 
 from benchtool.core.air import sound_speed_m_s, viscosity_Pa_s
-from benchtool.core.array_type import Array
 from benchtool.core.channel import channel_family, unit_from_name
 from benchtool.core.rig import CHORD_RADIUS
-from benchtool.core.units import from_si
+from benchtool.core.units import Array, from_si
 
 Of = Callable[..., Array]
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import MAX_NUMBER
+from benchtool.core.units import Array
+from benchtool.core.user_file import MAX_NUMBER
 from benchtool.data.atomic import file_hash
 from benchtool.data.column_map import ColumnMap, MappedColumn, column_index, map_column
 from benchtool.data.columns import WORDS, find_channel, word_to_code

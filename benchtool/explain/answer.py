@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchtool.core.errors import InputError, MissingColumn
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.atomic import file_hash
 from benchtool.explain.engine.evidence import Subject

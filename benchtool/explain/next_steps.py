@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchtool.core.rig_file import export_rig_reference
-from benchtool.core.schedule_file import schedule_to_toml
+from benchtool.core.schedule import schedule_to_toml
 from benchtool.explain.answer import ExplainResult, Request
 from benchtool.explain.law_search.draft import DRAFT_NAME
 from benchtool.explain.recordings import RecordingSource

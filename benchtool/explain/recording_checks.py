@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 
 Mask = NDArray[np.bool_]
 Repair = tuple[Mapping[str, Array], list[str]]  # new values (n,) by column; messages

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash

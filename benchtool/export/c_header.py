@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.export.render import render
+from benchtool.core.units import Array
 from benchtool.export.vehicle import Vehicle
 
 DEGREE = 7
@@ -56,8 +55,7 @@ def split_intervals(vehicle: Vehicle) -> tuple[Array, Array]:
     return np.array(ends), np.array([np.pad(c, (0, width - len(c))) for c in coefficients])
 
 
-def c_header(vehicle: Vehicle) -> str:
-    """Return the header; its names have the rig name as prefix."""
+def c_header(vehicle: Vehicle) -> dict[str, object]:
+    """Return the values of the header."""
     ends, coefficients = split_intervals(vehicle)
-    values = {"ends": ends, "coefficients": coefficients, "degree": DEGREE}
-    return render("c_header", vehicle, **values)
+    return {"ends": ends, "coefficients": coefficients, "degree": DEGREE}

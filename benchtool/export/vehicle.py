@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.fit_result import Estimate
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import is_run
@@ -93,31 +95,33 @@ class Vehicle:
     @property
     def name(self) -> str:
         """Name of the rig as an identifier."""
-        text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.rig.name)
+        text = re.sub("[^A-Za-z0-9]", "_", self.rig.name)
         return text if text[:1].isalpha() else f"rig_{text}"
 
     def of_rig(self, key: str, unit: str) -> ExportedNumber:
         """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
-        is_rig = self.rotors in (None, self.rig.n_rotors)
-        if key == "body.mass_kg" and self.mass_kg is not None and is_rig:
-            return ExportedNumber(self.mass_kg, unit, "no interval; as stated for the export")
-        value: object = self.rig
-        for part in key.split("."):
-            value = getattr(value, part)
-        assert isinstance(value, float | int)
         source = self.rig.sources.get(key) or "no source"
         assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
         stated = not source.startswith(UNSPECIFIED)
-        return ExportedNumber(float(value), unit, f"no interval; {assumed}{source}", stated)
+        value = float(attrgetter(key)(self.rig))
+        return ExportedNumber(value, unit, f"no interval; {assumed}{source}", stated)
+
+    @property
+    def mass(self) -> ExportedNumber:
+        """Mass that `rotors` carry: kg."""
+        if self.mass_kg is None:
+            return self.of_rig("body.mass_kg", "kg")
+        return ExportedNumber(self.mass_kg, "kg", "no interval; as stated for the export")
 
     @property
     def masses(self) -> dict[str, ExportedNumber]:
-        """Mass and moments of inertia of the whole vehicle."""
+        """Mass and moments of inertia of the whole vehicle of the rig."""
         inertias = {
             f"i{axis}": self.of_rig(f"body.inertia_{axis}_kgm2", "kg m^2")
             for axis in ("xx", "yy", "zz")
         }
-        return {"mass": self.of_rig("body.mass_kg", "kg"), **inertias}
+        is_rig = self.rotors in (None, self.rig.n_rotors)
+        return {"mass": self.mass if is_rig else self.of_rig("body.mass_kg", "kg"), **inertias}
 
     def _of_motor(self, name: str) -> ExportedNumber | None:
         """Return a constant of the motor test; None if it is not determined."""
@@ -147,21 +151,17 @@ class Vehicle:
     def parameter(self, name: str) -> ExportedNumber:
         """Return a parameter of the model by its full name."""
         item = self.model.parameters[name]
+        why = f"no interval; {item.source or 'the rig'}"
         if name in self.intervals:
             low, high = self.intervals[name]
-            return ExportedNumber(
-                item.value, item.unit, f"95 %: {low:.5g} to {high:.5g}, {self.fitted}"
-            )
-        return ExportedNumber(item.value, item.unit, f"no interval; {item.source or 'the rig'}")
+            why = f"95 %: {low:.5g} to {high:.5g}, {self.fitted}"
+        return ExportedNumber(item.value, item.unit, why)
 
     @cached_property
     def _k(self) -> ExportedNumber:
         """Thrust over squared speed of one rotor: from motor test, fit or rig, in this order."""
-        if (k := self._of_motor("k")) is not None:
-            return k
-        if "k" in self.intervals:
-            return self.parameter("k")
-        return self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
+        k = self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
+        return self._of_motor("k") or (self.parameter("k") if "k" in self.intervals else k)
 
     @cached_property
     def k(self) -> ExportedNumber:
@@ -193,9 +193,8 @@ class Vehicle:
     @cached_property
     def torque_per_thrust(self) -> ExportedNumber:
         """Shaft torque over thrust: m."""
-        return self.of_rig("propulsion.drag_coefficient_Nm_s2", "N m/(rad/s)^2").of(
-            1.0 / self.k.value, "m"
-        )
+        torque = self.of_rig("propulsion.drag_coefficient_Nm_s2", "N m/(rad/s)^2")
+        return torque.of(1.0 / self.k.value, "m")
 
     @cached_property
     def speed_max(self) -> ExportedNumber:
@@ -207,11 +206,9 @@ class Vehicle:
     @cached_property
     def thrust_max(self) -> ExportedNumber:
         """Thrust of one rotor at pulse and voltage of `full`: N."""
-        if (thrust := self._of_motor("T_max")) is not None:
-            return thrust
         p = self.rig.propulsion
-        slope = self.of_rig("propulsion.speed_per_us_rad_s", "rad/s/us")
-        return self._k.of((slope.value * (p.pwm_max_us - p.pwm_start_us)) ** 2, "N")
+        speed_rad_s = p.speed_per_us_rad_s * (p.pwm_max_us - p.pwm_start_us)
+        return self._of_motor("T_max") or self._k.of(speed_rad_s**2, "N")
 
     @cached_property
     def expo(self) -> ExportedNumber:
@@ -219,23 +216,17 @@ class Vehicle:
 
         1 for a speed linear in the pulse above `pwm_start_us`, as in rigs.
         """
-        expo = self._of_motor("expo")
         why = "no interval; the rig's speed is linear in the pulse, thrust in its square"
-        return expo if expo is not None else ExportedNumber(1.0, "1", why, stated=False)
+        return self._of_motor("expo") or ExportedNumber(1.0, "1", why, stated=False)
 
     def lag(self, way: str) -> ExportedNumber:
         """Return the time constant of speed, throttle rising ("up") or falling ("down"): s."""
-        if (lag := self._of_motor(f"lag_{way}")) is not None:
-            return lag
-        return self.of_rig("propulsion.lag_s", "s")
+        return self._of_motor(f"lag_{way}") or self.of_rig("propulsion.lag_s", "s")
 
     @property
     def hover_share(self) -> ExportedNumber:
         """Hover thrust over full thrust."""
-        mass = self.of_rig("body.mass_kg", "kg")
-        if self.mass_kg is not None:
-            mass = ExportedNumber(self.mass_kg, "kg", "no interval; as stated for the export")
-        rotors = self.rotors or self.rig.n_rotors
+        mass, rotors = self.mass, self.rotors or self.rig.n_rotors
         share = mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
         if share.value > 1.0 and (self.mass_kg, self.rotors) != (None, None):
             raise InputError(
@@ -332,18 +323,8 @@ def build_vehicle(
                 intervals[name] = (float(low), float(high))
     inputs = (None, rig or loaded.rig, propeller)
     motor_test = fit_motor(motor, *inputs, extrapolate=extrapolate) if motor else None
-    # A test of one rotor represents each rotor of the vehicle.
-    if motor_test is not None and motor_test.rig.n_rotors not in (1, loaded.rig.n_rotors):
-        raise InputError(
-            f"the motor test has {motor_test.rig.n_rotors} rotors and rig {loaded.rig.name!r} "
-            f"{loaded.rig.n_rotors}; test one rotor, or this vehicle's"
-        )
-    if motor_test is not None and _pulses(motor_test.rig) != _pulses(loaded.rig):
-        raise InputError(
-            f"pulse widths differ: {_pulses(motor_test.rig)} us of rig {motor_test.rig.name!r} "
-            f"in the motor test, {_pulses(loaded.rig)} us of rig {loaded.rig.name!r} in the "
-            f"model; name the run instead of a model, or another model"
-        )
+    if motor_test is not None:
+        _check_rigs(motor_test.rig, loaded.rig)
     return Vehicle(
         model=loaded,
         motor=motor_test,
@@ -353,6 +334,18 @@ def build_vehicle(
     )
 
 
-def _pulses(rig: Rig) -> tuple[float, float, float]:
-    p = rig.propulsion
-    return p.pwm_stop_us, p.pwm_start_us, p.pwm_max_us
+def _check_rigs(tested: Rig, rig: Rig) -> None:
+    """Raise InputError if a motor test is not valid for the rig of a model."""
+    # A test of one rotor represents each rotor of the vehicle.
+    if tested.n_rotors not in (1, rig.n_rotors):
+        raise InputError(
+            f"the motor test has {tested.n_rotors} rotors and rig {rig.name!r} {rig.n_rotors}; "
+            f"test one rotor, or this vehicle's"
+        )
+    pulses = attrgetter("pwm_stop_us", "pwm_start_us", "pwm_max_us")
+    if pulses(tested.propulsion) != pulses(rig.propulsion):
+        raise InputError(
+            f"pulse widths differ: {pulses(tested.propulsion)} us of rig {tested.name!r} in the "
+            f"motor test, {pulses(rig.propulsion)} us of rig {rig.name!r} in the model; name the "
+            f"run instead of a model, or another model"
+        )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 
 Residuals = Callable[[Array], Array]  # residuals(sets (n_sets, n)) -> (n_rows, n_sets)
 STEP_LENGTHS = (1.0, 0.5, 0.2, 0.05)  # fractions of a Gauss-Newton step, evaluated together

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.fit.jacobian import DerivativeMethod, select_method
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem, normal_log_density

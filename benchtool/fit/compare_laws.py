@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError, ModelRejected
 from benchtool.core.fit_result import FitResult
+from benchtool.core.units import Array
 from benchtool.fit.compare import predictive_density
 from benchtool.fit.diagnose import find_error, with_diagnosis
 from benchtool.fit.law_scores import LawComparison, LawScore, Verdict

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr
 from scipy.stats import rankdata
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import Loss
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.jacobian import select_method
 from benchtool.fit.problem import NOISE_SCALE, Problem
-from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD, Loss
+from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD
 from benchtool.fit.solve import row_jacobian, solve
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]

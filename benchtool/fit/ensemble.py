@@ -11,9 +11,9 @@ import numpy as np
 from emcee import EnsembleSampler
 from emcee.autocorr import integrated_time
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
+from benchtool.core.units import Array
 from benchtool.fit.interval import from_draws
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.error_source import ErrorSource, concatenate_sources
 from benchtool.core.errors import EstimationError, FileFormatError, InputError
 from benchtool.core.parameter import resolve_name
-from benchtool.core.plural import pluralize
-from benchtool.core.recording import Recording
-from benchtool.core.rotor_count import check_rotor_count
+from benchtool.core.recording import Recording, check_rotor_count
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.atomic import data_hash
 from benchtool.data.column_map import read_column_map

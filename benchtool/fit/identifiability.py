@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky
 from scipy.optimize import lsq_linear
 
-from benchtool.core.array_type import Array
 from benchtool.core.fit_result import FitResult
+from benchtool.core.units import Array
 from benchtool.fit.jacobian import PART, estimate_covariance, select_method
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian

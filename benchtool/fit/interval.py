@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, ndtri, stdtrit
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.parameter import Parameter
+from benchtool.core.units import Array
 from benchtool.fit.jacobian import central_differences, complex_step, select_method
 from benchtool.physics.effects.effect import Derived
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 
 DerivativeMethod = Literal["complex_step", "central_differences"]
 

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from benchtool.core.choices import Loss
 from benchtool.core.errors import EstimationError, UnknownChoice
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.interval import half_widths, interval_around
 from benchtool.fit.jacobian import estimate_covariance
 from benchtool.fit.noise import fit_noise
 from benchtool.fit.problem import Problem
-from benchtool.fit.robust import LOSSES, Loss, robust_chi2, robust_inflation
+from benchtool.fit.robust import LOSSES, robust_chi2, robust_inflation
 from benchtool.fit.solve import Solution, solve
 from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 

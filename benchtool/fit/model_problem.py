@@ -9,9 +9,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.units import Array
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics import VALIDITY_Z_OVER_R

@@ -17,7 +17,7 @@ from scipy.special import chdtri
 
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.fit.interval import PROBABILITIES, chi2_limits, is_at_bound
 from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 from benchtool.fit.robust import MAD_EFFICIENCY, robust_scale

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.read import find_differences
 from benchtool.fit.result_file import read_result

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.errors import EstimationError
 from benchtool.core.parameter import Parameters
+from benchtool.core.units import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

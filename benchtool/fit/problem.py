@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
+from benchtool.core.units import Array
 from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
 from benchtool.physics.effects.effect import Effect
 

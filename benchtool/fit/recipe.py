@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Len
 
 from benchtool.core.air import Air
+from benchtool.core.choices import BudgetMethod, Loss, Method
 from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.core.toml_text import FiniteTable, read_strict
@@ -22,7 +23,6 @@ Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
 
 LAWS = "laws"  # value of `compare` for all ground-effect laws
 
-Method = Literal["least_squares", "emcee"]
 Noise = Literal["auto", "stated", "scale", "add"]
 
 
@@ -87,7 +87,7 @@ class Recipe(Inputs):
         Noise, Input("Error model: stated, scaled, or with added scatter.", label="Errors")
     ] = "auto"
     loss: Annotated[
-        Literal["linear", "soft_l1", "huber"],
+        Loss,
         Input("Loss function; soft_l1 and huber are robust to outliers.", label="Loss"),
     ] = "linear"
     min_z_over_R: Annotated[
@@ -136,7 +136,7 @@ class FitInputs(Inputs):
         ),
     ] = False
     budget: Annotated[
-        Literal["propagation", "mc"],
+        BudgetMethod,
         Input(
             "Uncertainty budget: propagation, or with Monte Carlo check (mc).",
             label="Uncertainty budget",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import Loss
+from benchtool.core.units import Array
 
-Loss = Literal["linear", "soft_l1", "huber"]
 LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
 
 HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from benchtool import __version__
+from benchtool.core.choices import BudgetMethod
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
@@ -26,7 +27,7 @@ from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import LAWS, Recipe
-from benchtool.fit.uncertainty.budget import Budget, BudgetMethod, with_budget
+from benchtool.fit.uncertainty.budget import Budget, with_budget
 from benchtool.fit.uncertainty.density import STANDARD_K, Density, air_density
 from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources, misfit
 from benchtool.fit.uncertainty.load_cell import with_scale_errors

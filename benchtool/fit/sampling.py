@@ -10,10 +10,10 @@ from emcee.moves import MHMove, Move
 from emcee.state import State
 from scipy.linalg import eigh
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.parameter import Parameter
+from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 
 LogProbability = Callable[[Array], Array]

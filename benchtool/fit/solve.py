@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import Loss
 from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
+from benchtool.core.units import Array
 from benchtool.fit.jacobian import (
     RANK_LIMIT,
     DerivativeMethod,
@@ -20,7 +21,7 @@ from benchtool.fit.jacobian import (
     select_method,
 )
 from benchtool.fit.problem import Problem
-from benchtool.fit.robust import Loss, point_losses
+from benchtool.fit.robust import point_losses
 
 TOLERANCE = 1e-10  # relative change of cost and step below which the polish takes over
 POLISH = 1e-8  # converged below this Gauss-Newton step, in standard deviations

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Flow, Quantity

@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import UnknownChoice
+from benchtool.core.units import Array
 from benchtool.physics.expression import Quantity, expression
 
 BodyDistance = Literal["half_diagonal", "diagonal"]  # b of eq. (4): to a rotor axis, or twice that

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 
+from benchtool.core.choices import Surface
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.rig import Surface
 from benchtool.core.user_code import CodePermit, check_code_allowed, load_user_module
 from benchtool.physics import effects
 from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect

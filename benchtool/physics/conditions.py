@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.coverage import plate_coverages
 from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S
 from benchtool.physics.rotor import speed_from_pwm

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from benchtool.core.rig import Surface
+from benchtool.core.choices import Surface
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.expression import Quantity, expression
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.units import Array
 from benchtool.physics.expression import Quantity, expression
 
 WRENCH = ("thrust_N", "roll_Nm", "pitch_Nm", "yaw_Nm")  # rows: T, tau_phi, tau_theta, tau_psi

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameters, resolve_name
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.baseline import baseline_parameters
 from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images
 from benchtool.physics.catalogue import EFFECTS, find_effect, thrust_laws

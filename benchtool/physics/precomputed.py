@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import bound_hooks
 from benchtool.physics.effects.effect import Flow

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
-from benchtool.core.units import from_si
+from benchtool.core.units import Array, from_si
 from benchtool.report.palette import CYCLE, GREY, PALE
 
 OVER = "#bfe3c8"  # background while a rotor is over a surface; paper, figures 26 to 28

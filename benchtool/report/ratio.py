@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.conditions import Conditions

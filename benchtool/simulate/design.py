@@ -10,7 +10,7 @@ from math import isfinite, prod
 import numpy as np
 
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 
 MAX_RUNS = 10_000_000  # about an hour of pitch runs; larger designs are typing errors; assumed
 

@@ -12,11 +12,11 @@ from annotated_types import Ge, Gt
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.library import list_names, read_library_file
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import (
     FiniteTable,
     ValueSources,
     build_dataclass,
+    parse_toml,
     require_sources,
     unwrap_quantities,
 )

@@ -10,11 +10,11 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import due_ticks
 from benchtool.core.toml_text import FiniteTable
+from benchtool.core.units import Array
 
 NotNegative = Annotated[float, Ge(0.0)]
 

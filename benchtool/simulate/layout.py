@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.physics.expression import Slot, flat_values
 
 

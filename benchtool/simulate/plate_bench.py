@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.core.units import from_si
+from benchtool.core.units import Array, from_si
 from benchtool.physics.model import Model
 from benchtool.simulate.imperfections import (
     FAMILIES,

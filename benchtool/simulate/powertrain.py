@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.rig import Motor, Propulsion
+from benchtool.core.units import Array
 from benchtool.physics.motor import electrical_power_W, speed_near_plate, torque_per_speed
 
 HOLD_S = 0.05  # holding time of the voltage: short against battery dynamics, many ticks

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.conditions import Conditions, plate_coverage
 from benchtool.physics.disc_thrust import bound_hooks
 from benchtool.physics.effects.effect import NO_FLOW

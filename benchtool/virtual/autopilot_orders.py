@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.bench.mavlink.autopilots import MAX_PULSE_US, MIN_PULSE_US, MOTORS_OF_FRAME
 from benchtool.bench.mavlink.messages import ACTUATOR_TEST, ESC_STATUS, MOTOR_TEST
 from benchtool.bench.serial.hello import Hello
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 
 AUTOPILOTS = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT by name
 MAX_TEST_S = 600.0

@@ -13,7 +13,7 @@ from benchtool import __version__
 from benchtool.bench.serial.hello import MAX_SPEED, Hello
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import find_effect
 from benchtool.physics.model import Model

@@ -12,9 +12,9 @@ from math import inf
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError, UnknownChoice
+from benchtool.core.units import Array
 from benchtool.virtual.firmware import Plant
 
 

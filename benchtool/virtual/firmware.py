@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
+from benchtool.core.units import Array
 
 MAX_RATE_HZ = 5000.0  # fastest stream of a small microcontroller; assumed
 MAX_REASON_LENGTH = 300  # maximum length of a failure's reason, so that it fits one line

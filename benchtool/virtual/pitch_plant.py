@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, Schedule
+from benchtool.core.units import Array
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states

@@ -13,11 +13,11 @@ from benchtool.bench.addresses import SimAddress
 from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
-from benchtool.core.array_type import Array
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.toml_text import build_dataclass
+from benchtool.core.units import Array
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections

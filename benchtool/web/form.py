@@ -7,8 +7,8 @@ from typing import Any, Generic, TypeVar
 
 from nicegui import ui
 
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import InputField, Inputs, build_inputs, items, to_arguments
+from benchtool.core.text import format_value
 from benchtool.web.control_socket import PAGES
 
 T = TypeVar("T", bound=Inputs)

@@ -10,7 +10,7 @@ from packaging.requirements import Requirement
 
 from tests.architecture.tracked import ROOT
 
-LOCKS = ("requirements.txt", "requirements-test.txt", "requirements-docs.txt")
+LOCKS = ("run.txt", "test.txt", "docs.txt")
 TABLES = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 OPTIONAL = TABLES["project"]["optional-dependencies"]
 NEEDS = TABLES["project"]["dependencies"] + TABLES["dependency-groups"]["build"] + OPTIONAL["fast"]
@@ -29,7 +29,7 @@ MACHINES = [
 
 def entries(lock: str) -> list[str]:
     """Split a lock into one text per requirement, hashes included."""
-    text = (ROOT / lock).read_text(encoding="utf-8")
+    text = (ROOT / "requirements" / lock).read_text(encoding="utf-8")
     return re.findall(r"^[a-z0-9].*(?:\n .*)*", text, re.MULTILINE)
 
 

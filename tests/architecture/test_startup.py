@@ -49,6 +49,7 @@ def test_help_imports_nothing_heavy(command):
     assert modules.isdisjoint(HEAVY)
     own = command_module(command) if command else ""
     others = {command_module(name) for name, (where, _) in COMMANDS.items() if where} - {own}
+    others |= set() if command else {"benchtool.core.inputs"}
     assert modules.isdisjoint(others)
 
 

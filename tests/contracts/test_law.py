@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.units import Array
 from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions

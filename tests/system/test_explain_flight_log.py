@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.recording import Recording
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import load_gains

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.identify import identify_device
 from benchtool.bench.transport.transport import Transport
-from benchtool.core.array_type import Array
 from benchtool.core.errors import NoDevice, ProtocolError
+from benchtool.core.units import Array
 
 FIRST_LINE_TIMEOUT_S = 5.0  # boot time of a board that resets when its port is opened, as a hello
 

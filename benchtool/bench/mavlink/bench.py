@@ -35,9 +35,9 @@ from benchtool.bench.mavlink.settings import (
     parse_settings,
 )
 from benchtool.bench.transport.transport import Transport
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
+from benchtool.core.units import Array
 
 TARE_S = 1.0  # bench time over which a tare averages: 80 readings; assumed
 

@@ -17,7 +17,7 @@ from benchtool.bench.addresses import DOWNWARD_ORIENTATION
 from benchtool.bench.mavlink.frames import BootTime, CompanionTime
 from benchtool.bench.mavlink.messages import Message
 from benchtool.bench.mavlink.settings import ChannelWiring, build_channels
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 
 UNKNOWN_U16 = 65535  # battery value without a measurement
 

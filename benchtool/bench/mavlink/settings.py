@@ -9,7 +9,7 @@ from collections.abc import Container
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
@@ -17,6 +17,7 @@ from benchtool.bench.addresses import DOWNWARD_ORIENTATION, MavlinkAddress
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
+from benchtool.core.choices import ArmedBy, BenchMode
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_file, read_text
@@ -200,8 +201,8 @@ class MavlinkSettings:
     system: int | None = None
     rotors: int | None = None
     motor_map: MotorMap | None = None
-    mode: Literal["plate", "pitch"] = "plate"
-    arm: Literal["operator", "host"] = "operator"
+    mode: BenchMode = "plate"
+    arm: ArmedBy = "operator"
     rate_Hz: float = RATE_HZ
     key: bytes | None = None
     thrust: ThrustSource = THRUST

@@ -20,7 +20,6 @@ from benchtool.bench.serial.command_channel import CommandChannel
 from benchtool.bench.serial.hello import Hello, check_rate, max_rate_Hz
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
-from benchtool.core.array_type import Array
 from benchtool.core.errors import (
     BenchError,
     CommandRefused,
@@ -30,6 +29,7 @@ from benchtool.core.errors import (
     ProtocolError,
     StageError,
 )
+from benchtool.core.units import Array
 
 STALE_TIMEOUT_S = 1.0  # wall time without data after which the link is lost: 4 watchdogs; assumed
 PLATE_POLL_INTERVAL_S = 0.5  # of state requests while the plate moves: `arrived` may be lost

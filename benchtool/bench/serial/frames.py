@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.serial.commands import Command, RequestHello, command_fields
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 
 CRC_START = 0xFFFF  # CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)
 MAX_LINE_BYTES = 512  # longest line that a receiver buffers; longer lines are discarded

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import TERMINAL
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.explain.next_steps import next_file, next_sentence
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from benchtool.core.errors import (
     WouldOverwrite,
     show_controls,
 )
-from benchtool.core.resource_errors import is_exhaustion, resource_error
+from benchtool.core.user_file import is_exhaustion, resource_error
 
 # Errors of the loader and of threads after a failed allocation, in place of MemoryError
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")

@@ -15,8 +15,7 @@ from benchtool import __version__
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
-from benchtool.core.input_text import format_arguments
-from benchtool.core.plural import pluralize
+from benchtool.core.text import format_arguments, pluralize
 from benchtool.data.parquet import campaign_means
 from benchtool.simulate.campaign_run import build_campaign, run_campaign
 from benchtool.simulate.design import Design

@@ -14,7 +14,7 @@ from typing import Any
 import tomli_w
 
 from benchtool.commands.recipe_options import TableInputs
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs, items, with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig

@@ -15,9 +15,8 @@ import numpy as np
 
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
 from benchtool.core.inputs import build_inputs
-from benchtool.core.plural import pluralize
-from benchtool.core.table_bounds import MAX_TABLE_BYTES
-from benchtool.core.user_file import read_file
+from benchtool.core.text import pluralize
+from benchtool.core.user_file import MAX_TABLE_BYTES, read_file
 from benchtool.data.catalogue.entry import SWEEPS, ChoiceInputs, Entry
 from benchtool.data.catalogue.index import find_entries
 from benchtool.data.columns import WORDS

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.formats.dataflash import read_dataflash, read_text_log
 from benchtool.data.formats.flight_log import (
     RAD,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.formats.flight_log import MessageLog, Messages
 from benchtool.data.repairs.import_result import Finding, line_ranges
 

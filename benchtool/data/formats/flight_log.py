@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportResult
 
 Times = NDArray[np.int64]

@@ -18,8 +18,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.table_bounds import MAX_LOG_BYTES
-from benchtool.core.user_file import open_file, read_file
+from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
 from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.uiuc import is_uiuc
 from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.formats.flight_log import (
     RAD,
     MessageLog,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.formats.flight_log import MessageLog
 from benchtool.data.repairs.import_result import Finding
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.formats.flight_log import (
     LOOKS_DOWN,
     MessageLog,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.data.column_map import MappedColumn, parse_header_cell
 from benchtool.data.csv_text import parse_rows
 from benchtool.data.repairs.column_mapping import map_header, read_columns

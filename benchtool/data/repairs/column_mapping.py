@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import MAX_NUMBER
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
+from benchtool.core.user_file import MAX_NUMBER
 from benchtool.data.column_map import (
     IDENTITY,
     MappedColumn,

@@ -9,11 +9,10 @@ from math import isfinite
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.text import pluralize
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.repairs.import_result import Finding, ImportResult, Window
 
 _ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")

@@ -11,9 +11,9 @@ from math import isfinite, pi
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns
 from benchtool.data.quantities import dependent_quantities
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult

@@ -10,9 +10,9 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.quantities import dependent_quantities
 from benchtool.data.repairs.import_result import Finding, ImportResult, Kind
 

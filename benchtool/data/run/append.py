@@ -12,11 +12,10 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.parsed_text import parse_json
-from benchtool.core.toml_text import build_dataclass
+from benchtool.core.toml_text import build_dataclass, parse_json
+from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
 from benchtool.data.columns import SAMPLE_START
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import file_hash, sync_folder
 from benchtool.data.columns import MAX_DEVICE_TIME_US, MAX_RUN_DURATION_S, VALID_KINDS, word_to_code

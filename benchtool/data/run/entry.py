@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError, check_name
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.core.toml_text import build_dataclass
 from benchtool.data.atomic import data_hash, file_hash, read_json, replace_json
 from benchtool.data.catalogue.entry import ANSWER_FILE as ANSWER_FILE

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from math import isnan, nan
 from pathlib import Path
 
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.data.atomic import replace_text
 from benchtool.data.columns import REJECTED, WORDS, is_whole
 from benchtool.data.run.append import AppendTable

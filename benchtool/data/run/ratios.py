@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import channel_family, error_channel_name
 from benchtool.core.error_source import ErrorSource, UncertainValues
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns, word_to_code
 
 RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")  # quantity kept equal

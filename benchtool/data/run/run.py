@@ -21,8 +21,7 @@ from benchtool.core.errors import (
     check_name,
 )
 from benchtool.core.recording import Recording
-from benchtool.core.resource_errors import is_exhaustion, resource_error
-from benchtool.core.user_file import read_text
+from benchtool.core.user_file import is_exhaustion, read_text, resource_error
 from benchtool.data.atomic import file_hash, make_folder, replace_json, replace_text, sync_folder
 from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
 from benchtool.data.run.closing import (

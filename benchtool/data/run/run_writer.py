@@ -8,10 +8,10 @@ from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, RunInterrupted
-from benchtool.core.resource_errors import resource_error
+from benchtool.core.units import Array
+from benchtool.core.user_file import resource_error
 from benchtool.data.atomic import sync_folder
 from benchtool.data.run.append import AppendFile, Event
 from benchtool.data.run.closing import install_marked_samples

@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.core.user_file import read_file
 from benchtool.data.columns import KINDS, find_channel, speed_columns, word_to_code
 from benchtool.data.derived import (

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at

@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.schedule import Schedule
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, CandidateEffect, Judgement

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.law_search.search import ResidualSummary

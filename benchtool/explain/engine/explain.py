@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.describe import (
     Disagreement,
     build_nearest,

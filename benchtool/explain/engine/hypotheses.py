@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.stats import chi2
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.shared_errors import AMPLITUDES, PRIOR_WIDTH_FACTOR, SharedErrors
 from benchtool.fit.bounded_least_squares import (

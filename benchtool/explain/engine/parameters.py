@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.parameter import Parameter, Parameters, Prior
+from benchtool.core.units import Array
 from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model import Model

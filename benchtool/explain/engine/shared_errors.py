@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.fit.bounded_least_squares import BoundedSearch, Linearisation, finite_differences
 

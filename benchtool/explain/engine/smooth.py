@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 
 MIN_EIGENVALUE = 1e-4  # of the largest eigenvalue; smaller eigenvalues are dropped
 STEP = 0.01  # rounding of points, in correlation lengths

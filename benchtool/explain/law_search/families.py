@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.physics.effects.laws import shapes
 
 Scale = Literal["positive", "time", "signed", "side", "distance"]

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.law_search.families import LawFamily, Scale
 from benchtool.physics.effects.effect import BenchKind
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.law_search.families import FAMILIES, LawFamily
 from benchtool.explain.law_search.law import FoundDependence, Law, LawCurve, LawForm, Variable
 

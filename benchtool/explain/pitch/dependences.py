@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.law_search.law import DISTANCE, LawForm, Variable
 from benchtool.explain.law_search.search import (

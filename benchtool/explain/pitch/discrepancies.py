@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from scipy.signal import lfilter, ss2tf
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import Discrepancy
 from benchtool.explain.engine.smooth import smooth_root
 from benchtool.explain.pitch.filter import FilterResult, PitchFilter

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.parameter import Parameters
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import EARLY, LATE, Discrepancy, RowGroups
 from benchtool.explain.engine.parameters import (
     RADIUS_KNOWN,

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.pitch.evidence import SETTLING_S
 from benchtool.explain.pitch.filter import FilterResult, reading_sd
 from benchtool.simulate.pitch import filter_ticks as t

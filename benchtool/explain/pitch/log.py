@@ -10,12 +10,11 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.recording import Recording
+from benchtool.core.recording import Recording, check_rotor_count
 from benchtool.core.rig import Rig
-from benchtool.core.rotor_count import check_rotor_count
 from benchtool.core.schedule import PARKED_M
+from benchtool.core.units import Array
 from benchtool.explain.pitch.resampling import (
     HELD_S,
     MAX_GAP_S,

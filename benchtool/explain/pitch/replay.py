@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, SampledSchedule
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.explain.pitch.evidence import PLANT_HZ
 from benchtool.explain.pitch.gap import LEAD_S

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M
 
 MAX_GAP_S = 1.0  # longer dropouts stay blank, as in import

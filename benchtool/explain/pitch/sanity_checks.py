@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import butter, coherence, csd, savgol_filter, sosfiltfilt, welch
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
+from benchtool.core.units import Array
 from benchtool.explain.engine.design import ExpectedOutcome, Forecast, build_proposal, select_design
 from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.judgement import CandidateEffect

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.explain.pitch.sanity_checks import bridge_gaps, gyro_disagreement
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.pitch import filter_ticks as t

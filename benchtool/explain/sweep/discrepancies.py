@@ -13,7 +13,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import Discrepancy
 from benchtool.explain.engine.smooth import smooth_root
 from benchtool.explain.sweep.log import SweepLog

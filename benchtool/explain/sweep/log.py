@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.plural import pluralize
-from benchtool.core.recording import Recording
+from benchtool.core.recording import Recording, check_rotor_count
 from benchtool.core.rig import Rig, Sensor
-from benchtool.core.rotor_count import check_rotor_count
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.columns import word_to_code
 from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.evidence import EARLY, LATE

@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 import tomli_w
 
-from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.explain.engine.design import ExpectedOutcome, Forecast, build_proposal, select_design
 from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.verdict import NextExperiment

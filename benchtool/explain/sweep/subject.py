@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.shared_errors import solve_covariance

@@ -20,12 +20,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError, check_number
 from benchtool.core.fit_result import Estimate
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.text import pluralize
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.fit.motor.law import ThrustLaw, choose_law, level_numbers, solve_levels
 from benchtool.fit.motor.points import ThrottlePoints, concatenate_points
 from benchtool.fit.motor.response import (

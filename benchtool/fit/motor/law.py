@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.fit.motor.response import Solution, solve_weighted
 
 # Indices of the free parameters among (scale, T_0, n) by law, the simplest first.

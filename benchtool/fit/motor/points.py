@@ -8,10 +8,10 @@ from math import pi
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns
 
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns
 from benchtool.fit.motor.points import column_or_nan
 

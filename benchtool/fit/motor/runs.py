@@ -12,11 +12,11 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Propeller, Rig
 from benchtool.core.rig_file import parse_rig
+from benchtool.core.units import Array
 from benchtool.data.calibration import zero_covariance, zero_noise
 from benchtool.data.columns import speed_columns, word_to_code
 from benchtool.data.derived import MeasurementContext, load_run_context

@@ -21,9 +21,9 @@ import numpy as np
 from emcee.moves import MHMove
 from scipy.special import logsumexp
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, NotConverged
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.fit.ensemble import ENSEMBLES, build_sampler, sample_until_converged
 from benchtool.fit.sampling import IslandDifference
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.units import Array
 from benchtool.data.calibration import ZeroNoise, zero_covariance, zero_noise
 from benchtool.data.columns import word_to_code
 from benchtool.fit.problem import NOISE_PLACE

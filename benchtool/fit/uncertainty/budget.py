@@ -10,17 +10,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from math import inf
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
-from benchtool.core.array_type import Array
+from benchtool.core.choices import EvaluationType
 from benchtool.core.error_source import effective_dof
 from benchtool.core.fit_result import Estimate, FitResult
-
-BudgetMethod = Literal["propagation", "mc"]
+from benchtool.core.units import Array
 
 COVERAGE = 0.95  # probability of the expanded interval
 UNIFORM_DRAWS = (np.arange(400.0) + 0.5) / 200.0 - 1.0  # of a source over its half width
@@ -44,7 +43,7 @@ class BudgetLine:
     """
 
     name: str
-    kind: Literal["A", "B"]
+    kind: EvaluationType
     unit: str
     sd: float
     distribution: str

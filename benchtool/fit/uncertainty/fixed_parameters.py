@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
-from benchtool.core.error_source import Distribution, ErrorSource
+from benchtool.core.choices import Distribution
+from benchtool.core.error_source import ErrorSource
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.fit.problem import Problem
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
+from benchtool.core.units import Array
 from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import COVERAGE, MonteCarlo
 from benchtool.fit.uncertainty.propagation import POINTS, Propagation

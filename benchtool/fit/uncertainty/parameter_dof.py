@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import Whitening, effective_dof
+from benchtool.core.units import Array
 from benchtool.fit.problem import Problem
 
 

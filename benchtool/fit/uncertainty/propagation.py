@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.core.units import Array
 from benchtool.fit.interval import delta_gradient
 from benchtool.fit.jacobian import DerivativeMethod, estimate_covariance, select_method
 from benchtool.fit.problem import Problem

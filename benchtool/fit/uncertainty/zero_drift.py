@@ -9,9 +9,9 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
 
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.units import Array
 from benchtool.data.calibration import ZeroNoise, zero_covariance
 from benchtool.data.columns import speed_columns, word_to_code
 from benchtool.data.run.read import is_run, read_samples, sample_names

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.answer import ExplainResult, find_channel_label
 from benchtool.explain.engine.evidence import Overlay
 from benchtool.report.answer.figures import AFTER, BEFORE

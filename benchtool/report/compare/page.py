@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from benchtool.core.channel import error_channel_name
+from benchtool.core.choices import Over
 from benchtool.core.errors import InputError, UnknownChoice, check_number
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.data.derived import with_quantities
 from benchtool.data.quantities import QUANTITIES, Quantity
 from benchtool.report.compare.runs import (
@@ -25,7 +26,6 @@ from benchtool.report.compare.runs import (
     SHOWN,
     AtThrust,
     ComparedRun,
-    Over,
     at_thrust,
     ranked,
     read_compared,

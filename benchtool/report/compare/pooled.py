@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from benchtool import __version__
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import resolve_name
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.atomic import json_ready, make_folder, replace_json
 from benchtool.data.run.entry import FIT_FILE
 from benchtool.fit.pool.hierarchy import Difference, PooledEstimates, RigValues, pool_rigs

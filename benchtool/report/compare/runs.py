@@ -6,17 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, isfinite, log, nan, sqrt
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.acquire.plan import plan_from_toml
-from benchtool.core.array_type import Array
 from benchtool.core.channel import error_channel_name
+from benchtool.core.choices import Over
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.columns import word_to_code
 from benchtool.data.derived import QuantityValues, derive_quantities, load_run_context
 from benchtool.data.levels import read_levels, split_levels
@@ -24,7 +23,6 @@ from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.settings import average_settings, settings_quantities
 
-Over = Literal["thrust", "rpm", "power", "throttle", "distance"]
 AXES: dict[Over, tuple[str, str]] = {  # column and label of each axis
     "thrust": ("thrust_N", "thrust [N]"),
     "rpm": ("rpm1", "rotor speed [rpm]"),

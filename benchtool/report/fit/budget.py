@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import MAIN_PARAMETERS, wanted_rank

@@ -11,8 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
-from benchtool.core.units import from_si
+from benchtool.core.units import Array, from_si
 from benchtool.data.columns import word_to_code
 from benchtool.fit.fit_data import REFERENCE_Z_OVER_R
 from benchtool.fit.run_recipe import FitOutput

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import ScalarFormatter
 
-from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.core.units import Array
 from benchtool.fit.ensemble import check_convergence
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure

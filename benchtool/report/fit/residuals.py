@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure

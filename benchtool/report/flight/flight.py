@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchtool import __version__
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.units import Array
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure

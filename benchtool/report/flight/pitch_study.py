@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool import __version__
-from benchtool.core.plural import pluralize
 from benchtool.core.schedule import PlateVisit
+from benchtool.core.text import pluralize
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure

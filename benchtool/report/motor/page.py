@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.fit.motor.constants import MotorFit
 from benchtool.report.figure import Page, figure
 from benchtool.report.numbers import display_unit, format_number, value_with_sd

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchtool.core.array_type import Array
-from benchtool.core.plural import pluralize
 from benchtool.core.schedule import PARKED_M
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
 from benchtool.fit.data_rig import rig_for_data

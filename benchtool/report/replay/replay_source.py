@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchtool import __version__
 from benchtool.core.errors import FileFormatError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.core.units import from_si
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.derived import add_quantities, build_recording_context, derive_quantities

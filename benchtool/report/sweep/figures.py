@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
-from benchtool.core.units import from_si
+from benchtool.core.units import Array, from_si
 from benchtool.data.derived import QuantityValues
 from benchtool.fit.nominal import NominalModel
 from benchtool.physics.bases import thrust_per_power_N_W

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
 from benchtool.data.calibration import format_age_warning
 from benchtool.data.columns import REJECTED
 from benchtool.data.run.read import changed_points

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import REJECTED, code_to_word, speed_columns, word_to_code
 from benchtool.data.derived import QuantityValues

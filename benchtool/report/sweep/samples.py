@@ -11,11 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.recording import Recording
-from benchtool.core.units import from_si
+from benchtool.core.toml_text import parse_toml
+from benchtool.core.units import Array, from_si
 from benchtool.data.columns import word_to_code
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILION

@@ -15,9 +15,9 @@ from math import inf, isfinite
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.toml_text import FileTable
+from benchtool.core.units import Array
 from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 from benchtool.simulate.layout import LINE, PLANE, SOLID

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.units import Array
 from benchtool.physics.expression import flat_values
 from benchtool.simulate.controllers.controller import FlightReference
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, find_law

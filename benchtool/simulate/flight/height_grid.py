@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.units import Array
 
 SAMPLES = 199  # sample points per disc: error of areas about 1 %
 

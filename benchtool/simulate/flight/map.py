@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import FileTable, build_dataclass
+from benchtool.core.toml_text import FileTable, build_dataclass, parse_toml
 from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
 from benchtool.simulate.flight.environment import Block, Environment

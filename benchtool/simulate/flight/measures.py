@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.simulate.flight.flight import Ending, Flight
 
 ARRIVAL_RADIUS_M = 0.05  # arrived: stays within this distance of the goal (notes, section 3.3)

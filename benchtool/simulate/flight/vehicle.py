@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, resolve_name
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.bases import with_rig_blades
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect

@@ -8,8 +8,8 @@ from math import ceil, dist, isfinite
 
 import numpy as np
 
-from benchtool.core.array_type import Array
-from benchtool.core.plural import pluralize
+from benchtool.core.text import pluralize
+from benchtool.core.units import Array
 from benchtool.simulate.flight.environment import Block
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import ARRIVAL_RADIUS_M

@@ -12,8 +12,8 @@ from functools import partial
 from itertools import islice
 from typing import TypeVar
 
-from benchtool.core.array_type import Array
 from benchtool.core.schedule import SampledSchedule
+from benchtool.core.units import Array
 from benchtool.physics.expression import can_compile
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop

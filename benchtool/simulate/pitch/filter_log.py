@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import PARKED_M, SampledSchedule
+from benchtool.core.units import Array
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl

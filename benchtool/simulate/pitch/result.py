@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M
+from benchtool.core.units import Array
 
 COLUMNS = {  # first columns of a log with their record fields
     "reference_rad": "setpoint.reference_rad",

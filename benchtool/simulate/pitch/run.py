@@ -8,9 +8,9 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule, due_ticks
+from benchtool.core.units import Array
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values

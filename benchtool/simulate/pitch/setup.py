@@ -9,8 +9,7 @@ from typing import Any
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import resolve_name
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.core.schedule import MAX_PLATE_Z_OVER_R, Schedule
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import MAX_PLATE_Z_OVER_R, Schedule, load_schedule
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection as Pipe
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.web.bench_process.messages import BenchEvent
 
 HEADER_LENGTH = 3  # values before the channels

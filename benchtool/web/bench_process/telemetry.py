@@ -11,10 +11,10 @@ import numpy as np
 
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
+from benchtool.core.units import Array
 from benchtool.data.derived import MeasurementContext, build_rig_context, evaluate_quantities
 from benchtool.data.quantities import QUANTITIES
 from benchtool.web.bench_process.messages import (

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.explain import Explanation
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.physics.catalogue import EFFECTS

@@ -34,10 +34,9 @@ from benchtool.bench.stage.grbl_lines import GrblDecoder, StatusReport
 from benchtool.commands.calibrate import CalibrateInputs
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.inputs import build_inputs, items
-from benchtool.core.parsed_text import parse_json
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
 from benchtool.core.schedule import Schedule
-from benchtool.core.toml_text import read_strict
+from benchtool.core.toml_text import parse_json, read_strict
 from benchtool.data.atomic import replace_text
 from benchtool.data.calibration import parse_calibration
 from benchtool.data.column_map import read_column_map

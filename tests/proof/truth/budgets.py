@@ -8,9 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.physics.catalogue import find_effect
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import LAW_ERROR

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchtool.fit.recipe import Method, Recipe
+from benchtool.core.choices import Method
+from benchtool.fit.recipe import Recipe
 from tests.proof.truth.benches import (
     Truth,
     chained,

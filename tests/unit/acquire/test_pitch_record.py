@@ -22,7 +22,7 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import LimitExceeded, PlanError
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run

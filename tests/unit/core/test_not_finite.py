@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.library import read_library_file
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.core.toml_text import read_strict
 from benchtool.data.column_map import read_column_map
 from benchtool.fit.recipe import read_recipe

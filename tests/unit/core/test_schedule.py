@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.schedule import PARKED_M, PlateVisit, Schedule, Signal, Switch
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import (
+    PARKED_M,
+    PlateVisit,
+    Schedule,
+    Signal,
+    Switch,
+    load_schedule,
+    schedule_names,
+    schedule_to_toml,
+)
+from benchtool.core.toml_text import read_strict
 
 T = np.arange(0.0, 10.0, 0.01)
 VISIT = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=6.0, move_s=0.5)
@@ -96,3 +105,9 @@ def test_a_chirp_ends_at_its_last_frequency():
     rising = T[1:][(chirp[:-1] < 0.0) & (chirp[1:] >= 0.0)]
     assert 1.0 / np.diff(rising)[-1] == pytest.approx(2.0, rel=0.05)
     assert 1.0 / np.diff(rising)[0] < 1.0
+
+
+@pytest.mark.parametrize("name", schedule_names())
+def test_every_shipped_schedule_comes_back(name):
+    schedule = load_schedule(name)
+    assert read_strict(Schedule, schedule_to_toml(schedule), name) == schedule

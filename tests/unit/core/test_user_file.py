@@ -7,7 +7,7 @@ import os
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.parsed_text import parse_json, parse_toml
+from benchtool.core.toml_text import parse_json, parse_toml
 from benchtool.core.user_file import open_file, read_text
 
 

@@ -11,7 +11,7 @@ import pytest
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.table_bounds import MAX_CELLS
+from benchtool.core.user_file import MAX_CELLS
 from benchtool.data.columns import check_numbers
 from benchtool.data.csv_text import parse_csv, parse_rows
 from benchtool.data.parquet import read_parquet, write_parquet
@@ -35,7 +35,7 @@ def test_a_table_of_a_million_columns_is_refused_at_once(read):
 
 
 def test_a_table_of_too_many_cells_is_refused(monkeypatch):
-    monkeypatch.setattr("benchtool.core.table_bounds.MAX_CELLS", 100)
+    monkeypatch.setattr("benchtool.core.user_file.MAX_CELLS", 100)
     rows = b"a,b\n" + b"1,2\n" * 60
     with pytest.raises(FileFormatError, match=r"it has 122 cells, limit 100; keep the rows"):
         parse_csv(rows, "t.csv")
@@ -52,7 +52,7 @@ def test_a_small_parquet_file_of_much_data_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "samples.parquet"
     write_ones(path, 1_000_000, 8)
     assert path.stat().st_size < 200_000
-    monkeypatch.setattr("benchtool.core.table_bounds.MAX_DECODED_BYTES", 50_000_000)
+    monkeypatch.setattr("benchtool.core.user_file.MAX_DECODED_BYTES", 50_000_000)
     with pytest.raises(FileFormatError, match=r"1,000,000 rows of 8 columns take 0\.1 GB when"):
         read_parquet(path)
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Sensor
 from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.units import Array
 from benchtool.data.columns import find_channel, word_to_code
 from benchtool.data.run.ratios import (
     RATIO_BASES,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import (
     BenchtoolError,
     FileFormatError,

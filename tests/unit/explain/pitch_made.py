@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import load_gains

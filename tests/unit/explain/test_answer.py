@@ -12,7 +12,7 @@ import pytest
 
 from benchtool.commands.app import build_app
 from benchtool.core.parameter import Parameters
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.explain.engine.verdict import KINDS, Kind, UnjudgedEffect
 from benchtool.explain.next_steps import next_steps
 from benchtool.explain.updated_model import format_added_model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.design import (
     MAX_CONFUSION,
     CandidatePrediction,

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.describe import estimate_parameters
 from benchtool.explain.engine.evidence import Discrepancy, RowGroups, Subject
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value

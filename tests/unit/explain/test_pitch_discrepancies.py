@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.pitch import filter as filter_
 from benchtool.explain.pitch.discrepancies import DiscrepancySimulation
 from benchtool.explain.pitch.evidence import PitchEvidence

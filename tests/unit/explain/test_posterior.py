@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import Discrepancy, RowGroups
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.parameters import ScaledParameter

@@ -19,7 +19,7 @@ from pymavlink.mavparm import MAVParmDict
 
 import benchtool as bt
 from benchtool.core.errors import InputError, WouldOverwrite
-from benchtool.export.autopilots import DEFAULT_IDLE_SHARE, ardupilot, betaflight
+from benchtool.export.autopilots import DEFAULT_IDLE_SHARE
 from benchtool.export.targets import TARGETS
 from benchtool.export.vehicle import Vehicle, build_vehicle
 from tests.unit.commands.command_line import run
@@ -161,7 +161,7 @@ def with_expo(vehicle: Vehicle, expo: float) -> Vehicle:
 
 def written_expo(vehicle: Vehicle) -> tuple[str, float]:
     """Return the comment of MOT_THST_EXPO and its value."""
-    head, _, rest = ardupilot(vehicle).partition("\nMOT_THST_EXPO,")
+    head, _, rest = TARGETS["ardupilot"].text(vehicle).partition("\nMOT_THST_EXPO,")
     return head.rpartition("\n")[2], float(rest.partition("\n")[0])
 
 
@@ -226,7 +226,7 @@ def test_betaflight_makes_thrust_linear(exported, vehicle):
     assert now < before
     # The later curve is a series of ArduPilot's in small expos: 100 of one are 1 of the other.
     mild = with_expo(vehicle, 0.4)
-    written = float(re.findall(r"\nset thrust_linear = (.+)", betaflight(mild))[0])
+    written = float(re.findall(r"\nset thrust_linear = (.+)", TARGETS["betaflight"].text(mild))[0])
     assert written == pytest.approx(100.0 * written_expo(mild)[1], abs=2.0)
     assert text.index("4.3 to 2025.12") < text.index("2026.6 and later")
     assert text.endswith("save\n")

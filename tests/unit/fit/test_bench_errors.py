@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.units import Array
 from benchtool.data.calibration import ZeroNoise, zero_covariance
 from benchtool.data.columns import word_to_code
 from benchtool.fit.ensemble import fit_ensemble

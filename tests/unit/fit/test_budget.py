@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchtool.core.air import Air, air_density_kg_m3
-from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.parameter import Prior
+from benchtool.core.units import Array
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem

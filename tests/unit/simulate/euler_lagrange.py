@@ -14,7 +14,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchtool.core.array_type import Array
+from benchtool.core.units import Array
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 
 

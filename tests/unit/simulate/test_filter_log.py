@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.schedule_file import load_schedule
+from benchtool.core.schedule import load_schedule
 from benchtool.explain.pitch.filter import pitch_filter
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model

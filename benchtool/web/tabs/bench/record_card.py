@@ -17,9 +17,8 @@ from benchtool.acquire.pitch_experiment import (
 from benchtool.acquire.visit_order import format_duration
 from benchtool.commands.record import RecordInputs, build_experiment
 from benchtool.core.errors import InputError
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import to_arguments, with_changes
-from benchtool.core.plural import pluralize
+from benchtool.core.text import format_value, pluralize
 from benchtool.web.bench_process.messages import EndRecording, StartLiveRecording, StartRecording
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm

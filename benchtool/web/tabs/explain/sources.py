@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.inputs import to_arguments, with_changes
-from benchtool.core.parsed_text import parse_toml
+from benchtool.core.toml_text import parse_toml
 from benchtool.core.user_file import MAX_TEXT_BYTES, read_text
 from benchtool.data.catalogue.index import list_entries
 from benchtool.data.csv_text import read_csv_header

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.core.channel import unit_from_name
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource, unit_from_name
 from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, find_unit
 from benchtool.data.column_map import guess_columns, read_column_map

@@ -9,13 +9,13 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs, to_arguments, with_changes
 from benchtool.core.parameter import Parameter
-from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_names
+from benchtool.core.toml_text import parse_toml
 from benchtool.core.user_code import check_code_allowed
 from benchtool.core.user_file import read_text
 from benchtool.data.column_map import read_column_map

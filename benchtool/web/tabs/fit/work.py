@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
+from benchtool.core.choices import BudgetMethod
 from benchtool.core.errors import InputError
 from benchtool.data.atomic import replace_text, write_atomically
 from benchtool.data.column_map import column_map_to_toml
@@ -16,7 +17,6 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
-from benchtool.fit.uncertainty.budget import BudgetMethod
 from benchtool.web.jobs import PageSection, ReportProgress
 from benchtool.web.uploads import stand_blocks
 

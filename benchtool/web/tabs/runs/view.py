@@ -21,7 +21,7 @@ from benchtool.web.tabs.fit.work import view_fit
 from benchtool.web.uploads import stand_blocks
 
 if TYPE_CHECKING:
-    from benchtool.report.compare.runs import Over
+    from benchtool.core.choices import Over
     from benchtool.report.page import Block, Report
 
 PREVIEW_ROWS = 12  # of a table; assumed

@@ -9,7 +9,7 @@ from nicegui import ui
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.inputs import build_inputs
 from benchtool.core.rig_file import load_rig_by_name, rig_names
-from benchtool.core.schedule_file import schedule_names
+from benchtool.core.schedule import schedule_names
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.cases import FLIGHTS

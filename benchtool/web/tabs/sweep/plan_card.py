@@ -21,9 +21,9 @@ from benchtool.acquire.visit_order import (
 )
 from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
-from benchtool.core.input_text import format_value
 from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
+from benchtool.core.text import format_value
 from benchtool.data.atomic import read_json
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.messages import StartSweep

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.report.palette import BLUE, SERIES_STYLES, VERMILION
 
 CURVE_POINTS = 80

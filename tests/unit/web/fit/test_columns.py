@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
 from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.tabs.fit.data import allowed_units, check_columns, load_columns

@@ -1,4 +1,4 @@
-"""Conversion between input values and the text of command line and forms."""
+"""Text of values and counts, for command line, forms and messages."""
 
 from __future__ import annotations
 
@@ -125,3 +125,8 @@ def format_arguments(value: Any, *, commas: bool) -> list[str]:
     if isinstance(value, list | tuple) and not commas:
         return [format_value(item) for item in value]
     return [format_value(value)]
+
+
+def pluralize(count: int, noun: str) -> str:
+    """Return a count with its noun, which takes an s unless the count is 1: 1 row, 2,000 rows."""
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
