@@ -254,10 +254,6 @@ class GuardedBench(MotorStateBench):
         return readings
 
     def read_and_buffer(self, timeout_s: float) -> Readings:
-        """Read and check as `read` does, and buffer the samples for the next `read`.
-
-        For waits such as an operator's answer.
-        """
         self._signals.raise_if_requested()
         readings = self._read_checked(timeout_s)
         self._unread.append(readings)

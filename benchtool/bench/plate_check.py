@@ -8,18 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite, nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.motor_state import POLL_INTERVAL_S, SPIN_DOWN_S
+from benchtool.bench.motor_state import POLL_INTERVAL_S, SPIN_DOWN_S, MotorStateBench
 from benchtool.core.channel import Channel
 from benchtool.core.errors import StageError
 from benchtool.core.rig import Rig, Sensor
-
-if TYPE_CHECKING:
-    from benchtool.bench.guard import GuardedBench
 
 PLATE_CHANNEL = "plate_z_m"
 MIN_TOLERANCE_M = 0.001  # a change of 1 mm changes thrust by less than 2 %; assumed
@@ -152,7 +148,7 @@ def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
         raise StageError(f"the plate was not tilted to {tilt_rad:g} rad; give a finite angle")
 
 
-def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
+def wait_for_idle(bench: MotorStateBench, rig: Rig) -> None:
     """Raise if motors are commanded above idle; wait for rotors that are still fast."""
     propulsion, pwm_us = rig.propulsion, bench.pwm_us
     # Value of the device; falls back to the rig's.
@@ -186,7 +182,7 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
 
 
 def wait_for_plate(
-    bench: GuardedBench,
+    bench: MotorStateBench,
     plate: PlateCheck,
     target_m: float,
     stage_m: float,

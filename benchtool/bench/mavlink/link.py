@@ -10,12 +10,15 @@ from benchtool.bench.clocks import HostGapDetector
 from benchtool.bench.identify import mismatch_message, probe_answer
 from benchtool.bench.mavlink.frames import (
     AUTOPILOT_COMPONENT,
+    AUTOPILOT_INVALID,
     GROUND_SYSTEM,
     SEQUENCE_MODULUS,
+    MavCommand,
     MavlinkFrames,
+    Message,
+    dialect,
     is_signed,
 )
-from benchtool.bench.mavlink.messages import AUTOPILOT_INVALID, MavCommand, Message, dialect
 from benchtool.bench.transport.transport import MAX_WAIT_S, LinkEndpoint, Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 

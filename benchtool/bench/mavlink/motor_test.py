@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from benchtool.bench.mavlink import messages as mav
+from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, RESEND_INTERVAL_S, AutopilotInfo
-from benchtool.bench.mavlink.drive import MotorDrive, Outputs
-from benchtool.bench.mavlink.health import Health
+from benchtool.bench.mavlink.drive import Health, MotorDrive, Outputs
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.core.errors import (
     CommandRefused,
@@ -34,14 +33,9 @@ class MotorTestDrive(MotorDrive):
     repeats_commands = True
 
     def __init__(
-        self,
-        link: MavlinkLink,
-        autopilot: AutopilotInfo,
-        health: Health,
-        arm: str,
-        clock: Callable[[], float],
+        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: str
     ) -> None:
-        super().__init__(link, autopilot, health, arm, clock)
+        super().__init__(link, autopilot, health, arm)
         self._outputs = OutputMonitor(autopilot.pilot.name, autopilot.pulses.stop_us)
         self._rotor_outputs = list(autopilot.wiring.outputs)
         self._active_commands: tuple[mav.MavCommand, ...] = ()

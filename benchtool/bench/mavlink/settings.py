@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.addresses import DOWNWARD_ORIENTATION, MavlinkAddress
+from benchtool.bench.addresses import MavlinkAddress
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
@@ -59,33 +59,6 @@ class ThrustSource:
 
 THRUST = ThrustSource()  # a single value named `thrust`, the default of a script
 NO_THRUST = ThrustSource(name="")  # no message, because the load cell is elsewhere
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelWiring:
-    """Assignment of a rig's rotors to an autopilot's motors, outputs and ESCs.
-
-    Attributes:
-        motors: (n_rotors,) number of each rotor in the autopilot's motor test, from 1.
-        outputs: (n_rotors,) output that drives each rotor, from 1; 0 if unknown.
-        escs: (n_rotors,) index of each rotor in speed messages, from 1.
-        thrust_scale_N: newtons per unit of the thrust message.
-        orientation: of the distance sensor that faces the plate; None disables the distance.
-        virtual: the autopilot is virtual and reports the exact plate distance.
-    """
-
-    motors: tuple[int, ...]
-    outputs: tuple[int, ...]
-    escs: tuple[int, ...]
-    thrust: ThrustSource = THRUST
-    thrust_scale_N: float = 1.0
-    orientation: int | None = None
-    virtual: bool = False
-
-    @property
-    def n_rotors(self) -> int:
-        """Number of rotors."""
-        return len(self.motors)
 
 
 def build_channels(n_rotors: int) -> tuple[Channel, ...]:
@@ -137,6 +110,7 @@ class MotorMap(FiniteTable):
     """Motor, output and ESC of each rotor, in the rig's order.
 
     Attributes:
+        motors: number of each rotor in the autopilot's motor test, from 1.
         outputs: output that drives each rotor; 0 if unknown.
         escs: index of each rotor in speed messages; 0 if there is none.
     """
@@ -146,6 +120,10 @@ class MotorMap(FiniteTable):
     motors: Annotated[tuple[MotorNumber, ...], Len(1, 12)]
     outputs: tuple[OutputNumber, ...]
     escs: tuple[OutputNumber, ...]
+
+    @property
+    def n_rotors(self) -> int:
+        return len(self.motors)
 
     def to_toml(self) -> str:
         """Return the map as file text."""
@@ -192,7 +170,9 @@ class MavlinkSettings:
         motor_map: map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs.
         arm: who arms in a pitch experiment.
         key: 32 bytes for MAVLink 2 signing; None disables signing.
-        orientation: of the distance sensor (MAV_SENSOR_ORIENTATION); others are ignored.
+        thrust_scale_N: newtons per unit of the thrust message.
+        orientation: of the distance sensor that faces the plate (MAV_SENSOR_ORIENTATION), others
+            are ignored; None disables the distance.
         cell: port and baud rate of an auxiliary load cell; None if there is none.
         warning: shown before the link is opened, or empty.
     """
@@ -207,8 +187,7 @@ class MavlinkSettings:
     thrust: ThrustSource = THRUST
     thrust_scale_N: float = 1.0
     speeds: bool = True
-    distance: bool = False
-    orientation: int = DOWNWARD_ORIENTATION
+    orientation: int | None = None
     cell: tuple[str, int] | None = None
     warning: str = ""
 
@@ -216,6 +195,7 @@ class MavlinkSettings:
 def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
     """Return the settings of an address, with the contents of its map and key files."""
     is_pitch = address.mode == "pitch"
+    has_distance = (address.distance or ("on" if is_pitch else "off")) == "on"
     return MavlinkSettings(
         system=address.system,
         rotors=address.rotors,
@@ -227,8 +207,7 @@ def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
         thrust=ThrustSource.parse(address.thrust),
         thrust_scale_N=address.thrust_scale_N,
         speeds=address.rpm == "auto",
-        distance=(address.distance or ("on" if is_pitch else "off")) == "on",
-        orientation=address.orientation,
+        orientation=address.orientation if has_distance else None,
         cell=address.cell_port_and_baud,
         warning=address.warning,
     )

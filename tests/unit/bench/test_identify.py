@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.identify import Kind, identify_device
-from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames, dialect
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import ProtocolError
 from tests.doubles.grbl import grbl_stage

@@ -14,8 +14,8 @@ from benchtool.bench.mavlink.frames import (
     LinkCounts,
     MavlinkFrames,
     MavlinkQuality,
+    dialect,
 )
-from benchtool.bench.mavlink.messages import dialect
 
 WORDS = dialect()
 
