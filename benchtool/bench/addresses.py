@@ -33,20 +33,6 @@ StageAxis = Literal["X", "Y", "Z"]
 MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
-    """One end of a link, for `benchtool ports PORT`.
-
-    Attributes:
-        kind: "serial" (`location` is its port), "listens" (on a local UDP port), "sends" (to a
-            remote UDP port), "connects" (TCP).
-    """
-
-    kind: Literal["serial", "listens", "sends", "connects"]
-    location: str
-    port: int = 0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
     """Address of one scheme.
@@ -109,11 +95,6 @@ class Address:
     def check(self) -> None:
         """Raise if options contradict each other."""
 
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        """Ends of the link; empty if there is no link."""
-        return ()
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimAddress(Address):
@@ -147,10 +128,6 @@ class SerialAddress(Address):
     port: str
     baud: Baud = 2_000_000
 
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        return (Endpoint("serial", self.port),)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TcpAddress(Address):
@@ -163,10 +140,6 @@ class TcpAddress(Address):
     @classmethod
     def parse_location(cls, location: str, text: str) -> dict[str, Any]:
         return parse_host_and_port(location, text, cls.EXAMPLE)
-
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        return (Endpoint("connects", self.host, self.port),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,13 +179,6 @@ class MavlinkAddress(Address):
     @property
     def cell_port_and_baud(self) -> tuple[str, int] | None:
         return parse_port_and_baud(self.cell, self.text) if self.cell else None
-
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        if self.link == "serial":
-            return (Endpoint("serial", self.serial_port),)
-        kinds: dict[str, Any] = {"udpin": "listens", "udpout": "sends", "tcp": "connects"}
-        return (Endpoint(kinds[self.link], self.host, self.port),)
 
     @property
     def warning(self) -> str:

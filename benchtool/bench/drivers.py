@@ -19,6 +19,8 @@ from benchtool.bench.addresses import (
     TcpAddress,
 )
 from benchtool.bench.bench import Bench
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.user_code import CodePermit, check_code_allowed
 
@@ -42,7 +44,7 @@ class Driver:
 DRIVERS: dict[str, Driver] = {  # by address scheme
     "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated_bench:open_simulated"),
     "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
-    "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_tcp"),
+    "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_serial"),
     "mavlink": Driver(address=MavlinkAddress, opener="benchtool.bench.mavlink.bench:open_mavlink"),
     "replay": Driver(address=ReplayAddress, opener="benchtool.bench.replay:open_replay"),
 }
@@ -78,6 +80,33 @@ def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
     parsed_address = replace(parse_address(address), permit=permit)
     bench: Bench = load_object(DRIVERS[address.strip().partition(":")[0]].opener)(parsed_address)
     return bench
+
+
+def build_transport(address: Address) -> Transport:
+    """Return the link of an address, not opened yet.
+
+    Raises:
+        InputError: an address without a link.
+    """
+    if isinstance(address, SerialAddress):
+        return _build_port(address.port, address.baud)
+    if isinstance(address, TcpAddress):
+        return TcpSocket(address.host, address.port)
+    if not isinstance(address, MavlinkAddress):
+        raise InputError(
+            f"{address.text!r} has no port to check; give a serial port or a network address"
+        )
+    if address.link == "serial":
+        return _build_port(address.serial_port, address.baud)
+    if address.link == "tcp":
+        return TcpSocket(address.host, address.port)
+    return UdpSocket(address.host, address.port, listen=address.link == "udpin")
+
+
+def _build_port(port: str, baud: int) -> Transport:
+    from benchtool.bench.transport.serial_port import SerialPort
+
+    return SerialPort(port, baud)
 
 
 def load_object(name: str) -> Any:

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from benchtool.bench.addresses import Endpoint
-from benchtool.bench.drivers import DRIVERS, parse_address
+from benchtool.bench.drivers import DRIVERS, build_transport, parse_address
 from benchtool.bench.serial.command_channel import CommandChannel
+from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import PortOwner, Transport, port_owners
 from benchtool.core.errors import (
-    InputError,
+    BenchError,
     LinkError,
     NoDevice,
     PortBusy,
@@ -53,11 +53,19 @@ class Port:
         return f"{self.vendor:04x}:{self.product:04x}"
 
 
+AnswerKind = Literal["bench", "other", "silent", "busy", "denied"]
+
+
 class PortAnswer(NamedTuple):
     """Answer to a hello on a port."""
 
-    kind: Literal["bench", "other", "silent", "busy", "denied"]
+    kind: AnswerKind
     text: str
+
+
+_ANSWER_KINDS: dict[type[BenchError], AnswerKind] = {
+    PortBusy: "busy", PortDenied: "denied", NoDevice: "silent", ProtocolError: "other",
+}  # fmt: skip
 
 
 def serial_ports() -> tuple[Port, ...]:
@@ -94,14 +102,8 @@ def identify_port(
     channel = CommandChannel(transport, f"serial:{name}", clock)
     try:
         hello = channel.open()
-    except PortBusy as error:
-        return PortAnswer("busy", str(error))
-    except PortDenied as error:
-        return PortAnswer("denied", str(error))
-    except NoDevice as error:
-        return PortAnswer("silent", str(error))
-    except ProtocolError as error:
-        return PortAnswer("other", str(error))
+    except tuple(_ANSWER_KINDS) as error:
+        return PortAnswer(_ANSWER_KINDS[type(error)], str(error))
     finally:
         channel.close()
     rotors = pluralize(hello.n_rotors, "rotor")
@@ -259,36 +261,24 @@ def _find_other_users(host: HostEnvironment) -> PortFinding | None:
     return PortFinding(name, "ok", "no program of this user has it open")
 
 
-def parse_serial_port(text: str) -> str | None:
-    """Return the serial port of a port name or an address, or None for a network address."""
+def diagnose_address(text: str) -> tuple[PortFinding, ...]:
+    """Return the result for each cause that concerns a serial port or the link of an address."""
     if text.partition(":")[0] not in DRIVERS:
-        return text.partition("?")[0]
-    ends = parse_address(text).endpoints
-    if not ends:
-        raise InputError(f"{text!r} has no port to check; give a serial port or a network address")
-    return ends[0].location if ends[0].kind == "serial" else None
-
-
-def diagnose_network(text: str) -> tuple[PortFinding, ...]:
-    """Return the result for each end of a network address."""
-    return tuple(_network_finding(end) for end in parse_address(text).endpoints)
-
-
-def _network_finding(end: Endpoint) -> PortFinding:
-    name = "listening" if end.kind == "listens" else "other end"
-    link = (
-        TcpSocket(end.location, end.port)
-        if end.kind == "connects"
-        else UdpSocket(end.location, end.port, end.kind == "listens")
-    )
+        return diagnose_port(probe_environment(text.partition("?")[0]))
+    link = build_transport(parse_address(text))
+    if isinstance(link, SerialPort):
+        return diagnose_port(probe_environment(link.port))
+    assert isinstance(link, TcpSocket | UdpSocket)
+    listens = isinstance(link, UdpSocket) and link.listens
+    name = "listening" if listens else "other end"
     try:
         link.open()
     except LinkError as error:
-        return PortFinding(name, "problem", str(error))
+        return (PortFinding(name, "problem", str(error)),)
     finally:
         link.close()
-    if end.kind == "sends":
+    if isinstance(link, UdpSocket) and not listens:
         sentence = f"a listener on {link.where} cannot be detected before it replies"
-        return PortFinding(name, "not checked", sentence, "run benchtool bench check")
-    state = "is free" if end.kind == "listens" else "accepts connections"
-    return PortFinding(name, "ok", f"{link.where} {state}")
+        return (PortFinding(name, "not checked", sentence, "run benchtool bench check"),)
+    state = "is free" if listens else "accepts connections"
+    return (PortFinding(name, "ok", f"{link.where} {state}"),)

@@ -62,7 +62,6 @@ def test_an_address_leads_to_its_opener_and_ends(scheme):
     address = parse_address(driver.example)
     assert type(address) is driver.address
     assert callable(load_object(driver.opener))
-    assert all(end.location or end.port for end in address.endpoints)
     with pytest.raises(UnknownChoice, match="option of"):
         open_bench(f"{scheme}:somewhere?no_such_option=1")
 

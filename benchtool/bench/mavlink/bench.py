@@ -17,6 +17,7 @@ import numpy as np
 from benchtool.bench.addresses import MAX_HZ, MIN_HZ, MavlinkAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.drivers import build_transport
 from benchtool.bench.mavlink import streams
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.auxiliary_load_cell import AuxiliaryLoadCell, merge_in_order
@@ -29,7 +30,6 @@ from benchtool.bench.mavlink.settings import (
     THRUST_MESSAGES,
     MavlinkSettings,
     live_channels,
-    open_transport,
     parse_settings,
 )
 from benchtool.bench.transport.transport import Transport
@@ -358,4 +358,4 @@ def open_mavlink(address: MavlinkAddress) -> MavlinkBench:
 
     settings = parse_settings(address)
     cell = SerialPort(*settings.cell) if settings.cell else None
-    return MavlinkBench(open_transport(address), address.text, settings, cell=cell)
+    return MavlinkBench(build_transport(address), address.text, settings, cell=cell)

@@ -14,8 +14,6 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le, Len
 
 from benchtool.bench.addresses import MavlinkAddress
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
-from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.toml_text import FiniteTable, read_strict
@@ -211,17 +209,6 @@ def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
         cell=address.cell_port_and_baud,
         warning=address.warning,
     )
-
-
-def open_transport(address: MavlinkAddress) -> Transport:
-    """Return the link of an address, not opened yet."""
-    if address.link == "serial":
-        from benchtool.bench.transport.serial_port import SerialPort
-
-        return SerialPort(address.serial_port, address.baud)
-    if address.link == "tcp":
-        return TcpSocket(address.host, address.port)
-    return UdpSocket(address.host, address.port, listen=address.link == "udpin")
 
 
 def read_key(path: Path) -> bytes:

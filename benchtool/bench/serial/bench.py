@@ -15,10 +15,10 @@ import numpy as np
 
 from benchtool.bench.addresses import SerialAddress, TcpAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
+from benchtool.bench.drivers import build_transport
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.command_channel import CommandChannel
 from benchtool.bench.serial.hello import Hello, check_rate, max_rate_Hz
-from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.array_type import Array
 from benchtool.core.errors import (
@@ -294,13 +294,6 @@ def _rejection(command: wire.Command, reason: str) -> CommandRefused:
     return CommandRefused(",".join(wire.command_fields(command)), f"{reason}{suffix}")
 
 
-def open_serial(address: SerialAddress) -> SerialBench:
-    """Return the bench of a serial port, not opened yet."""
-    from benchtool.bench.transport.serial_port import SerialPort
-
-    return SerialBench(SerialPort(address.port, address.baud), address.text)
-
-
-def open_tcp(address: TcpAddress) -> SerialBench:
-    """Return the bench of a TCP port, not opened yet."""
-    return SerialBench(TcpSocket(address.host, address.port), address.text)
+def open_serial(address: SerialAddress | TcpAddress) -> SerialBench:
+    """Return the bench of a serial or TCP port, not opened yet."""
+    return SerialBench(build_transport(address), address.text)

@@ -392,7 +392,7 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("columns", on_disk.columns,
                (COLUMNS,)),
         Target("recipe", on_disk.recipe, (RECIPE,)),
-        Target("address", lambda data: parse_address(text(data)).endpoints, ADDRESSES),
+        Target("address", lambda data: parse_address(text(data)), ADDRESSES),
         Target("stage", lambda data: parse_stage(text(data)), STAGES),
         Target("link", lambda data: ServedLink.parse(text(data)), LINKS),
         Target("virtual fault", lambda data: parse_fault(text(data)),
