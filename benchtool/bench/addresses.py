@@ -35,16 +35,12 @@ MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
-    """Address of one scheme.
-
-    Attributes:
-        text: as typed by a user or stored in data.
-    """
+    """Address of one scheme."""
 
     TITLE: ClassVar[str] = ""
     EXAMPLE: ClassVar[str] = ""
     LOCATION: ClassVar[str] = "port"
-    text: str = ""
+    text: str = ""  # as typed by a user or stored in data
     permit: CodePermit = check_code_allowed
 
     @classmethod
@@ -203,19 +199,16 @@ class ReplayAddress(Address):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrblAddress(Address):
-    """G-code stage that moves the plate.
-
-    Attributes:
-        axis, lateral: axes of the plate distance and of the lateral position, if there is one.
-        zero_mm: plate distance at machine position 0; default: the rig's parking distance.
-        direction: +1 if the distance increases with machine position, -1 if it decreases.
-    """
+    """G-code stage that moves the plate."""
 
     EXAMPLE: ClassVar[str] = "grbl:/dev/ttyACM0?axis=Z&zero_mm=1500&direction=1"
     port: str
     baud: Baud = 115_200
+    # axis, lateral: axes of the plate distance and of the lateral position, if there is one
     axis: Annotated[StageAxis, Input("Axis of the distance.")] = "Z"
+    # Plate distance at machine position 0; default: the rig's parking distance
     zero_mm: Millimetres | None = None
+    # +1 if the distance increases with machine position, -1 if it decreases
     direction: Annotated[int, Ge(-1), Le(1), Input("Sign.")] = 1
     lateral: Annotated[StageAxis, Input("Axis of the lateral position.")] | None = None
     lateral_zero_mm: Millimetres = 0.0

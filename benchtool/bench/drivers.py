@@ -27,14 +27,10 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """Driver of one address scheme.
-
-    Attributes:
-        opener: "module:function" that builds an unopened bench from an address.
-    """
+    """Driver of one address scheme."""
 
     address: type[Address]
-    opener: str
+    opener: str  # "module:function" that builds an unopened bench from an address
 
     @property
     def example(self) -> str:

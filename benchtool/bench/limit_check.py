@@ -34,21 +34,16 @@ SLOW_CHANNEL_RATE_HZ = 10.0  # factor on the silence limit of voltage, current a
 
 @dataclass(frozen=True, slots=True)
 class ChannelChecks:
-    """Checks of one kind of channel.
+    """Checks of one kind of channel."""
 
-    Attributes:
-        limits: returns the lowest and highest allowed reading; without it the guard checks nothing.
-        advice: remedy for a reading outside the limits.
-        silence_factor: multiple of the guard's `stale_s` allowed without a new value.
-        is_required: a point whose channel is short, late or frozen is repeated; other channels
-            only cause an event.
-        follows_pulse_width: it changes with the pulse widths and with the other such channels.
-    """
-
+    # Returns the lowest and highest allowed reading; without it the guard checks nothing
     limits: Callable[[Limits], tuple[float, float]] | None = None
-    advice: str = ""
+    advice: str = ""  # remedy for a reading outside the limits
+    # Multiple of the guard's `stale_s` allowed without a new value
     silence_factor: float = SLOW_CHANNEL_RATE_HZ
+    # A point whose channel is short, late or frozen is repeated; other channels only cause an event
     is_required: bool = False
+    # It changes with the pulse widths and with the other such channels
     follows_pulse_width: bool = False
 
 

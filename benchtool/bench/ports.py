@@ -32,19 +32,15 @@ BY_ID = Path("/dev/serial/by-id")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Port:
-    """Serial port.
-
-    Attributes:
-        vendor, product: USB numbers; None for a port that is not on USB.
-        by_id: name that stays the same after a replug; empty if there is none (Linux only).
-    """
+    """Serial port."""
 
     name: str
     description: str = ""
     serial_number: str = ""
+    # vendor, product: uSB numbers; None for a port that is not on USB
     vendor: int | None = None
     product: int | None = None
-    by_id: str = ""
+    by_id: str = ""  # name that stays the same after a replug; empty if there is none (Linux only)
 
     @property
     def usb(self) -> str:
@@ -118,24 +114,17 @@ def _natural_sort_key(name: str) -> list[str | int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostEnvironment:
-    """Facts about a port and its user; None if the platform does not report them.
+    """Facts about a port and its user; None if the platform does not report them."""
 
-    Attributes:
-        system: "Linux", "Darwin" or "Windows".
-        port: as typed by the user; empty if none was given.
-        can_open: this user has read and write permission.
-        groups_on_file: groups that the user has after the next login.
-    """
-
-    system: str
-    port: str = ""
+    system: str  # "Linux", "Darwin" or "Windows"
+    port: str = ""  # as typed by the user; empty if none was given
     ports: tuple[Port, ...] = ()
     exists: bool | None = None
-    can_open: bool | None = None
+    can_open: bool | None = None  # this user has read and write permission
     group: str | None = None
     user: str = ""
     groups: frozenset[str] = frozenset()
-    groups_on_file: frozenset[str] = frozenset()
+    groups_on_file: frozenset[str] = frozenset()  # groups that the user has after the next login
     owners: tuple[PortOwner, ...] | None = None
 
     @property

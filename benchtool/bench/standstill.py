@@ -40,21 +40,13 @@ def standstill_rpm(rig: Rig) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Standstill:
-    """Standstill check since zero was commanded.
+    """Standstill check since zero was commanded."""
 
-    Attributes:
-        is_confirmed: standstill of every driven rotor is confirmed.
-        unmeasured: driven rotors (from 1) without a channel that could confirm it.
-        is_only_unmeasured: every rotor with a channel is confirmed, the others are not.
-        rpm: highest speed above the threshold; nan if there is none.
-        text: result as a sentence; empty if no motor was driven.
-    """
-
-    is_confirmed: bool
-    unmeasured: tuple[int, ...]
-    is_only_unmeasured: bool
-    rpm: float
-    text: str
+    is_confirmed: bool  # standstill of every driven rotor is confirmed
+    unmeasured: tuple[int, ...]  # driven rotors (from 1) without a channel that could confirm it
+    is_only_unmeasured: bool  # every rotor with a channel is confirmed, the others are not
+    rpm: float  # highest speed above the threshold; nan if there is none
+    text: str  # result as a sentence; empty if no motor was driven
 
 
 class StandstillMonitor:

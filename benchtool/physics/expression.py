@@ -73,15 +73,10 @@ WIDTH_BYTES = 8  # per number in a shared array: floats and 64-bit integers
 
 
 class Slot(NamedTuple):
-    """Position of a record in a block of rows with one column per lane.
+    """Position of a record in a block of rows with one column per lane."""
 
-    Attributes:
-        first: first row.
-        like: example of the record's type: numbers, tuples and named tuples.
-    """
-
-    first: int
-    like: Any
+    first: int  # first row
+    like: Any  # example of the record's type: numbers, tuples and named tuples
 
 
 def read_record(block: Any, slot: Any, lane: Any, lanes: Any) -> Any:

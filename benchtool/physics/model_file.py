@@ -79,24 +79,18 @@ class _ParameterTable(FileTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedModel:
-    """Model with the other contents of its file.
-
-    Attributes:
-        columns: channel name to source column of a CSV file.
-        row_filter: column name to value; only matching rows are read.
-        imperfections: of a virtual bench, for a file that defines one.
-        rig_name: name of the rig in the file; empty without a file.
-        effects_file: Python file with user-defined effects; empty for none.
-        plate_slide_s: time of the plate to slide in or out; None if not defined.
-    """
+    """Model with the other contents of its file."""
 
     model: Model
+    # Channel name to source column of a CSV file
     columns: Mapping[str, ColumnSource] = field(default_factory=dict)
+    # Column name to value; only matching rows are read
     row_filter: Mapping[str, str] = field(default_factory=dict)
+    # Of a virtual bench, for a file that defines one
     imperfections: Mapping[str, float] = field(default_factory=dict)
-    rig_name: str = ""
-    effects_file: str = ""
-    plate_slide_s: float | None = None
+    rig_name: str = ""  # name of the rig in the file; empty without a file
+    effects_file: str = ""  # Python file with user-defined effects; empty for none
+    plate_slide_s: float | None = None  # time of the plate to slide in or out; None if not defined
 
 
 def model_names() -> tuple[str, ...]:

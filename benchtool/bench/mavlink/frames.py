@@ -138,19 +138,13 @@ SIGNING_EPOCH_S = 1_420_070_400.0  # 2015-01-01 UTC (MAVLink 2 message signing)
 
 @dataclass(slots=True)
 class LinkCounts:
-    """Counts of frames.
-
-    Attributes:
-        lost: missing sequence numbers, over all components of a system.
-        corrupt: discarded for checksum or signature.
-        reordered: received after a later one.
-    """
+    """Counts of frames."""
 
     messages: int = 0
-    lost: int = 0
-    corrupt: int = 0
+    lost: int = 0  # missing sequence numbers, over all components of a system
+    corrupt: int = 0  # discarded for checksum or signature
     duplicates: int = 0
-    reordered: int = 0
+    reordered: int = 0  # received after a later one
 
     def add(self, other: LinkCounts) -> None:
         for count in fields(self):

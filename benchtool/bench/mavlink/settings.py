@@ -28,16 +28,11 @@ _THRUST = re.compile(r"(?P<name>[^.\[\]]{1,10})(?:\.(?P<axis>[xyz])|\[(?P<index>
 
 @dataclass(frozen=True, slots=True)
 class ThrustSource:
-    """Message that carries thrust.
-
-    Attributes:
-        name: name of the value, at most ten letters, in all three kinds of message.
-        part: "x", "y" or "z" of a vector, the index in an array, "" for a single value.
-    """
+    """Message that carries thrust."""
 
     message: str = "NAMED_VALUE_FLOAT"
-    name: str = "thrust"
-    part: str = ""
+    name: str = "thrust"  # name of the value, at most ten letters, in all three kinds of message
+    part: str = ""  # "x", "y" or "z" of a vector, the index in an array, "" for a single value
 
     @classmethod
     def parse(cls, text: str) -> ThrustSource:
@@ -105,19 +100,14 @@ OutputNumber = Annotated[int, Ge(0), Le(16)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorMap(FiniteTable):
-    """Motor, output and ESC of each rotor, in the rig's order.
-
-    Attributes:
-        motors: number of each rotor in the autopilot's motor test, from 1.
-        outputs: output that drives each rotor; 0 if unknown.
-        escs: index of each rotor in speed messages; 0 if there is none.
-    """
+    """Motor, output and ESC of each rotor, in the rig's order."""
 
     rig: str
     autopilot: str
+    # Number of each rotor in the autopilot's motor test, from 1
     motors: Annotated[tuple[MotorNumber, ...], Len(1, 12)]
-    outputs: tuple[OutputNumber, ...]
-    escs: tuple[OutputNumber, ...]
+    outputs: tuple[OutputNumber, ...]  # output that drives each rotor; 0 if unknown
+    escs: tuple[OutputNumber, ...]  # index of each rotor in speed messages; 0 if there is none
 
     @property
     def n_rotors(self) -> int:
@@ -162,32 +152,25 @@ RATE_HZ, PITCH_HZ = 50.0, 250.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkSettings:
-    """Settings of the link to an autopilot and of its channels.
-
-    Attributes:
-        motor_map: map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs.
-        arm: who arms in a pitch experiment.
-        key: 32 bytes for MAVLink 2 signing; None disables signing.
-        thrust_scale_N: newtons per unit of the thrust message.
-        orientation: of the distance sensor that faces the plate (MAV_SENSOR_ORIENTATION), others
-            are ignored; None disables the distance.
-        cell: port and baud rate of an auxiliary load cell; None if there is none.
-        warning: shown before the link is opened, or empty.
-    """
+    """Settings of the link to an autopilot and of its channels."""
 
     system: int | None = None
     rotors: int | None = None
+    # Map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs
     motor_map: MotorMap | None = None
     mode: Literal["plate", "pitch"] = "plate"
-    arm: Literal["operator", "host"] = "operator"
+    arm: Literal["operator", "host"] = "operator"  # who arms in a pitch experiment
     rate_Hz: float = RATE_HZ
-    key: bytes | None = None
+    key: bytes | None = None  # 32 bytes for MAVLink 2 signing; None disables signing
     thrust: ThrustSource = THRUST
-    thrust_scale_N: float = 1.0
+    thrust_scale_N: float = 1.0  # newtons per unit of the thrust message
     speeds: bool = True
+    # Of the distance sensor that faces the plate (MAV_SENSOR_ORIENTATION), others are ignored; None
+    # disables the distance
     orientation: int | None = None
+    # Port and baud rate of an auxiliary load cell; None if there is none
     cell: tuple[str, int] | None = None
-    warning: str = ""
+    warning: str = ""  # shown before the link is opened, or empty
 
 
 def parse_settings(address: MavlinkAddress) -> MavlinkSettings:

@@ -272,17 +272,11 @@ ARRIVAL_TOLERANCE_MM = 0.02  # of a target: two steps of a common drive with 100
 
 @dataclass(frozen=True, slots=True)
 class GrblAxis:
-    """Axis of the stage in plate coordinates.
+    """Axis of the stage in plate coordinates."""
 
-    Attributes:
-        letter: axis of the stage, in G-code.
-        zero_m: plate coordinate (distance, or lateral position) at machine position 0.
-        direction: +1 if the coordinate increases with machine position, -1 if it decreases.
-    """
-
-    letter: str
-    zero_m: float
-    direction: int = 1
+    letter: str  # axis of the stage, in G-code
+    zero_m: float  # plate coordinate (distance, or lateral position) at machine position 0
+    direction: int = 1  # +1 if the coordinate increases with machine position, -1 if it decreases
 
     def to_mm(self, coordinate_m: float) -> float:
         return self.direction * 1e3 * (coordinate_m - self.zero_m)
@@ -293,14 +287,11 @@ class GrblAxis:
 
 @dataclass(frozen=True, slots=True)
 class PlateMove:
-    """Start and target of a move by axis letter: mm.
-
-    Attributes:
-        steps_mm: length of one step of each axis; the position error is at most half of it.
-    """
+    """Start and target of a move by axis letter: mm."""
 
     start_mm: Mapping[str, float]
     target_mm: Mapping[str, float]
+    # Length of one step of each axis; the position error is at most half of it
     steps_mm: Mapping[str, float]
 
     @property

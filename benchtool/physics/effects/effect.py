@@ -187,15 +187,12 @@ HOOKS = tuple(hook.name for hook in fields(Hooks))
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """Quantity derived from free parameters.
-
-    Attributes:
-        function: function(values by full name) -> quantity, elementwise on arrays; fixed
-            parameters are constants of the function.
-    """
+    """Quantity derived from free parameters."""
 
     name: str
     unit: str
+    # function(values by full name) -> quantity, elementwise on arrays; fixed parameters are
+    # constants of the function
     function: Callable[[Mapping[str, Any]], Any]
 
 
