@@ -141,22 +141,6 @@ class Health:
             self._driven_since_s += pause_s
 
 
-def find_silence_error(address: str, silent_s: float, since_heartbeat_s: float) -> LinkLost | None:
-    """Return the error for silence of all messages, or of heartbeats; None if both are short."""
-    if silent_s > STALE_TIMEOUT_S:
-        return LinkLost(
-            f"{address} sent nothing for {silent_s:.1f} s, limit {STALE_TIMEOUT_S:g} s; no motor "
-            f"command was sent after {SILENCE_TIMEOUT_S:g} s of it, and motor tests expire; check "
-            f"cable and power, then start again"
-        )
-    if since_heartbeat_s > HEARTBEAT_TIMEOUT_S:
-        return LinkLost(
-            f"{address} sends, but no heartbeat came for {since_heartbeat_s:.1f} s, limit "
-            f"{HEARTBEAT_TIMEOUT_S:g} s; check the flight controller, then start again"
-        )
-    return None
-
-
 ARM_TIMEOUT_S = 3.0  # from accepted arming to a heartbeat that shows it, one per second
 
 Outputs = tuple[float, ...]
@@ -304,9 +288,18 @@ class RunMonitor:
         silent_s = now_s - self._link.received_s
         if silent_s > SILENCE_TIMEOUT_S:
             self._drive.stop_renewing()
-        link_error = find_silence_error(self._link.address, silent_s, self._health.silence_s(now_s))
-        if link_error is not None:
-            raise link_error
+        beat_s = self._health.silence_s(now_s)
+        if silent_s > STALE_TIMEOUT_S:
+            raise LinkLost(
+                f"{self._link.address} sent nothing for {silent_s:.1f} s, limit "
+                f"{STALE_TIMEOUT_S:g} s; no motor command was sent after {SILENCE_TIMEOUT_S:g} s "
+                f"of it, and motor tests expire; check cable and power, then start again"
+            )
+        if beat_s > HEARTBEAT_TIMEOUT_S:
+            raise LinkLost(
+                f"{self._link.address} sends, but no heartbeat came for {beat_s:.1f} s, limit "
+                f"{HEARTBEAT_TIMEOUT_S:g} s; check the flight controller, then start again"
+            )
         text_fault = self._health.take_fault()
         fault = self._find_restart() or text_fault
         try:

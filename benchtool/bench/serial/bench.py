@@ -26,13 +26,14 @@ from benchtool.core.errors import (
     CommandRefused,
     DeviceStopped,
     LinkLost,
-    NoDevice,
     ProtocolError,
     StageError,
 )
 
 STALE_TIMEOUT_S = 1.0  # wall time without data after which the link is lost: 4 watchdogs; assumed
 PLATE_POLL_INTERVAL_S = 0.5  # of state requests while the plate moves: `arrived` may be lost
+
+ARRIVAL_TIMEOUT_S = 120.0  # of the plate, bench time
 
 STOP_ATTEMPTS = 3
 
@@ -42,26 +43,14 @@ class SerialBench(StreamingBench):
 
     Bench time is wall time multiplied by the speed that a virtual device reports in its hello;
     every `timeout_s` is bench time. Link timeouts and the watchdog are wall time.
-
-    Args:
-        arrive_s: arrival timeout of the plate, bench time.
-        device_id: the only accepted device, for example after a replug or for a resumed run; None
-            accepts any.
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        address: str,
-        clock: Callable[[], float] = time.monotonic,
-        arrive_s: float = 120.0,
-        device_id: str | None = None,
+        self, transport: Transport, address: str, clock: Callable[[], float] = time.monotonic
     ) -> None:
         super().__init__(address)
         self._channel = CommandChannel(transport, address, clock, self._receive_readings)
         self._clock = clock
-        self._arrival_timeout_s = arrive_s
-        self._device_id = device_id
         self._hello: Hello | None = None
         self._rate_Hz = 0.0
         self._messages: list[str] = []
@@ -85,11 +74,6 @@ class SerialBench(StreamingBench):
         self._clear_buffer()
         try:
             self._hello = self._channel.open()
-            if self._device_id not in (None, self._hello.device_id):
-                raise NoDevice(
-                    f"{self.address} is device {self._hello.device_id!r}, but {self._device_id!r} "
-                    f"is needed; connect that one or start a new run"
-                )
             self.clear()
             self._messages.clear()
             rate_Hz = self._hello.rate_Hz
@@ -152,10 +136,10 @@ class SerialBench(StreamingBench):
             if self._stage_fault is not None:
                 raise StageError(f"the stage did not reach {z_m:g} m: {self._stage_fault}")
             now_s = self._clock()
-            if (now_s - start_s) * self._require_hello().speed > self._arrival_timeout_s:
+            if (now_s - start_s) * self._require_hello().speed > ARRIVAL_TIMEOUT_S:
                 self.stop()
                 raise StageError(
-                    f"the plate did not reach {z_m:g} m within {self._arrival_timeout_s:g} s and "
+                    f"the plate did not reach {z_m:g} m within {ARRIVAL_TIMEOUT_S:g} s and "
                     f"was stopped; check for an obstacle"
                 )
             if now_s - requested_s > PLATE_POLL_INTERVAL_S and not self._arrived:
