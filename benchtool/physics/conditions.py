@@ -94,49 +94,37 @@ class Conditions:
         *,
         speed_rad_s: Array,
         plate_z_m: Array,
-        plate_x_m: Array | float = 0.0,
-        plate_tilt_rad: Array | float = 0.0,
         coverage: Array | None = None,
-        voltage_V: Array | float | None = None,
-        elapsed_s: Array | float = 0.0,
-        time_s: Array | float = 0.0,
-        load_direction: Array | float = 0.0,
-        airspeed_m_s: Array | float = 0.0,
         speed_measured: bool = True,
+        **fields: Array | float | None,
     ) -> Conditions:
         """Build conditions for a rig; all arguments broadcast against plate_z_m (m,).
 
-        By default coverage is computed from the rig's plate and its lateral position.
+        Args:
+            coverage: default: from the rig's plate and its lateral position.
+            fields: other fields; default 0, and the rig's nominal voltage.
         """
         z = np.atleast_1d(np.asarray(plate_z_m, float))
         m = z.shape[0]
-
-        def full(value: Array | float) -> Array:
-            return np.broadcast_to(np.asarray(value, float), (m,)).copy()
-
+        given = {name: value for name, value in fields.items() if value is not None}
+        defaults = dict.fromkeys(_ROW_FIELDS, 0.0) | {"voltage_V": rig.propulsion.voltage_nominal_V}
+        rows = {
+            name: np.broadcast_to(np.asarray(value, float), (m,)).copy()
+            for name, value in {**defaults, **given}.items()
+        }
         speed = np.asarray(speed_rad_s, float)
         if speed.ndim == 1:
             speed = speed[:, None]
-        speed = np.broadcast_to(speed, (rig.n_rotors, m)).copy()
         if coverage is None:
-            coverage = plate_coverage(rig, full(plate_x_m))
-        nominal = rig.propulsion.voltage_nominal_V
+            coverage = plate_coverage(rig, rows["plate_x_m"])
         return cls(
-            speed_rad_s=speed,
+            speed_rad_s=np.broadcast_to(speed, (rig.n_rotors, m)).copy(),
             plate_z_m=z,
-            plate_tilt_rad=full(plate_tilt_rad),
             coverage=np.broadcast_to(coverage, (rig.n_discs, m)).copy(),
-            voltage_V=full(nominal if voltage_V is None else voltage_V),
-            elapsed_s=full(elapsed_s),
-            time_s=full(time_s),
-            load_direction=full(load_direction),
-            plate_x_m=full(plate_x_m),
-            airspeed_m_s=full(airspeed_m_s),
-            moved_s=np.zeros(m),
-            moved_direction=np.zeros(m),
             past_load=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             past_wash=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             speed_measured=speed_measured,
+            **rows,
         )
 
     @classmethod
@@ -197,6 +185,12 @@ class Conditions:
             past_load=past_means(time, moved_s, relative_load),
             past_wash=past_means(time, moved_s, relative_load * np.nan_to_num(wake_share)),
         )
+
+
+_ROW_FIELDS = (
+    "plate_tilt_rad", "voltage_V", "elapsed_s", "time_s", "load_direction", "plate_x_m",
+    "airspeed_m_s", "moved_s", "moved_direction",
+)  # fmt: skip
 
 
 def plate_coverage(rig: Rig, plate_x_m: Array) -> Array:

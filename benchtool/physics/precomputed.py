@@ -124,21 +124,12 @@ def merge_discs(flow: Flow, m: int) -> Flow:
                 break
         else:
             groups.append((i, speed * speed))
-    indices = [first for first, _ in groups]
-
-    def select(quantity: Any) -> list[Any]:
-        return [quantity[i] for i in indices]
-
-    return flow._replace(
-        position_x_m=select(flow.position_x_m),
-        position_y_m=select(flow.position_y_m),
-        height_m=select(flow.height_m),
-        coverage=select(flow.coverage),
-        active=select(flow.active),
-        speed_rad_s=[np.sqrt(squares) for _, squares in groups],
-        neighbour_images=select(flow.neighbour_images),
-        body_images=select(flow.body_images),
-    )
+    per_disc = (
+        "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
+        "body_images",
+    )  # fmt: skip
+    fields = {name: [getattr(flow, name)[first] for first, _ in groups] for name in per_disc}
+    return flow._replace(speed_rad_s=[np.sqrt(squares) for _, squares in groups], **fields)
 
 
 def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:

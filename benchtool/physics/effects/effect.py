@@ -18,7 +18,7 @@ from math import inf
 from typing import Any, Literal, NamedTuple
 
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
@@ -315,16 +315,11 @@ def number(
     unit: str,
     value: float,
     description: str,
-    *,
-    neutral: float | None = None,
     within: tuple[float, float] = (-inf, inf),
-    tolerance: float | None = None,
-    prior: Prior | None = None,
-    source: str = "neutral value",
+    **fields: Any,
 ) -> Parameter:
-    """Return a parameter of an effect."""
+    """Return a parameter of an effect, with `fields` of `Parameter`."""
     return Parameter(
-        name, unit, value, neutral=neutral, lower=within[0], upper=within[1],
-        prior=Prior() if prior is None else prior, tolerance=tolerance, description=description,
-        source=source,
+        name, unit, value, lower=within[0], upper=within[1], description=description,
+        **{"source": "neutral value", **fields},
     )  # fmt: skip
