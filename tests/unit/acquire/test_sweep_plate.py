@@ -118,8 +118,8 @@ def test_lost_steps_end_the_run_before_motors_turn(tmp_path, lost_m, distances, 
 class Miswired(Carries):
     """The plate goes elsewhere than it was sent, and the stage says so."""
 
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
-        return super().move(z_m + 0.2, x_m, tilt_rad, pause)
+    def _move_once(self, z_m, x_m, tilt_rad, pause):
+        return super()._move_once(z_m + 0.2, x_m, tilt_rad, pause)
 
 
 def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_path):
