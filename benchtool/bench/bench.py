@@ -247,10 +247,6 @@ class StreamingBench(ContextBench):
         buffered, self._buffered = self._buffered, []
         return concatenate_readings(buffered) if buffered else None
 
-    def _take_buffered_or_read(self, read: Callable[[], Readings]) -> Readings:
-        buffered = self._take_buffered()
-        return self._publish(read()) if buffered is None else buffered
-
     def _publish(self, readings: Readings) -> Readings:
         counts, self._losses = self._losses, []
         readings = concatenate_readings([*counts, readings])

@@ -68,7 +68,8 @@ def serial_ports() -> tuple[Port, ...]:
     """Return the serial ports with hardware, in natural order."""
     from serial.tools import list_ports
 
-    names = by_id_names()
+    links = sorted(BY_ID.iterdir()) if BY_ID.is_dir() else ()
+    names = {os.path.realpath(link): str(link) for link in links}
     ports = [
         Port(
             name=item.device,
@@ -81,14 +82,11 @@ def serial_ports() -> tuple[Port, ...]:
         for item in list_ports.comports()
         if item.hwid != "n/a" or item.vid is not None
     ]
-    return tuple(sorted(ports, key=lambda port: _natural_sort_key(port.name)))
-
-
-def by_id_names(folder: Path = BY_ID) -> dict[str, str]:
-    """Return the permanent name of each port by its present device path."""
-    if not folder.is_dir():
-        return {}
-    return {os.path.realpath(link): str(link) for link in sorted(folder.iterdir())}
+    # COM9 before COM10.
+    parts = {port: re.split(r"(\d+)", port.name) for port in ports}
+    return tuple(
+        sorted(ports, key=lambda port: [int(p) if p.isdigit() else p for p in parts[port]])
+    )
 
 
 def identify_port(
@@ -105,11 +103,6 @@ def identify_port(
     rotors = pluralize(hello.n_rotors, "rotor")
     virtual = ", virtual" if hello.simulated else ""
     return PortAnswer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
-
-
-def _natural_sort_key(name: str) -> list[str | int]:
-    """Return a key that sorts COM9 before COM10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -49,7 +49,8 @@ class PrecomputedModel:
             return  # speeds depend on the thrust factors
         full_flow = model.flow(conditions, model.parameters.values_array())
         flow = full_flow
-        if merge and can_merge(model):
+        # Without effects on the thrust of individual discs.
+        if merge and all(effect.hooks.factor is None for effect in effects):
             flow = merge_discs(full_flow, len(conditions))
         is_tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
         running = [i for i, speed in enumerate(full_flow.speed_rad_s) if np.any(speed)]
@@ -93,11 +94,6 @@ class PrecomputedModel:
     def thrust_N(self, values: Any) -> Any:
         """Return the load cell's settled reading (..., m): N; `values` as in `Model.thrust_N`."""
         return self.model.reading_N(self.flow(values), values)
-
-
-def can_merge(model: Model) -> bool:
-    """Return True if no present effect depends on the speed of individual discs."""
-    return all(effect.hooks.factor is None for effect in model.present_effects)
 
 
 def merge_discs(flow: Flow, m: int) -> Flow:

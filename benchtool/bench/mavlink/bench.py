@@ -240,7 +240,8 @@ class MavlinkBench(StreamingBench):
 
     def read(self, timeout_s: float) -> Readings:
         self._require_autopilot()
-        return self._take_buffered_or_read(lambda: self._read_fresh(timeout_s))
+        buffered = self._take_buffered()
+        return self._publish(self._read_fresh(timeout_s)) if buffered is None else buffered
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         deadline_s = self._clock() + timeout_s / self._speed

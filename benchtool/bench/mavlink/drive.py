@@ -116,12 +116,9 @@ class Health:
         if message.severity <= WARNING:
             self.refusal = text
         if kind == "restart":
-            self.restarted()
+            self._fault = RESTARTED
         elif kind != "information" and self.driven:
             self._fault = text
-
-    def restarted(self) -> None:
-        self._fault = RESTARTED
 
     def take_fault(self) -> str | None:
         """Return and clear the fault that ends the run, or None."""

@@ -124,8 +124,10 @@ class MavlinkRows:
         elif name == self._thrust.message or (
             name == "DISTANCE_SENSOR" and self._settings.orientation is not None
         ):
-            arrival_us = None if arrived_us is None else self._companion_us(message, arrived_us)
-            self._process_thrust_or_distance(message, arrival_us)
+            if arrived_us is not None and (stamp_ms := getattr(message, "time_boot_ms", 0)):
+                clock = self._companions.setdefault(message.get_srcComponent(), CompanionTime())
+                arrived_us = clock.us(stamp_ms, arrived_us)
+            self._process_thrust_or_distance(message, arrived_us)
         elif arrived_us is not None:
             return
         elif name in VALUES:
@@ -188,11 +190,6 @@ class MavlinkRows:
         for rotor, output in enumerate(self._rotor_outputs):
             # 0 means no pulses: the safety switch is on, or the autopilot is still starting.
             self._put(time_us, rotor, float(pulses[output - 1]))
-
-    def _companion_us(self, message: Message, arrived_us: int) -> int:
-        clock = self._companions.setdefault(message.get_srcComponent(), CompanionTime())
-        stamp_ms = getattr(message, "time_boot_ms", 0)
-        return clock.us(stamp_ms, arrived_us) if stamp_ms else arrived_us
 
     def _process_virtual_plate(self, message: Message) -> bool:
         """Process the exact distance of a virtual autopilot; return whether it was one."""

@@ -181,7 +181,9 @@ class SerialBench(StreamingBench):
                 return buffered
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
-                return self._take_buffered_or_read(self._no_samples)
+                messages, self._messages = tuple(self._messages), []
+                values, empty = np.empty((0, len(self._require_hello().channels))), np.empty(0)
+                return self._publish(Readings(empty, empty, values, messages=messages))
             if not self._channel.pump(left_s):
                 self._check_silence()
 
@@ -260,13 +262,6 @@ class SerialBench(StreamingBench):
             messages, self._messages = tuple(self._messages), []
             readings = replace(readings, messages=messages)
         self._buffer_readings(readings)
-
-    def _no_samples(self) -> Readings:
-        messages, self._messages = tuple(self._messages), []
-        empty = np.empty(0)
-        return Readings(
-            empty, empty, np.empty((0, len(self._require_hello().channels))), messages=messages
-        )
 
 
 def _rejection(command: wire.Command, reason: str) -> CommandRefused:
