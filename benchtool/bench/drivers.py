@@ -47,11 +47,7 @@ DRIVERS: dict[str, Driver] = {  # by address scheme
 
 
 def parse_address(text: str) -> Address:
-    """Return the parsed address; no link is opened and no file is read.
-
-    Raises:
-        InputError, UnknownChoice: invalid address.
-    """
+    """Return the parsed address; no link is opened and no file is read."""
     scheme, colon, _ = text.strip().partition(":")
     if not colon:
         examples = ", ".join(driver.example for driver in DRIVERS.values())
@@ -68,10 +64,6 @@ def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
         address: as typed by a user or stored in data.
         permit: called with the file of user-defined effects in the address before the file is run;
             it must raise unless a user typed the address.
-
-    Raises:
-        InputError, UnknownChoice: invalid address.
-        FileFormatError: a file in the address cannot be read.
     """
     parsed_address = replace(parse_address(address), permit=permit)
     bench: Bench = load_object(DRIVERS[address.strip().partition(":")[0]].opener)(parsed_address)
@@ -79,11 +71,7 @@ def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
 
 
 def build_transport(address: Address) -> Transport:
-    """Return the link of an address, not opened yet.
-
-    Raises:
-        InputError: an address without a link.
-    """
+    """Return the link of an address, not opened yet."""
     if isinstance(address, SerialAddress):
         return _build_port(address.port, address.baud)
     if isinstance(address, TcpAddress):

@@ -49,11 +49,7 @@ SLOW_REPLY_S = 6.0
 
 
 class GuardedBench(MotorStateBench):
-    """Wrapper that checks limits and guarantees a stop.
-
-    Args:
-        stale_s: longest time without a new value of a channel.
-    """
+    """Wrapper that checks limits and guarantees a stop."""
 
     def __init__(
         self, bench: Bench, rig: Rig, limits: Limits | None = None, stale_s: float = 1.0

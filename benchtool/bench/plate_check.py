@@ -29,16 +29,12 @@ def plate_tolerance_m(rig: Rig) -> float:
 
 
 class PlateCheck:
-    """Check of the plate's position channel.
-
-    Attributes:
-        read_m: last reading, nan before the first.
-    """
+    """Check of the plate's position channel."""
 
     def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:
         names = [channel.name for channel in channels]
         self.is_measured = PLATE_CHANNEL in names
-        self.read_m = nan
+        self.read_m = nan  # last reading, nan before the first
         self.tolerance_m = plate_tolerance_m(rig)
         self._column = names.index(PLATE_CHANNEL) if self.is_measured else -1
         self._rig = rig

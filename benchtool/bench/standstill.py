@@ -50,11 +50,7 @@ class Standstill:
 
 
 class StandstillMonitor:
-    """Standstill check of every rotor from commands and readings.
-
-    Attributes:
-        zero_s: time of the last stop command of a motor, bench time.
-    """
+    """Standstill check of every rotor from commands and readings."""
 
     def __init__(self, identity: DeviceInfo, rig: Rig, now_s: float) -> None:
         names = [channel.name for channel in identity.channels]
@@ -72,7 +68,7 @@ class StandstillMonitor:
             self.expect_loop()
         self._pulses_us: Array = np.full(n, stop_us)
         self._rotors = [_RotorState(now_s) for _ in range(n)]
-        self.zero_s = now_s
+        self.zero_s = now_s  # time of the last stop command of a motor, bench time
 
     def expect_loop(self) -> None:
         """Expect the speeds of the pulse widths that the bench reports."""

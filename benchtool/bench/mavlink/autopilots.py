@@ -48,20 +48,14 @@ class PulseRange:
 
 
 class Autopilot(ABC):
-    """One kind of autopilot.
-
-    Attributes:
-        parameters: parameters that are read when the link opens.
-        required: parameters needed to limit pulse widths to the autopilot's range.
-        can_run_together: several motors can be tested at the same time.
-        arms: its heartbeat shows armed while a motor test runs.
-    """
+    """One kind of autopilot."""
 
     name: str
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # parameters that are read when the link opens
+    # Parameters needed to limit pulse widths to the autopilot's range
     required: tuple[str, ...] = ()
-    can_run_together: bool
-    arms: bool
+    can_run_together: bool  # several motors can be tested at the same time
+    arms: bool  # its heartbeat shows armed while a motor test runs
 
     @abstractmethod
     def n_motors(self, values: Mapping[str, float]) -> int | None:
@@ -230,12 +224,7 @@ class AutopilotInfo:
 def read_autopilot(
     link: MavlinkLink, heartbeat: mav.Message, settings: MavlinkSettings
 ) -> AutopilotInfo:
-    """Read the information of an autopilot.
-
-    Raises:
-        ProtocolError: an autopilot whose motors benchtool cannot turn.
-        InputError: the number of rotors is unknown, or differs from the map.
-    """
+    """Read the information of an autopilot."""
     pilot = AUTOPILOTS.get(heartbeat.autopilot)
     if pilot is None:
         names = " and ".join(pilot.name for pilot in AUTOPILOTS.values())

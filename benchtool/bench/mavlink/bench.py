@@ -44,11 +44,7 @@ TARE_S = 1.0  # bench time over which a tare averages: 80 readings; assumed
 
 
 class MavlinkBench(StreamingBench):
-    """Bench behind an autopilot, which turns the motors and reports the readings.
-
-    Args:
-        since_1970_s: wall clock for signatures.
-    """
+    """Bench behind an autopilot, which turns the motors and reports the readings."""
 
     def __init__(
         self,

@@ -52,9 +52,6 @@ def classify_status_text(text: str, severity: int) -> TextKind:
 class Health:
     """State of an autopilot from its heartbeats and status texts.
 
-    Attributes:
-        refusal: last text of warning or worse, until `drive` or the caller clears it.
-
     Args:
         arms: the heartbeat shows armed while motors are driven.
     """
@@ -62,7 +59,7 @@ class Health:
     def __init__(self, arms: bool) -> None:
         self.armed = False
         self.texts: list[str] = []
-        self.refusal = ""
+        self.refusal = ""  # last text of warning or worse, until `drive` or the caller clears it
         self._arms = arms
         self._heartbeat_s: float | None = None
         self._driven_since_s: float | None = None
@@ -144,13 +141,9 @@ Outputs = tuple[float, ...]
 
 
 class MotorDrive(ABC):
-    """Interface that turns motors, keeps them turning while the bench is read, and stops them.
+    """Interface that turns motors, keeps them turning while the bench is read, and stops them."""
 
-    Attributes:
-        repeats_commands: motor commands expire and are repeated.
-    """
-
-    repeats_commands = False
+    repeats_commands = False  # motor commands expire and are repeated
 
     def __init__(
         self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: str
@@ -162,13 +155,7 @@ class MotorDrive(ABC):
 
     @abstractmethod
     def command(self, pulses_us: tuple[float, ...]) -> None:
-        """Command the pulse width of every rotor: us.
-
-        Raises:
-            CommandRefused: rejected by the autopilot.
-            InputError: these motors cannot turn together.
-            LinkLost: no acknowledgement within the timeout.
-        """
+        """Command the pulse width of every rotor: us."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -252,16 +239,13 @@ COMMAND_INTERVAL_S = 0.15  # a longer interval between reads is a pause of the h
 
 
 class RunMonitor:
-    """Monitor of a run: reads, repeats commands, and stops the motors on a fault.
-
-    Attributes:
-        restart_commands: commands to a restarted autopilot, which request its outputs, because only
-            they show standstill.
-    """
+    """Monitor of a run: reads, repeats commands, and stops the motors on a fault."""
 
     def __init__(
         self, link: MavlinkLink, health: Health, drive: MotorDrive, rows: MavlinkRows
     ) -> None:
+        # Commands to a restarted autopilot, which request its outputs, because only they show
+        # standstill
         self.restart_commands: list[mav.MavCommand] = []
         self._link, self._health, self._drive, self._rows = link, health, drive, rows
         self._pumped_s = link.clock()

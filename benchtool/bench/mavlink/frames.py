@@ -82,9 +82,6 @@ class MavCommand:
 
     A motor command lasts from 0 to `TIMEOUT_S`; no other can be built. ArduPilot treats a negative
     timeout as infinite, and nan crashes its program.
-
-    Raises:
-        InputError: timeout out of range.
     """
 
     command: int

@@ -60,11 +60,6 @@ SPEEDS: dict[str, Callable[[Message], Iterable[tuple[int, float]]]] = {  # by th
 class MavlinkRows:
     """Converter of messages to rows.
 
-    Attributes:
-        outputs_us: (16,) last reported pulse width of every output, 0 without pulses, nan if the
-            autopilot sends nan, which is neither a stop nor a command.
-        speeds_rpm: last reported speed of each ESC, by its number from 1.
-
     Args:
         idle_us: larger outputs drive their motors.
         virtual: the autopilot is virtual and reports the exact plate distance.
@@ -74,6 +69,8 @@ class MavlinkRows:
         self, wiring: MotorMap, settings: MavlinkSettings, idle_us: float, virtual: bool = False
     ) -> None:
         self.time = BootTime()
+        # (16,) last reported pulse width of every output, 0 without pulses, nan if the autopilot
+        # sends nan, which is neither a stop nor a command
         self.outputs_us: tuple[float, ...] = (0,) * OUTPUTS
         self.speeds = SpeedSources(wiring.n_rotors)
         self.idle_us = idle_us
@@ -85,6 +82,7 @@ class MavlinkRows:
         # Unknown outputs are assigned in order; at standstill all have the same value.
         self._rotor_outputs = [output or rotor for rotor, output in enumerate(wiring.outputs, 1)]
         self._rotor_escs = list(wiring.escs)
+        # Last reported speed of each ESC, by its number from 1
         self.speeds_rpm: dict[int, float] = {}
         self._counts: dict[int, int] = {}
         self._best_distance = ""
@@ -318,15 +316,11 @@ class BootTime:
 
     `SERVO_OUTPUT_RAW.time_usec` has 32 bits and wraps after 71.6 minutes, `time_boot_ms` after
     49.7 days. A message without a stamp gets the last one.
-
-    Attributes:
-        last_us: newest time.
-        rebooted: the clock has restarted; time then continues from the last stamp.
     """
 
     def __init__(self) -> None:
-        self.last_us = 0
-        self.rebooted = False
+        self.last_us = 0  # newest time
+        self.rebooted = False  # the clock has restarted; time then continues from the last stamp
         self._is_anchored = False
         self._offset_us = 0
 

@@ -75,12 +75,7 @@ def build_channels(n_rotors: int) -> tuple[Channel, ...]:
 def live_channels(
     mode: str, n_rotors: int, live: Container[int], *, cell: bool
 ) -> dict[int, Channel]:
-    """Return the channels of a bench by their columns.
-
-    Args:
-        live: columns that have had a value.
-        cell: the load cell has a separate port.
-    """
+    """Return the channels of a bench by their columns."""
     # Attitude may be streamed for another host and does not make a pitch bench.
     # Where a router asks for attitude, the bench is no pitch bench.
     excluded = PITCH_CHANNELS if mode == "plate" else ()

@@ -174,9 +174,6 @@ def disable_other_streams(
 
     Intervals belong to the autopilot's port and outlast the host that requested them. On a link
     that may be shared they are not changed.
-
-    Args:
-        states: results of the requested messages.
     """
     other_names = [
         name

@@ -56,12 +56,7 @@ class CommandChannel(LinkEndpoint):
         self._opened_s = 0.0
 
     def open(self) -> Hello:
-        """Open the transport and request a hello until a device replies.
-
-        Raises:
-            PortBusy, PortDenied, NoDevice: the port is not available, or it stays silent.
-            ProtocolError: the reply is in another protocol.
-        """
+        """Open the transport and request a hello until a device replies."""
         self._decoder = frames.Decoder()
         self._reader = HelloReader()
         self._number, self._device_read_s = 0, -inf

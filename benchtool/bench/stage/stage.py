@@ -35,14 +35,11 @@ class PlateStage:
     Args:
         plate: backlash and travel; without it moves do not overshoot.
         guard: checks before and after each move; None if the stage moves through the guard.
-
-    Attributes:
-        facts: metadata for the run; `stage` is the value of `--stage` for the next part.
-        position_uncertainty_m: of the reported position, added to the rig's tolerance.
     """
 
+    # Metadata for the run; `stage` is the value of `--stage` for the next part
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "none"})
-    position_uncertainty_m = 0.0
+    position_uncertainty_m = 0.0  # of the reported position, added to the rig's tolerance
 
     def __init__(self, plate: PlateDrive | None = None, guard: GuardedBench | None = None) -> None:
         self._guard = guard
@@ -106,11 +103,7 @@ class DeviceStage(PlateStage):
 
 
 class HandStage(PlateStage):
-    """Plate that the operator moves; the typed distance is checked.
-
-    Args:
-        ask: shows a question to the operator and returns the answer.
-    """
+    """Plate that the operator moves; the typed distance is checked."""
 
     facts = MappingProxyType({"stage": "hand"})
     position_uncertainty_m = MANUAL_TOLERANCE_M
