@@ -207,14 +207,6 @@ class ContextBench(ABC):
 Listener = Callable[[Readings], None]  # receives each block once, in order; fast, never raises
 
 
-@runtime_checkable
-class Subscribable(Protocol):
-    """Source that publishes samples on arrival, also while another call waits for the device."""
-
-    def subscribe(self, listener: Listener) -> None:
-        """Pass every later block to the listener, before `read` returns it, in its thread."""
-
-
 class StreamingBench(ContextBench):
     """Driver of a device that streams without requests.
 
@@ -228,6 +220,7 @@ class StreamingBench(ContextBench):
         self._clear_buffer()
 
     def subscribe(self, listener: Listener) -> None:
+        """Pass every later block to the listener, before `read` returns it, in its thread."""
         self._listener = listener
 
     def _clear_buffer(self) -> None:

@@ -43,7 +43,6 @@ class Standstill:
     """Standstill check since zero was commanded."""
 
     is_confirmed: bool  # standstill of every driven rotor is confirmed
-    unmeasured: tuple[int, ...]  # driven rotors (from 1) without a channel that could confirm it
     is_only_unmeasured: bool  # every rotor with a channel is confirmed, the others are not
     rpm: float  # highest speed above the threshold; nan if there is none
     text: str  # result as a sentence; empty if no motor was driven
@@ -162,7 +161,6 @@ class StandstillMonitor:
         is_unconfirmed = bool(turning or silent)
         return Standstill(
             is_confirmed=not is_unconfirmed and not unmeasured,
-            unmeasured=tuple(unmeasured),
             is_only_unmeasured=bool(unmeasured) and not is_unconfirmed,
             rpm=fastest_rpm,
             text="; ".join(parts),

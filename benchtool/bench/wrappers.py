@@ -7,7 +7,14 @@ import time
 from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
-from benchtool.bench.bench import Bench, ContextBench, DeviceInfo, Listener, Readings, Subscribable
+from benchtool.bench.bench import (
+    Bench,
+    ContextBench,
+    DeviceInfo,
+    Listener,
+    Readings,
+    StreamingBench,
+)
 from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError, CommandRefused, RunInterrupted, StageError
 
@@ -60,7 +67,7 @@ class StoppableBench(ContextBench):
     def __init__(self, bench: Bench, listener: Listener | None = None, speed: float = 0.0) -> None:
         self._bench = bench
         self._listener = listener
-        if listener is not None and isinstance(bench, Subscribable):
+        if listener is not None and isinstance(bench, StreamingBench):
             bench.subscribe(listener)
             self._listener = None
         self._request: RunInterrupted | None = None
