@@ -210,8 +210,6 @@ def wait_for_standstill(
     Args:
         bench: the driver, not its guard, whose reads would raise the reason of the stop.
         monitor: monitor that has received all commands and readings so far.
-        on_readings: callback for every block that is read.
-        min_duration_s: shortest duration of reading.
     """
     start_s = last_command_s = bench.now_s()
     failures = 0

@@ -61,8 +61,6 @@ class PlateCheck:
         """Return an error if target, stage and reading disagree after a move, else None.
 
         Args:
-            target_m: commanded position.
-            stage_m: position that the stage reports.
             extra_tolerance_m: added to the tolerance, for a position measured by hand and compared
                 with the target.
         """
