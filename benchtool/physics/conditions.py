@@ -151,29 +151,26 @@ class Conditions:
         for disc in range(rig.n_discs):
             coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])
         coverage = np.where(z >= OUT_OF_GROUND_EFFECT_M, 0.0, coverage)
-        time = optional("time_s", zeros)
-        elapsed = optional("elapsed_s", zeros)
-        tilt = optional("plate_tilt_deg", zeros)
-        speed = _speeds(recording, rig, voltage)
         conditions = cls.build(
             rig,
-            speed_rad_s=speed,
+            speed_rad_s=_speeds(recording, rig, voltage),
             plate_z_m=z,
             plate_x_m=plate_x,
-            plate_tilt_rad=tilt,
+            plate_tilt_rad=optional("plate_tilt_deg", zeros),
             coverage=coverage,
             voltage_V=voltage,
-            elapsed_s=elapsed,
-            time_s=time,
+            elapsed_s=optional("elapsed_s", zeros),
+            time_s=optional("time_s", zeros),
             load_direction=np.nan_to_num(optional("load_direction", zeros)),
             airspeed_m_s=np.nan_to_num(optional("airspeed_m_s", zeros)),
             speed_measured="rpm1" in recording,
         )
         if not {"point", "time_s"} <= set(recording.names):
             return conditions
-        plate_position, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
+        time, load = conditions.time_s, np.sum(conditions.speed_rad_s**2, axis=0)
+        plate_position = np.array([z, plate_x, conditions.plate_tilt_rad])
         if "load_direction" not in recording:
-            direction = load_directions(time, elapsed, plate_position, load)
+            direction = load_directions(time, conditions.elapsed_s, plate_position, load)
             conditions = replace(conditions, load_direction=direction)
         moved_s, moved_direction = plate_moves(time, plate_position)
         relative_load = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
@@ -270,10 +267,6 @@ def plate_moves(time_s: Array, plate_position: Array) -> tuple[Array, Array]:
     The direction is +1 for a distance approached from nearer, -1 from farther. A point without a
     plate position, such as a tare, has that of the previous point. The time of a movement is
     assumed half way between two points.
-
-    Args:
-        time_s: (m,) time since the start of the run, in any order.
-        plate_position: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
     """
     since_move_s, directions = np.zeros(len(time_s)), np.zeros(len(time_s))
     order = np.argsort(time_s, kind="stable")
@@ -304,17 +297,13 @@ def past_means(time_s: Array, moved_s: Array, values: Array) -> Array:
         moved_s: (m,) time since the last plate movement.
         values: (m,) quantity of each point; 0 with all rotors stopped.
     """
-    time_constants_s, means = (
-        np.array(HISTORY_TIME_CONSTANTS_S),
-        np.zeros((len(HISTORY_TIME_CONSTANTS_S), len(time_s))),
-    )
+    time_constants_s = np.array(HISTORY_TIME_CONSTANTS_S)
+    means = np.zeros((len(time_constants_s), len(time_s)))
     order = np.argsort(time_s, kind="stable")
     intervals_s = np.diff(time_s[order])[np.diff(moved_s[order]) > 0.0]
     typical_s = float(np.median(intervals_s)) if len(intervals_s) else 0.0
-    state, previous_s = (
-        np.zeros(len(HISTORY_TIME_CONSTANTS_S)),
-        time_s[order[0]] if len(order) else 0.0,
-    )
+    state = np.zeros(len(time_constants_s))
+    previous_s = time_s[order[0]] if len(order) else 0.0
     for row in order:
         interval_s = time_s[row] - previous_s
         running_s = min(interval_s, typical_s)

@@ -106,14 +106,10 @@ def disc_thrust(
         clamped: clip heights to the minimum at which the law is valid; for simulators.
     """
     n = n_discs
-    height, coverage = (
-        chain_hooks(bound_hooks(effects, "height")),
-        chain_hooks(bound_hooks(effects, "coverage")),
-    )
-    speed, factor = (
-        chain_hooks(bound_hooks(effects, "speed")),
-        multiply_hooks(bound_hooks(effects, "factor")),
-    )
+    height = chain_hooks(bound_hooks(effects, "height"))
+    coverage = chain_hooks(bound_hooks(effects, "coverage"))
+    speed = chain_hooks(bound_hooks(effects, "speed"))
+    factor = multiply_hooks(bound_hooks(effects, "factor"))
     is_below = not any(law and law.surface != "below" for law in (e.distance_law for e in effects))
     law = sum_hooks(
         bound_hooks(effects, "denominator", lambda effect: effect.distance_law is not None)

@@ -42,11 +42,6 @@ def expression(function: Function) -> Function:
     return function
 
 
-def registered_expressions() -> tuple[Callable[..., Any], ...]:
-    """Return all registered functions in order of definition."""
-    return tuple(_expressions)
-
-
 def compile_expressions() -> None:
     """Make all registered functions callable from compiled loops that are compiled afterwards.
 

@@ -128,12 +128,7 @@ def _detect_other_format(text: str) -> str:
 def model_from_toml(
     text: str, where: str, rig: Rig | None = None, permit: CodePermit = check_code_allowed
 ) -> LoadedModel:
-    """Return the model of a TOML text; user code runs only with permission.
-
-    Raises:
-        UnknownChoice: a key, effect, parameter, rule or unit does not exist.
-        FileFormatError: a value has a wrong type or range.
-    """
+    """Return the model of a TOML text; user code runs only with permission."""
     file = build_dataclass(_ModelFile, parse_toml(text, where), where)
     head = file.model
     baseline = _flatten_tables(file.parameters)
@@ -263,9 +258,6 @@ def _adapt_to_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) ->
 
     The baseline (k, R_m, inertia) depends on the vehicle. If the two rigs differ, the value of the
     data's rig replaces initial values and values equal to those of the file's rig.
-
-    Raises:
-        InputError: a fixed value or a prior is for another vehicle.
     """
     rig_parameters = Model.single(rig).parameters
     try:

@@ -62,12 +62,7 @@ def torque_coefficient(
 
 @expression
 def thrust_at_equal_speed(kappa: Quantity, response: Quantity) -> Quantity:
-    """Return C_T(kappa) / C_T(1).
-
-    Args:
-        kappa: inflow ratio at equal thrust.
-        response: m, from 0 (thrust independent of inflow).
-    """
+    """Return C_T(kappa) / C_T(1)."""
     slope = response * kappa
     total = 1.0 + response
     root = 2.0 * total / (slope + np.sqrt(slope * slope + 4.0 * total))

@@ -23,15 +23,9 @@ def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
 
 def _error(name: str, description: str) -> Parameter:
     return number(
-        name,
-        "1",
-        0.0,
-        description,
-        neutral=0.0,
-        within=(-0.2, 0.2),
-        prior=GAIN_PRIOR,
+        name, "1", 0.0, description, neutral=0.0, within=(-0.2, 0.2), prior=GAIN_PRIOR,
         tolerance=0.005,
-    )
+    )  # fmt: skip
 
 
 EFFECT = Effect(
