@@ -31,6 +31,8 @@ Scale = Annotated[float, Ge(-1e6), Le(1e6), Input("Factor on thrust.", option="t
 Millimetres = Annotated[float, Ge(-1e5), Le(1e5), Input("Plate coordinate at machine position 0.")]
 StageAxis = Literal["X", "Y", "Z"]
 MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
+BenchMode = Literal["plate", "pitch"]  # load cell under a plate, or pitch hinge
+ArmedBy = Literal["operator", "host"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +104,7 @@ class SimAddress(Address):
     truth: Annotated[str, Input("Model whose thrust the load cell shows.")] = ""
     seed: Annotated[int, Ge(0), Le(2**32 - 1), Input("Seed of noise.")] = 0
     rate_Hz: Annotated[float, Ge(1.0), Le(5000.0), Input("Rate.", option="rate")] | None = None
-    mode: Annotated[Literal["plate", "pitch"], Input("A load cell, or a pitch hinge.")] = "plate"
+    mode: Annotated[BenchMode, Input("A load cell, or a pitch hinge.")] = "plate"
     schedule: Annotated[str, Input("Pitch: schedule.")] = ""
     controller: Annotated[str, Input("Pitch: controller.")] = ""
     gains: Annotated[str, Input("Pitch: gain set.")] = ""
@@ -151,8 +153,8 @@ class MavlinkAddress(Address):
     system: Annotated[int, Ge(1), Le(255), Input("Number of the autopilot.")] | None = None
     rotors: Annotated[int, Ge(1), Le(12), Input("Number of rotors.")] | None = None
     map: Annotated[Path, Input("Map of motors.")] | None = None
-    mode: Annotated[Literal["plate", "pitch"], Input("Motor tests, or its own loop.")] = "plate"
-    arm: Annotated[Literal["operator", "host"], Input("Who arms.")] = "operator"
+    mode: Annotated[BenchMode, Input("Motor tests, or its own loop.")] = "plate"
+    arm: Annotated[ArmedBy, Input("Who arms.")] = "operator"
     rate_Hz: Annotated[float, Ge(MIN_HZ), Le(MAX_HZ), Input("", option="rate")] | None = None
     key: Annotated[Path, Input("Signing key.")] | None = None
     thrust: Annotated[str, Input("Name of the thrust value.")] = "thrust"

@@ -6,6 +6,7 @@ import re
 from abc import ABC, abstractmethod
 from typing import Literal
 
+from benchtool.bench.addresses import ArmedBy
 from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import AutopilotInfo
 from benchtool.bench.mavlink.frames import Message
@@ -146,7 +147,7 @@ class MotorDrive(ABC):
     repeats_commands = False  # motor commands expire and are repeated
 
     def __init__(
-        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: str
+        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: ArmedBy
     ) -> None:
         self._link, self._autopilot, self._health = link, autopilot, health
         self._arm, self._clock = arm, link.clock

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import inf
 
+from benchtool.bench.addresses import ArmedBy
 from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, RESEND_INTERVAL_S, AutopilotInfo
 from benchtool.bench.mavlink.drive import Health, MotorDrive, Outputs
@@ -34,7 +35,7 @@ class MotorTestDrive(MotorDrive):
     repeats_commands = True
 
     def __init__(
-        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: str
+        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: ArmedBy
     ) -> None:
         super().__init__(link, autopilot, health, arm)
         self._outputs = OutputMonitor(autopilot.pilot.name, autopilot.pulses.stop_us)

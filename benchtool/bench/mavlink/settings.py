@@ -9,11 +9,11 @@ from collections.abc import Container
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.addresses import MavlinkAddress
+from benchtool.bench.addresses import ArmedBy, BenchMode, MavlinkAddress
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.toml_text import FiniteTable, read_strict
@@ -73,7 +73,7 @@ def build_channels(n_rotors: int) -> tuple[Channel, ...]:
 
 
 def live_channels(
-    mode: str, n_rotors: int, live: Container[int], *, cell: bool
+    mode: BenchMode, n_rotors: int, live: Container[int], *, cell: bool
 ) -> dict[int, Channel]:
     """Return the channels of a bench by their columns."""
     # Attitude may be streamed for another host and does not make a pitch bench.
@@ -153,8 +153,8 @@ class MavlinkSettings:
     rotors: int | None = None
     # Map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs
     motor_map: MotorMap | None = None
-    mode: Literal["plate", "pitch"] = "plate"
-    arm: Literal["operator", "host"] = "operator"  # who arms in a pitch experiment
+    mode: BenchMode = "plate"
+    arm: ArmedBy = "operator"  # who arms in a pitch experiment
     rate_Hz: float = RATE_HZ
     key: bytes | None = None  # 32 bytes for MAVLink 2 signing; None disables signing
     thrust: ThrustSource = THRUST
