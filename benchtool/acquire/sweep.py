@@ -17,8 +17,8 @@ from benchtool.acquire.tare import TareResult, format_drift, tare, tare_point
 from benchtool.acquire.visit_checks import VisitChecks, VisitWatch
 from benchtool.acquire.visit_order import PlatePosition, Visit, expected_duration_s, plan_visits
 from benchtool.bench.bench import Readings
-from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.guard import GuardedBench
+from benchtool.bench.limit_check import CHECKS
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import PlateStage
 from benchtool.bench.wrappers import PauseRequested

@@ -9,7 +9,7 @@ from math import inf, nan, pi, sqrt
 import numpy as np
 
 from benchtool.bench.bench import Readings
-from benchtool.bench.channel_limits import CHECKS, ChannelChecks
+from benchtool.bench.limit_check import CHECKS, ChannelChecks
 from benchtool.core.channel import channel_family
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor

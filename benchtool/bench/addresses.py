@@ -32,34 +32,18 @@ Scale = Annotated[float, Ge(-1e6), Le(1e6), Input("Factor on thrust.", option="t
 Millimetres = Annotated[float, Ge(-1e5), Le(1e5), Input("Plate coordinate at machine position 0.")]
 StageAxis = Literal["X", "Y", "Z"]
 MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
-
-
-@dataclass(frozen=True, slots=True)
-class Endpoint:
-    """One end of a link, for `benchtool ports PORT`.
-
-    Attributes:
-        kind: "serial" (`location` is its port), "listens" (on a local UDP port), "sends" (to a
-            remote UDP port), "connects" (TCP).
-    """
-
-    kind: Literal["serial", "listens", "sends", "connects"]
-    location: str
-    port: int = 0
+BenchMode = Literal["plate", "pitch"]  # load cell under a plate, or pitch hinge
+ArmedBy = Literal["operator", "host"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
-    """Address of one scheme.
-
-    Attributes:
-        text: as typed by a user or stored in data.
-    """
+    """Address of one scheme."""
 
     TITLE: ClassVar[str] = ""
     EXAMPLE: ClassVar[str] = ""
     LOCATION: ClassVar[str] = "port"
-    text: str = ""
+    text: str = ""  # as typed by a user or stored in data
     permit: CodePermit = check_code_allowed
 
     @classmethod
@@ -110,11 +94,6 @@ class Address:
     def check(self) -> None:
         """Raise if options contradict each other."""
 
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        """Ends of the link; empty if there is no link."""
-        return ()
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimAddress(Address):
@@ -148,10 +127,6 @@ class SerialAddress(Address):
     port: str
     baud: Baud = 2_000_000
 
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        return (Endpoint("serial", self.port),)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TcpAddress(Address):
@@ -164,10 +139,6 @@ class TcpAddress(Address):
     @classmethod
     def parse_location(cls, location: str, text: str) -> dict[str, Any]:
         return parse_host_and_port(location, text, cls.EXAMPLE)
-
-    @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        return (Endpoint("connects", self.host, self.port),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,13 +180,6 @@ class MavlinkAddress(Address):
         return parse_port_and_baud(self.cell, self.text) if self.cell else None
 
     @property
-    def endpoints(self) -> tuple[Endpoint, ...]:
-        if self.link == "serial":
-            return (Endpoint("serial", self.serial_port),)
-        kinds: dict[str, Any] = {"udpin": "listens", "udpout": "sends", "tcp": "connects"}
-        return (Endpoint(kinds[self.link], self.host, self.port),)
-
-    @property
     def warning(self) -> str:
         """Warning if the address accepts data from other computers, else ""."""
         if self.link != "udpin" or is_loopback(self.host):
@@ -238,19 +202,16 @@ class ReplayAddress(Address):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GrblAddress(Address):
-    """G-code stage that moves the plate.
-
-    Attributes:
-        axis, lateral: axes of the plate distance and of the lateral position, if there is one.
-        zero_mm: plate distance at machine position 0; default: the rig's parking distance.
-        direction: +1 if the distance increases with machine position, -1 if it decreases.
-    """
+    """G-code stage that moves the plate."""
 
     EXAMPLE: ClassVar[str] = "grbl:/dev/ttyACM0?axis=Z&zero_mm=1500&direction=1"
     port: str
     baud: Baud = 115_200
+    # axis, lateral: axes of the plate distance and of the lateral position, if there is one
     axis: Annotated[StageAxis, Input("Axis of the distance.")] = "Z"
+    # Plate distance at machine position 0; default: the rig's parking distance
     zero_mm: Millimetres | None = None
+    # +1 if the distance increases with machine position, -1 if it decreases
     direction: Annotated[int, Ge(-1), Le(1), Input("Sign.")] = 1
     lateral: Annotated[StageAxis, Input("Axis of the lateral position.")] | None = None
     lateral_zero_mm: Millimetres = 0.0

@@ -21,51 +21,41 @@ from benchtool.core.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceInfo:
-    """Device information.
-
-    Attributes:
-        device_id: permanent identifier of the device (serial number).
-        firmware: name and version as the device reports them.
-        channels: channels of the stream, in order, without the two time columns.
-        channel_rates_Hz: update rate of each channel; empty if the device does not report it.
-        simulated: True if no physical motor turns.
-        watchdog_s: the device stops its motors after this time without a heartbeat.
-        has_loop: an armed control loop on the bench sets the pulse widths.
-        armed_by_operator: the loop may be armed without the host, for example by a transmitter.
-        pwm_stop_us: pulse width at motor standstill; None if the device does not report it.
-        pwm_idle_us: longest pulse width at which the plate may move; None if not reported.
-        outputs_measured: `pwm1_us` and so on are outputs that were read back, not a copy of the
-            host's commands.
-        longest_delay_s: longest delay of a command so far, bench time, if commands carry no age: a
-            command may arrive this long after a stop. 0 if the device rejects late commands.
-        speed: bench seconds per wall second, above 1 for a virtual bench that runs faster.
-        rejects_late_commands: the device rejects late commands, for example after a stop.
-        channel_hash: CRC of channel names and units, repeated by the device when it is armed; empty
-            if the device reports none.
-        facts: further metadata stored with a run; for display only.
-    """
+    """Device information."""
 
     address: str
-    device_id: str
-    firmware: str
+    device_id: str  # permanent identifier of the device (serial number)
+    firmware: str  # name and version as the device reports them
     protocol: str
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  # channels of the stream, in order, without the two time columns
     rate_Hz: float
     n_rotors: int
-    simulated: bool
+    simulated: bool  # True if no physical motor turns
     moves_plate: bool
     limits: Mapping[str, float] = field(default_factory=dict)
-    watchdog_s: float = 0.25
+    watchdog_s: float = 0.25  # the device stops its motors after this time without a heartbeat
+    # Update rate of each channel; empty if the device does not report it
     channel_rates_Hz: tuple[float, ...] = ()
-    has_loop: bool = False
+    has_loop: bool = False  # an armed control loop on the bench sets the pulse widths
+    # The loop may be armed without the host, for example by a transmitter
     armed_by_operator: bool = False
+    # Pulse width at motor standstill; None if the device does not report it
     pwm_stop_us: float | None = None
+    # Longest pulse width at which the plate may move; None if not reported
     pwm_idle_us: float | None = None
+    # `pwm1_us` and so on are outputs that were read back, not a copy of the host's commands
     outputs_measured: bool = False
+    # Longest delay of a command so far, bench time, if commands carry no age: a command may arrive
+    # this long after a stop. 0 if the device rejects late commands
     longest_delay_s: float = 0.0
+    # Bench seconds per wall second, above 1 for a virtual bench that runs faster
     speed: float = 1.0
+    # The device rejects late commands, for example after a stop
     rejects_late_commands: bool = False
+    # CRC of channel names and units, repeated by the device when it is armed; empty if the device
+    # reports none
     channel_hash: str = ""
+    # Further metadata stored with a run; for display only
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -217,14 +207,6 @@ class ContextBench(ABC):
 Listener = Callable[[Readings], None]  # receives each block once, in order; fast, never raises
 
 
-@runtime_checkable
-class Subscribable(Protocol):
-    """Source that publishes samples on arrival, also while another call waits for the device."""
-
-    def subscribe(self, listener: Listener) -> None:
-        """Pass every later block to the listener, before `read` returns it, in its thread."""
-
-
 class StreamingBench(ContextBench):
     """Driver of a device that streams without requests.
 
@@ -238,6 +220,7 @@ class StreamingBench(ContextBench):
         self._clear_buffer()
 
     def subscribe(self, listener: Listener) -> None:
+        """Pass every later block to the listener, before `read` returns it, in its thread."""
         self._listener = listener
 
     def _clear_buffer(self) -> None:
@@ -256,10 +239,6 @@ class StreamingBench(ContextBench):
         """Return the buffered samples as one block and clear the buffer; None if it is empty."""
         buffered, self._buffered = self._buffered, []
         return concatenate_readings(buffered) if buffered else None
-
-    def _take_buffered_or_read(self, read: Callable[[], Readings]) -> Readings:
-        buffered = self._take_buffered()
-        return self._publish(read()) if buffered is None else buffered
 
     def _publish(self, readings: Readings) -> Readings:
         counts, self._losses = self._losses, []

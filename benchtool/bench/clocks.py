@@ -87,9 +87,6 @@ class HostGapDetector:
     """Detector of host pauses: longest time between two rounds of a polling loop.
 
     Lost acknowledgements also delay a command, but without a pause of the host.
-
-    Attributes:
-        longest_s: longest time between two rounds since `begin`.
     """
 
     def __init__(self) -> None:
@@ -107,9 +104,6 @@ class HostPauseMonitor:
     """Comparison of the actual with the expected end of a wait of the host.
 
     The commands of a host that is later than the device's watchdog have expired.
-
-    Args:
-        identity: watchdog in wall time, speed of the bench's clock.
     """
 
     def __init__(self, identity: DeviceInfo, now_s: float) -> None:
@@ -137,9 +131,6 @@ class ReadingAgeMonitor:
 
     One block may be old because it waited for a read. If readings stay old, the host reads more
     slowly than the bench sends, or the bench's clock does not run at its stated speed.
-
-    Args:
-        identity: speed of the bench's clock.
     """
 
     def __init__(self, identity: DeviceInfo) -> None:

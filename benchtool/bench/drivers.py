@@ -19,20 +19,18 @@ from benchtool.bench.addresses import (
     TcpAddress,
 )
 from benchtool.bench.bench import Bench
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.user_code import CodePermit, check_code_allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """Driver of one address scheme.
-
-    Attributes:
-        opener: "module:function" that builds an unopened bench from an address.
-    """
+    """Driver of one address scheme."""
 
     address: type[Address]
-    opener: str
+    opener: str  # "module:function" that builds an unopened bench from an address
 
     @property
     def example(self) -> str:
@@ -42,18 +40,14 @@ class Driver:
 DRIVERS: dict[str, Driver] = {  # by address scheme
     "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated_bench:open_simulated"),
     "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
-    "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_tcp"),
+    "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_serial"),
     "mavlink": Driver(address=MavlinkAddress, opener="benchtool.bench.mavlink.bench:open_mavlink"),
     "replay": Driver(address=ReplayAddress, opener="benchtool.bench.replay:open_replay"),
 }
 
 
 def parse_address(text: str) -> Address:
-    """Return the parsed address; no link is opened and no file is read.
-
-    Raises:
-        InputError, UnknownChoice: invalid address.
-    """
+    """Return the parsed address; no link is opened and no file is read."""
     scheme, colon, _ = text.strip().partition(":")
     if not colon:
         examples = ", ".join(driver.example for driver in DRIVERS.values())
@@ -70,14 +64,33 @@ def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
         address: as typed by a user or stored in data.
         permit: called with the file of user-defined effects in the address before the file is run;
             it must raise unless a user typed the address.
-
-    Raises:
-        InputError, UnknownChoice: invalid address.
-        FileFormatError: a file in the address cannot be read.
     """
     parsed_address = replace(parse_address(address), permit=permit)
     bench: Bench = load_object(DRIVERS[address.strip().partition(":")[0]].opener)(parsed_address)
     return bench
+
+
+def build_transport(address: Address) -> Transport:
+    """Return the link of an address, not opened yet."""
+    if isinstance(address, SerialAddress):
+        return _build_port(address.port, address.baud)
+    if isinstance(address, TcpAddress):
+        return TcpSocket(address.host, address.port)
+    if not isinstance(address, MavlinkAddress):
+        raise InputError(
+            f"{address.text!r} has no port to check; give a serial port or a network address"
+        )
+    if address.link == "serial":
+        return _build_port(address.serial_port, address.baud)
+    if address.link == "tcp":
+        return TcpSocket(address.host, address.port)
+    return UdpSocket(address.host, address.port, listen=address.link == "udpin")
+
+
+def _build_port(port: str, baud: int) -> Transport:
+    from benchtool.bench.transport.serial_port import SerialPort
+
+    return SerialPort(port, baud)
 
 
 def load_object(name: str) -> Any:

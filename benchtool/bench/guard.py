@@ -10,7 +10,6 @@ writing of a sample.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
 from types import TracebackType
@@ -50,11 +49,7 @@ SLOW_REPLY_S = 6.0
 
 
 class GuardedBench(MotorStateBench):
-    """Wrapper that checks limits and guarantees a stop.
-
-    Args:
-        stale_s: longest time without a new value of a channel.
-    """
+    """Wrapper that checks limits and guarantees a stop."""
 
     def __init__(
         self, bench: Bench, rig: Rig, limits: Limits | None = None, stale_s: float = 1.0
@@ -254,10 +249,6 @@ class GuardedBench(MotorStateBench):
         return readings
 
     def read_and_buffer(self, timeout_s: float) -> Readings:
-        """Read and check as `read` does, and buffer the samples for the next `read`.
-
-        For waits such as an operator's answer.
-        """
         self._signals.raise_if_requested()
         readings = self._read_checked(timeout_s)
         self._unread.append(readings)
@@ -283,7 +274,7 @@ class GuardedBench(MotorStateBench):
         unread, self._unread = self._unread, []
         return concatenate_readings(unread) if unread else None
 
-    def ramp_down(self, on_readings: Callable[[Readings], None] | None = None) -> None:
+    def ramp_down(self) -> None:
         """Ramp every motor to zero within a second while reading."""
         start_us = self._pwm_us
         stop_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
@@ -292,9 +283,7 @@ class GuardedBench(MotorStateBench):
                 self.set_pwm(start_us + (stop_us - start_us) * (step / RAMP_STEPS))
                 step_end_s = self.now_s() + RAMP_S / RAMP_STEPS
                 while (left_s := step_end_s - self.now_s()) > 1e-9:
-                    readings = self.read(left_s)
-                    if on_readings is not None:
-                        on_readings(readings)
+                    self.read(left_s)
         self.stop()
 
     def __enter__(self) -> Self:

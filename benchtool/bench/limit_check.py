@@ -1,15 +1,18 @@
-"""Limit check of every sample, one block at a time; it commands and raises nothing."""
+"""Checks per kind of channel, and the limit check of every sample; it commands and raises nothing.
+
+Two checks apply to every channel of a point: outliers are excluded from its mean, and a channel
+with a noise in the rig is checked for a frozen value. `CHECKS` contains the differences.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.plate_check import PLATE_CHANNEL, plate_tolerance_m
 from benchtool.bench.rpm_tracking import GAP_S, HostPulseTracking, LoopPulseTracking
 from benchtool.core.channel import Channel, channel_family
@@ -24,6 +27,60 @@ PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 0.2, 3.5
 PLAUSIBLE_MARGIN = 0.05  # share of the cell's rating on top: no tare, noise; assumed
 IMPLAUSIBLE_TIMEOUT_S = 0.6  # of thrust that disagrees with rpm; slow amplifiers lag by 0.4 s
 FROZEN_TIMEOUT_S = 3.0  # of one value while rpm changes: 240 readings at 80 Hz; assumed
+
+
+SLOW_CHANNEL_RATE_HZ = 10.0  # factor on the silence limit of voltage, current and temperature
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelChecks:
+    """Checks of one kind of channel."""
+
+    # Returns the lowest and highest allowed reading; without it the guard checks nothing
+    limits: Callable[[Limits], tuple[float, float]] | None = None
+    advice: str = ""  # remedy for a reading outside the limits
+    # Multiple of the guard's `stale_s` allowed without a new value
+    silence_factor: float = SLOW_CHANNEL_RATE_HZ
+    # A point whose channel is short, late or frozen is repeated; other channels only cause an event
+    is_required: bool = False
+    # It changes with the pulse widths and with the other such channels
+    follows_pulse_width: bool = False
+
+
+def _thrust(limits: Limits) -> tuple[float, float]:
+    max_N = min(limits.thrust_N, limits.load_cell_rating_N)
+    return -max_N, max_N
+
+
+CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the rotor number
+    "thrust_N": ChannelChecks(
+        _thrust,
+        "lower the plan's pwm or raise limits.thrust_N within the load cell's rating",
+        silence_factor=1.0,
+        is_required=True,
+        follows_pulse_width=True,
+    ),
+    "thrust_raw": ChannelChecks(is_required=True, follows_pulse_width=True),
+    "rpm": ChannelChecks(
+        lambda limits: (-inf, limits.rpm),
+        "lower the plan's pwm or raise limits.rpm",
+        silence_factor=1.0,
+        is_required=True,
+        follows_pulse_width=True,
+    ),
+    "torque_Nm": ChannelChecks(follows_pulse_width=True),
+    "voltage_V": ChannelChecks(lambda limits: (limits.voltage_min_V, inf), "charge the battery"),
+    "current_A": ChannelChecks(
+        lambda limits: (-inf, limits.current_A),
+        "lower the plan's pwm or raise limits.current_A",
+        follows_pulse_width=True,
+    ),
+    "temperature_degC": ChannelChecks(
+        lambda limits: (-inf, limits.temperature_degC),
+        "let the ESC cool down or lower the plan's pwm",
+    ),
+    "plate_z_m": ChannelChecks(),
+}
 
 
 @dataclass(frozen=True, slots=True)

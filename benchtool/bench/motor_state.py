@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -16,7 +17,7 @@ from benchtool.core.units import Array
 STANDSTILL_TIMEOUT_S = 0.1  # watched beyond the longest delay of a late command; assumed
 
 
-class MotorStateBench:
+class MotorStateBench(ABC):
     """Base class that records motor commands and stops the motors."""
 
     def __init__(self, bench: Bench, rig: Rig) -> None:
@@ -57,6 +58,13 @@ class MotorStateBench:
 
     def now_s(self) -> float:
         return self.bench.now_s()
+
+    @abstractmethod
+    def read_and_buffer(self, timeout_s: float) -> Readings:
+        """Read and check as `read` does, and buffer the samples for the next `read`.
+
+        For waits such as an operator's answer.
+        """
 
     def stop(self) -> None:
         self._record_command(self._zero_us())
@@ -202,8 +210,6 @@ def wait_for_standstill(
     Args:
         bench: the driver, not its guard, whose reads would raise the reason of the stop.
         monitor: monitor that has received all commands and readings so far.
-        on_readings: callback for every block that is read.
-        min_duration_s: shortest duration of reading.
     """
     start_s = last_command_s = bench.now_s()
     failures = 0

@@ -8,18 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite, nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.motor_state import POLL_INTERVAL_S, SPIN_DOWN_S
+from benchtool.bench.motor_state import POLL_INTERVAL_S, SPIN_DOWN_S, MotorStateBench
 from benchtool.core.channel import Channel
 from benchtool.core.errors import StageError
 from benchtool.core.rig import Rig, Sensor
-
-if TYPE_CHECKING:
-    from benchtool.bench.guard import GuardedBench
 
 PLATE_CHANNEL = "plate_z_m"
 MIN_TOLERANCE_M = 0.001  # a change of 1 mm changes thrust by less than 2 %; assumed
@@ -33,16 +29,12 @@ def plate_tolerance_m(rig: Rig) -> float:
 
 
 class PlateCheck:
-    """Check of the plate's position channel.
-
-    Attributes:
-        read_m: last reading, nan before the first.
-    """
+    """Check of the plate's position channel."""
 
     def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:
         names = [channel.name for channel in channels]
         self.is_measured = PLATE_CHANNEL in names
-        self.read_m = nan
+        self.read_m = nan  # last reading, nan before the first
         self.tolerance_m = plate_tolerance_m(rig)
         self._column = names.index(PLATE_CHANNEL) if self.is_measured else -1
         self._rig = rig
@@ -69,8 +61,6 @@ class PlateCheck:
         """Return an error if target, stage and reading disagree after a move, else None.
 
         Args:
-            target_m: commanded position.
-            stage_m: position that the stage reports.
             extra_tolerance_m: added to the tolerance, for a position measured by hand and compared
                 with the target.
         """
@@ -152,7 +142,7 @@ def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
         raise StageError(f"the plate was not tilted to {tilt_rad:g} rad; give a finite angle")
 
 
-def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
+def wait_for_idle(bench: MotorStateBench, rig: Rig) -> None:
     """Raise if motors are commanded above idle; wait for rotors that are still fast."""
     propulsion, pwm_us = rig.propulsion, bench.pwm_us
     # Value of the device; falls back to the rig's.
@@ -186,7 +176,7 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
 
 
 def wait_for_plate(
-    bench: GuardedBench,
+    bench: MotorStateBench,
     plate: PlateCheck,
     target_m: float,
     stage_m: float,

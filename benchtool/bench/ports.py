@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from benchtool.bench.addresses import Endpoint
-from benchtool.bench.drivers import DRIVERS, parse_address
+from benchtool.bench.drivers import DRIVERS, build_transport, parse_address
 from benchtool.bench.serial.command_channel import CommandChannel
+from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import PortOwner, Transport, port_owners
 from benchtool.core.errors import (
-    InputError,
+    BenchError,
     LinkError,
     NoDevice,
     PortBusy,
@@ -32,19 +32,15 @@ BY_ID = Path("/dev/serial/by-id")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Port:
-    """Serial port.
-
-    Attributes:
-        vendor, product: USB numbers; None for a port that is not on USB.
-        by_id: name that stays the same after a replug; empty if there is none (Linux only).
-    """
+    """Serial port."""
 
     name: str
     description: str = ""
     serial_number: str = ""
+    # vendor, product: uSB numbers; None for a port that is not on USB
     vendor: int | None = None
     product: int | None = None
-    by_id: str = ""
+    by_id: str = ""  # name that stays the same after a replug; empty if there is none (Linux only)
 
     @property
     def usb(self) -> str:
@@ -53,18 +49,27 @@ class Port:
         return f"{self.vendor:04x}:{self.product:04x}"
 
 
+AnswerKind = Literal["bench", "other", "silent", "busy", "denied"]
+
+
 class PortAnswer(NamedTuple):
     """Answer to a hello on a port."""
 
-    kind: Literal["bench", "other", "silent", "busy", "denied"]
+    kind: AnswerKind
     text: str
+
+
+_ANSWER_KINDS: dict[type[BenchError], AnswerKind] = {
+    PortBusy: "busy", PortDenied: "denied", NoDevice: "silent", ProtocolError: "other",
+}  # fmt: skip
 
 
 def serial_ports() -> tuple[Port, ...]:
     """Return the serial ports with hardware, in natural order."""
     from serial.tools import list_ports
 
-    names = by_id_names()
+    links = sorted(BY_ID.iterdir()) if BY_ID.is_dir() else ()
+    names = {os.path.realpath(link): str(link) for link in links}
     ports = [
         Port(
             name=item.device,
@@ -77,14 +82,11 @@ def serial_ports() -> tuple[Port, ...]:
         for item in list_ports.comports()
         if item.hwid != "n/a" or item.vid is not None
     ]
-    return tuple(sorted(ports, key=lambda port: _natural_sort_key(port.name)))
-
-
-def by_id_names(folder: Path = BY_ID) -> dict[str, str]:
-    """Return the permanent name of each port by its present device path."""
-    if not folder.is_dir():
-        return {}
-    return {os.path.realpath(link): str(link) for link in sorted(folder.iterdir())}
+    # COM9 before COM10.
+    parts = {port: re.split(r"(\d+)", port.name) for port in ports}
+    return tuple(
+        sorted(ports, key=lambda port: [int(p) if p.isdigit() else p for p in parts[port]])
+    )
 
 
 def identify_port(
@@ -94,14 +96,8 @@ def identify_port(
     channel = CommandChannel(transport, f"serial:{name}", clock)
     try:
         hello = channel.open()
-    except PortBusy as error:
-        return PortAnswer("busy", str(error))
-    except PortDenied as error:
-        return PortAnswer("denied", str(error))
-    except NoDevice as error:
-        return PortAnswer("silent", str(error))
-    except ProtocolError as error:
-        return PortAnswer("other", str(error))
+    except tuple(_ANSWER_KINDS) as error:
+        return PortAnswer(_ANSWER_KINDS[type(error)], str(error))
     finally:
         channel.close()
     rotors = pluralize(hello.n_rotors, "rotor")
@@ -109,31 +105,19 @@ def identify_port(
     return PortAnswer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
 
 
-def _natural_sort_key(name: str) -> list[str | int]:
-    """Return a key that sorts COM9 before COM10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostEnvironment:
-    """Facts about a port and its user; None if the platform does not report them.
+    """Facts about a port and its user; None if the platform does not report them."""
 
-    Attributes:
-        system: "Linux", "Darwin" or "Windows".
-        port: as typed by the user; empty if none was given.
-        can_open: this user has read and write permission.
-        groups_on_file: groups that the user has after the next login.
-    """
-
-    system: str
-    port: str = ""
+    system: str  # "Linux", "Darwin" or "Windows"
+    port: str = ""  # as typed by the user; empty if none was given
     ports: tuple[Port, ...] = ()
     exists: bool | None = None
-    can_open: bool | None = None
+    can_open: bool | None = None  # this user has read and write permission
     group: str | None = None
     user: str = ""
     groups: frozenset[str] = frozenset()
-    groups_on_file: frozenset[str] = frozenset()
+    groups_on_file: frozenset[str] = frozenset()  # groups that the user has after the next login
     owners: tuple[PortOwner, ...] | None = None
 
     @property
@@ -259,36 +243,24 @@ def _find_other_users(host: HostEnvironment) -> PortFinding | None:
     return PortFinding(name, "ok", "no program of this user has it open")
 
 
-def parse_serial_port(text: str) -> str | None:
-    """Return the serial port of a port name or an address, or None for a network address."""
+def diagnose_address(text: str) -> tuple[PortFinding, ...]:
+    """Return the result for each cause that concerns a serial port or the link of an address."""
     if text.partition(":")[0] not in DRIVERS:
-        return text.partition("?")[0]
-    ends = parse_address(text).endpoints
-    if not ends:
-        raise InputError(f"{text!r} has no port to check; give a serial port or a network address")
-    return ends[0].location if ends[0].kind == "serial" else None
-
-
-def diagnose_network(text: str) -> tuple[PortFinding, ...]:
-    """Return the result for each end of a network address."""
-    return tuple(_network_finding(end) for end in parse_address(text).endpoints)
-
-
-def _network_finding(end: Endpoint) -> PortFinding:
-    name = "listening" if end.kind == "listens" else "other end"
-    link = (
-        TcpSocket(end.location, end.port)
-        if end.kind == "connects"
-        else UdpSocket(end.location, end.port, end.kind == "listens")
-    )
+        return diagnose_port(probe_environment(text.partition("?")[0]))
+    link = build_transport(parse_address(text))
+    if isinstance(link, SerialPort):
+        return diagnose_port(probe_environment(link.port))
+    assert isinstance(link, TcpSocket | UdpSocket)
+    listens = isinstance(link, UdpSocket) and link.listens
+    name = "listening" if listens else "other end"
     try:
         link.open()
     except LinkError as error:
-        return PortFinding(name, "problem", str(error))
+        return (PortFinding(name, "problem", str(error)),)
     finally:
         link.close()
-    if end.kind == "sends":
+    if isinstance(link, UdpSocket) and not listens:
         sentence = f"a listener on {link.where} cannot be detected before it replies"
-        return PortFinding(name, "not checked", sentence, "run benchtool bench check")
-    state = "is free" if end.kind == "listens" else "accepts connections"
-    return PortFinding(name, "ok", f"{link.where} {state}")
+        return (PortFinding(name, "not checked", sentence, "run benchtool bench check"),)
+    state = "is free" if listens else "accepts connections"
+    return (PortFinding(name, "ok", f"{link.where} {state}"),)

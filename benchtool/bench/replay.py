@@ -26,12 +26,7 @@ _META_COLUMNS = ("time_s", "device_time_us", "point", "phase")
 
 
 class ReplayBench(ContextBench):
-    """Bench that plays recorded samples and accepts no commands.
-
-    Args:
-        time_s, device_time_us: (m,) of each sample.
-        values: (m, c) in channel order; nan where a channel had no new value.
-    """
+    """Bench that plays recorded samples and accepts no commands."""
 
     def __init__(
         self, identity: DeviceInfo, time_s: Array, device_time_us: Array, values: Array

@@ -81,11 +81,7 @@ class LoopPulseTracking:
         self._not_fast_s: Array = np.full(n_rotors, start_s)
 
     def find_mismatch(self, pwm_us: Array, rpm: Array, now_s: float) -> LimitExceeded | None:
-        """Return an error if a motor has not followed its reported pulse widths.
-
-        Args:
-            pwm_us: (m, n_rotors) block of reported pulse widths, gaps filled.
-        """
+        """Return an error if a motor has not followed its reported pulse widths (m, n_rotors)."""
         gap_s, self._last_s = now_s - self._last_s, now_s
         reported_rpm, means = rotor_speeds(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
         if gap_s > GAP_S:  # not read meanwhile, so the state in the gap is unknown

@@ -40,29 +40,16 @@ def standstill_rpm(rig: Rig) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Standstill:
-    """Standstill check since zero was commanded.
+    """Standstill check since zero was commanded."""
 
-    Attributes:
-        is_confirmed: standstill of every driven rotor is confirmed.
-        unmeasured: driven rotors (from 1) without a channel that could confirm it.
-        is_only_unmeasured: every rotor with a channel is confirmed, the others are not.
-        rpm: highest speed above the threshold; nan if there is none.
-        text: result as a sentence; empty if no motor was driven.
-    """
-
-    is_confirmed: bool
-    unmeasured: tuple[int, ...]
-    is_only_unmeasured: bool
-    rpm: float
-    text: str
+    is_confirmed: bool  # standstill of every driven rotor is confirmed
+    is_only_unmeasured: bool  # every rotor with a channel is confirmed, the others are not
+    rpm: float  # highest speed above the threshold; nan if there is none
+    text: str  # result as a sentence; empty if no motor was driven
 
 
 class StandstillMonitor:
-    """Standstill check of every rotor from commands and readings.
-
-    Attributes:
-        zero_s: time of the last stop command of a motor, bench time.
-    """
+    """Standstill check of every rotor from commands and readings."""
 
     def __init__(self, identity: DeviceInfo, rig: Rig, now_s: float) -> None:
         names = [channel.name for channel in identity.channels]
@@ -80,7 +67,7 @@ class StandstillMonitor:
             self.expect_loop()
         self._pulses_us: Array = np.full(n, stop_us)
         self._rotors = [_RotorState(now_s) for _ in range(n)]
-        self.zero_s = now_s
+        self.zero_s = now_s  # time of the last stop command of a motor, bench time
 
     def expect_loop(self) -> None:
         """Expect the speeds of the pulse widths that the bench reports."""
@@ -174,7 +161,6 @@ class StandstillMonitor:
         is_unconfirmed = bool(turning or silent)
         return Standstill(
             is_confirmed=not is_unconfirmed and not unmeasured,
-            unmeasured=tuple(unmeasured),
             is_only_unmeasured=bool(unmeasured) and not is_unconfirmed,
             rpm=fastest_rpm,
             text="; ".join(parts),

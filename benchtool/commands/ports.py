@@ -61,17 +61,9 @@ def _list_ports(inputs: PortsInputs) -> None:
 
 
 def _diagnose_port(address: str) -> None:
-    from benchtool.bench.ports import (
-        diagnose_network,
-        diagnose_port,
-        parse_serial_port,
-        probe_environment,
-    )
+    from benchtool.bench.ports import diagnose_address
 
-    port = parse_serial_port(address)
-    diagnosis = (
-        diagnose_network(address) if port is None else diagnose_port(probe_environment(port))
-    )
+    diagnosis = diagnose_address(address)
     for finding in diagnosis:
         print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
         if finding.fix:

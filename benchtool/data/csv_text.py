@@ -158,8 +158,8 @@ def parse_csv(data: bytes, where: str, *, is_own: bool = False, whole: bool = Tr
                 f"line or the header",
             )
     cells = np.full((len(by_line), width), "", object)
-    for row, texts in zip(cells, by_line.values(), strict=True):
-        row[: len(texts)] = [text.strip() for text in texts[:width]]
+    for target, texts in zip(cells, by_line.values(), strict=True):
+        target[: len(texts)] = [text.strip() for text in texts[:width]]
     if delimiter == ";":
         repairs += _with_points(cells.ravel())
     return CsvTable(where, tuple(header), cells, np.array([*by_line], np.intp), tuple(repairs))

@@ -51,11 +51,7 @@ def with_blades(model: Model) -> Model:
 
 
 def blade_tables(tables: Mapping[str, Any], rig: Rig) -> dict[str, Any]:
-    """Return a model file's tables of `blade_inflow` without parameters taken from the rig.
-
-    Raises:
-        InputError: parameters are taken from the rig, and this rig has no [blade].
-    """
+    """Return a model file's tables of `blade_inflow` without parameters taken from the rig."""
     rig_keys = [
         key
         for key, table in tables.items()

@@ -1,6 +1,7 @@
 """Body lift in the upwash between the rotors: the added term of eq. (4).
 
-The term is the velocity of all images at the body's centre, times an empirical K_b ("close to 2").
+The term is the velocity of all images at the body's centre (`effects.body_lift`), times an
+empirical K_b ("close to 2").
 Its factor 2 R^2 corresponds to four images at half the diagonal, so b is half the diagonal by the
 derivation; the paper's text calls b the diagonal. Both are available, half is the default.
 """
@@ -13,20 +14,9 @@ import numpy as np
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.units import Array
-from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.expression import Quantity
 
 BodyDistance = Literal["half_diagonal", "diagonal"]  # b of eq. (4): to a rotor axis, or twice that
-
-
-@expression
-def body_term(K_b: Quantity, weight: Quantity, radius_m: Quantity, images: Quantity) -> Quantity:
-    """Return the body's term of the denominator, K_b w R^2 times `images`.
-
-    Args:
-        weight: weight w from the wake rule (`wake_rules`); 1 if all rotors are covered.
-        images: sum of all images at the body's centre, per R^2 (`disc_thrust`): 1/m2.
-    """
-    return K_b * weight * radius_m * radius_m * images
 
 
 class BodyImages(NamedTuple):

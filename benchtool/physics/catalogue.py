@@ -64,12 +64,7 @@ def thrust_laws(surface: Surface) -> tuple[Effect, ...]:
 def user_effects(
     file_or_module: str, permit: CodePermit = check_code_allowed
 ) -> tuple[Effect, ...]:
-    """Return the effects of a Python file or of a module importable from the current folder.
-
-    Raises:
-        InputError: it may not be run, cannot be imported, contains no effect, an effect with an
-            existing name, or parameters without tolerance.
-    """
+    """Return the effects of a Python file or of a module importable from the current folder."""
     try:
         module = load_user_module(
             file_or_module,

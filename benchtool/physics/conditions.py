@@ -94,49 +94,37 @@ class Conditions:
         *,
         speed_rad_s: Array,
         plate_z_m: Array,
-        plate_x_m: Array | float = 0.0,
-        plate_tilt_rad: Array | float = 0.0,
         coverage: Array | None = None,
-        voltage_V: Array | float | None = None,
-        elapsed_s: Array | float = 0.0,
-        time_s: Array | float = 0.0,
-        load_direction: Array | float = 0.0,
-        airspeed_m_s: Array | float = 0.0,
         speed_measured: bool = True,
+        **fields: Array | float | None,
     ) -> Conditions:
         """Build conditions for a rig; all arguments broadcast against plate_z_m (m,).
 
-        By default coverage is computed from the rig's plate and its lateral position.
+        Args:
+            coverage: default: from the rig's plate and its lateral position.
+            fields: other fields; default 0, and the rig's nominal voltage.
         """
         z = np.atleast_1d(np.asarray(plate_z_m, float))
         m = z.shape[0]
-
-        def full(value: Array | float) -> Array:
-            return np.broadcast_to(np.asarray(value, float), (m,)).copy()
-
+        given = {name: value for name, value in fields.items() if value is not None}
+        defaults = dict.fromkeys(_ROW_FIELDS, 0.0) | {"voltage_V": rig.propulsion.voltage_nominal_V}
+        rows = {
+            name: np.broadcast_to(np.asarray(value, float), (m,)).copy()
+            for name, value in {**defaults, **given}.items()
+        }
         speed = np.asarray(speed_rad_s, float)
         if speed.ndim == 1:
             speed = speed[:, None]
-        speed = np.broadcast_to(speed, (rig.n_rotors, m)).copy()
         if coverage is None:
-            coverage = plate_coverage(rig, full(plate_x_m))
-        nominal = rig.propulsion.voltage_nominal_V
+            coverage = plate_coverage(rig, rows["plate_x_m"])
         return cls(
-            speed_rad_s=speed,
+            speed_rad_s=np.broadcast_to(speed, (rig.n_rotors, m)).copy(),
             plate_z_m=z,
-            plate_tilt_rad=full(plate_tilt_rad),
             coverage=np.broadcast_to(coverage, (rig.n_discs, m)).copy(),
-            voltage_V=full(nominal if voltage_V is None else voltage_V),
-            elapsed_s=full(elapsed_s),
-            time_s=full(time_s),
-            load_direction=full(load_direction),
-            plate_x_m=full(plate_x_m),
-            airspeed_m_s=full(airspeed_m_s),
-            moved_s=np.zeros(m),
-            moved_direction=np.zeros(m),
             past_load=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             past_wash=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             speed_measured=speed_measured,
+            **rows,
         )
 
     @classmethod
@@ -163,29 +151,26 @@ class Conditions:
         for disc in range(rig.n_discs):
             coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])
         coverage = np.where(z >= OUT_OF_GROUND_EFFECT_M, 0.0, coverage)
-        time = optional("time_s", zeros)
-        elapsed = optional("elapsed_s", zeros)
-        tilt = optional("plate_tilt_deg", zeros)
-        speed = _speeds(recording, rig, voltage)
         conditions = cls.build(
             rig,
-            speed_rad_s=speed,
+            speed_rad_s=_speeds(recording, rig, voltage),
             plate_z_m=z,
             plate_x_m=plate_x,
-            plate_tilt_rad=tilt,
+            plate_tilt_rad=optional("plate_tilt_deg", zeros),
             coverage=coverage,
             voltage_V=voltage,
-            elapsed_s=elapsed,
-            time_s=time,
+            elapsed_s=optional("elapsed_s", zeros),
+            time_s=optional("time_s", zeros),
             load_direction=np.nan_to_num(optional("load_direction", zeros)),
             airspeed_m_s=np.nan_to_num(optional("airspeed_m_s", zeros)),
             speed_measured="rpm1" in recording,
         )
         if not {"point", "time_s"} <= set(recording.names):
             return conditions
-        plate_position, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
+        time, load = conditions.time_s, np.sum(conditions.speed_rad_s**2, axis=0)
+        plate_position = np.array([z, plate_x, conditions.plate_tilt_rad])
         if "load_direction" not in recording:
-            direction = load_directions(time, elapsed, plate_position, load)
+            direction = load_directions(time, conditions.elapsed_s, plate_position, load)
             conditions = replace(conditions, load_direction=direction)
         moved_s, moved_direction = plate_moves(time, plate_position)
         relative_load = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
@@ -197,6 +182,12 @@ class Conditions:
             past_load=past_means(time, moved_s, relative_load),
             past_wash=past_means(time, moved_s, relative_load * np.nan_to_num(wake_share)),
         )
+
+
+_ROW_FIELDS = (
+    "plate_tilt_rad", "voltage_V", "elapsed_s", "time_s", "load_direction", "plate_x_m",
+    "airspeed_m_s", "moved_s", "moved_direction",
+)  # fmt: skip
 
 
 def plate_coverage(rig: Rig, plate_x_m: Array) -> Array:
@@ -276,10 +267,6 @@ def plate_moves(time_s: Array, plate_position: Array) -> tuple[Array, Array]:
     The direction is +1 for a distance approached from nearer, -1 from farther. A point without a
     plate position, such as a tare, has that of the previous point. The time of a movement is
     assumed half way between two points.
-
-    Args:
-        time_s: (m,) time since the start of the run, in any order.
-        plate_position: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
     """
     since_move_s, directions = np.zeros(len(time_s)), np.zeros(len(time_s))
     order = np.argsort(time_s, kind="stable")
@@ -310,17 +297,13 @@ def past_means(time_s: Array, moved_s: Array, values: Array) -> Array:
         moved_s: (m,) time since the last plate movement.
         values: (m,) quantity of each point; 0 with all rotors stopped.
     """
-    time_constants_s, means = (
-        np.array(HISTORY_TIME_CONSTANTS_S),
-        np.zeros((len(HISTORY_TIME_CONSTANTS_S), len(time_s))),
-    )
+    time_constants_s = np.array(HISTORY_TIME_CONSTANTS_S)
+    means = np.zeros((len(time_constants_s), len(time_s)))
     order = np.argsort(time_s, kind="stable")
     intervals_s = np.diff(time_s[order])[np.diff(moved_s[order]) > 0.0]
     typical_s = float(np.median(intervals_s)) if len(intervals_s) else 0.0
-    state, previous_s = (
-        np.zeros(len(HISTORY_TIME_CONSTANTS_S)),
-        time_s[order[0]] if len(order) else 0.0,
-    )
+    state = np.zeros(len(time_constants_s))
+    previous_s = time_s[order[0]] if len(order) else 0.0
     for row in order:
         interval_s = time_s[row] - previous_s
         running_s = min(interval_s, typical_s)

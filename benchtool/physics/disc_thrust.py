@@ -47,31 +47,23 @@ class ImageRules(NamedTuple):
 
 
 class DiscThrust(NamedTuple):
-    """Combined functions of all effects; `p` is the tuple of their parameters, in their order.
+    """Combined functions of all effects; `p` is the tuple of their parameters, in their order."""
 
-    Attributes:
-        tilt: tilt(p) -> tilt of the plate in addition to the commanded one: rad.
-        speeds: speeds(flow, p) -> commanded speeds, changed by effects (n,).
-        with_images: with_images(flow, distances, body, p) -> the flow with heights and coverages
-            changed by effects, and the resulting images; distances [n][n] between discs: m, body
-            the `BodyImages` of eq. (4).
-        image_factors: image_factors(flow, p) -> 1 + a (1/(1 - D) - 1) of each disc (n,).
-        scaled: scaled(first, flow, p) -> response of the blades to the ratios `first` (n,), times
-            the factors of effects.
-        drags: drags(first, flow, p) -> drag torque for the ratios `first` over that out of ground
-            effect (n,).
-        factors: factors(flow, p) -> T_IGE/T_OGE of each disc (n,): scaled image factors.
-        nearest_z_over_R: minimum distance at which the law is valid; limit of clamped heights.
-    """
-
-    tilt: Hook
-    speeds: Hook
+    tilt: Hook  # tilt(p) -> tilt of the plate in addition to the commanded one: rad
+    speeds: Hook  # speeds(flow, p) -> commanded speeds, changed by effects (n,)
+    # with_images(flow, distances, body, p) -> the flow with heights and coverages changed by
+    # effects, and the resulting images; distances [n][n] between discs: m, body the `BodyImages` of
+    # eq. (4)
     with_images: Hook
-    image_factors: Hook
+    image_factors: Hook  # image_factors(flow, p) -> 1 + a (1/(1 - D) - 1) of each disc (n,)
+    # scaled(first, flow, p) -> response of the blades to the ratios `first` (n,), times the factors
+    # of effects
     scaled: Hook
+    # drags(first, flow, p) -> drag torque for the ratios `first` over that out of ground effect
+    # (n,)
     drags: Hook
-    factors: Hook
-    nearest_z_over_R: float
+    factors: Hook  # factors(flow, p) -> T_IGE/T_OGE of each disc (n,): scaled image factors
+    nearest_z_over_R: float  # minimum distance at which the law is valid; limit of clamped heights
 
 
 NO_CHANGE = expression(lambda i, first, flow, p: 1.0)  # drag torque ratio without an effect on it
@@ -114,14 +106,10 @@ def disc_thrust(
         clamped: clip heights to the minimum at which the law is valid; for simulators.
     """
     n = n_discs
-    height, coverage = (
-        chain_hooks(bound_hooks(effects, "height")),
-        chain_hooks(bound_hooks(effects, "coverage")),
-    )
-    speed, factor = (
-        chain_hooks(bound_hooks(effects, "speed")),
-        multiply_hooks(bound_hooks(effects, "factor")),
-    )
+    height = chain_hooks(bound_hooks(effects, "height"))
+    coverage = chain_hooks(bound_hooks(effects, "coverage"))
+    speed = chain_hooks(bound_hooks(effects, "speed"))
+    factor = multiply_hooks(bound_hooks(effects, "factor"))
     is_below = not any(law and law.surface != "below" for law in (e.distance_law for e in effects))
     law = sum_hooks(
         bound_hooks(effects, "denominator", lambda effect: effect.distance_law is not None)

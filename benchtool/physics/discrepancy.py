@@ -14,29 +14,19 @@ _SWEEP_ONLY = ("speed_by_plate", "voltage")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscrepancyTolerances:
-    """Tolerated deviations from all laws and effects; table `[discrepancy]` of a model file.
+    """Tolerated deviations from all laws and effects; table `[discrepancy]` of a model file."""
 
-    Attributes:
-        thrust: relative error of thrust.
-        speed: relative error of rotor speed at a pulse width.
-        speed_by_plate: the same, depending on the plate of a sweep: with an ESC that sets a
-            voltage, the blades' torque changes the speed by half a per cent at z/R 0.5
-            (blade-element momentum theory).
-        voltage: relative error of a battery's voltage; discharge curves differ.
-        torque: error of the hinge torque over thrust times arm.
-        encoder_rad: error of an encoder's reading; 0.2 degrees from data sheets of magnetic ones.
-        gyro: error of a gyro's reading over the standard deviation of its signal.
-        law: standard deviation of an effect's law over the contribution of the effect.
-    """
-
-    thrust: float = 0.005
-    speed: float = 0.001
+    thrust: float = 0.005  # relative error of thrust
+    speed: float = 0.001  # relative error of rotor speed at a pulse width
+    # The same, depending on the plate of a sweep: with an ESC that sets a voltage, the blades'
+    # torque changes the speed by half a per cent at z/R 0.5 (blade-element momentum theory)
     speed_by_plate: float = 0.01
-    voltage: float = 0.005
-    torque: float = 0.001
+    voltage: float = 0.005  # relative error of a battery's voltage; discharge curves differ
+    torque: float = 0.001  # error of the hinge torque over thrust times arm
+    # Error of an encoder's reading; 0.2 degrees from data sheets of magnetic ones
     encoder_rad: float = 0.0035
-    gyro: float = 0.01
-    law: float = 0.1
+    gyro: float = 0.01  # error of a gyro's reading over the standard deviation of its signal
+    law: float = 0.1  # standard deviation of an effect's law over the contribution of the effect
 
     def relevant_on(self, bench: BenchKind) -> dict[str, float]:
         """Return the tolerances that apply to a kind of bench, by name."""

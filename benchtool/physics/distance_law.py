@@ -23,29 +23,19 @@ CONTACT_Z_OVER_R = 1e-3  # stands for contact; at 0 the body images of a single 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DistanceLaw:
-    """Validity and origin of a law.
+    """Validity and origin of a law."""
 
-    Attributes:
-        basis: quantity that the source takes as equal.
-        far: limit of the ratio at large distances, as text.
-        tested: range of z/R and vehicles in the source, as text.
-        seen: source that was actually read.
-        singular: z/R at which the ratio of one rotor is infinite, from the effect's parameters by
-            name; None for a law that is finite, and therefore valid, down to contact.
-        compared: parameters that a comparison of laws frees.
-        same_as: equivalent law with another parameter, for one rotor; empty for none.
-        surface: position of the surface; images of a surface below are ignored for other positions.
-        whole_vehicle: whether the parameters include neighbours and body.
-    """
-
-    basis: Basis = "not stated"
-    far: str = "1"
-    tested: str
-    seen: str
+    basis: Basis = "not stated"  # quantity that the source takes as equal
+    far: str = "1"  # limit of the ratio at large distances, as text
+    tested: str  # range of z/R and vehicles in the source, as text
+    seen: str  # source that was actually read
+    # z/R at which the ratio of one rotor is infinite, from the effect's parameters by name; None
+    # for a law that is finite, and therefore valid, down to contact
     singular: Callable[[Mapping[str, float]], float] | None = None
-    compared: tuple[str, ...] = ()
-    same_as: str = ""
-    whole_vehicle: bool = False
+    compared: tuple[str, ...] = ()  # parameters that a comparison of laws frees
+    same_as: str = ""  # equivalent law with another parameter, for one rotor; empty for none
+    whole_vehicle: bool = False  # whether the parameters include neighbours and body
+    # Position of the surface; images of a surface below are ignored for other positions
     surface: Surface = "below"
 
     @property

@@ -42,11 +42,6 @@ def expression(function: Function) -> Function:
     return function
 
 
-def registered_expressions() -> tuple[Callable[..., Any], ...]:
-    """Return all registered functions in order of definition."""
-    return tuple(_expressions)
-
-
 def compile_expressions() -> None:
     """Make all registered functions callable from compiled loops that are compiled afterwards.
 
@@ -73,15 +68,10 @@ WIDTH_BYTES = 8  # per number in a shared array: floats and 64-bit integers
 
 
 class Slot(NamedTuple):
-    """Position of a record in a block of rows with one column per lane.
+    """Position of a record in a block of rows with one column per lane."""
 
-    Attributes:
-        first: first row.
-        like: example of the record's type: numbers, tuples and named tuples.
-    """
-
-    first: int
-    like: Any
+    first: int  # first row
+    like: Any  # example of the record's type: numbers, tuples and named tuples
 
 
 def read_record(block: Any, slot: Any, lane: Any, lanes: Any) -> Any:

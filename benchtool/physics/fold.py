@@ -23,16 +23,11 @@ Hook = Callable[..., Any]
 
 
 class BoundHook(NamedTuple):
-    """Hook with the position of its effect's parameters.
+    """Hook with the position of its effect's parameters."""
 
-    Attributes:
-        hook: hook(p, i, flow) or hook(p, i, flow, quantity).
-        numbers: builds the hook's `p` from the parameter values.
-        start, stop: the values are p[start:stop] of the combined function.
-    """
-
-    hook: Hook
-    numbers: Callable[..., Any]
+    hook: Hook  # hook(p, i, flow) or hook(p, i, flow, quantity)
+    numbers: Callable[..., Any]  # builds the hook's `p` from the parameter values
+    # start, stop: the values are p[start:stop] of the combined function
     start: int
     stop: int
 

@@ -5,7 +5,7 @@ image of a rotor at distance d induces the upward velocity v (R^2/2) z / (d^2 + 
 rotor at the same height z; for other heights see `tilt`. At equal power, thrust times inflow is
 constant, so T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper derives this
 for equal power and applies it at equal rotor speed (eq. 10), as does this module unless the rig
-defines its blades (`blade_element`).
+defines its blades (`effects.blade_inflow`).
 
 Source: Sanchez-Cuevas, Heredia, Ollero 2017, sections 2.1 and 2.2; the sum over any number of
 rotors follows from the same derivation.

@@ -38,21 +38,17 @@ OWN_IMAGES = ROTOR_IMAGES.name  # eq. (2), the default law of a plate below
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """Predictor of the readings of a bench.
-
-    Attributes:
-        parameters: of baseline and effects, by full name ("R_m", "body_lift.K_b").
-        body_distance: b of eq. (4): half the diagonal (as derived) or the diagonal (as printed).
-        discrepancy: tolerances of laws and sensors.
-    """
+    """Predictor of the readings of a bench."""
 
     name: str
     rig: Rig
-    parameters: Parameters
+    parameters: Parameters  # of baseline and effects, by full name ("R_m", "body_lift.K_b")
     effects: tuple[Effect, ...] = ()
     wake_rule: str = "notes"
     tilt_rule: str = "axis"
+    # B of eq. (4): half the diagonal (as derived) or the diagonal (as printed)
     body_distance: BodyDistance = "half_diagonal"
+    # Tolerances of laws and sensors
     discrepancy: DiscrepancyTolerances = field(default_factory=DiscrepancyTolerances)
     description: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)

@@ -78,24 +78,18 @@ class _ParameterTable(FileTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedModel:
-    """Model with the other contents of its file.
-
-    Attributes:
-        columns: channel name to source column of a CSV file.
-        row_filter: column name to value; only matching rows are read.
-        imperfections: of a virtual bench, for a file that defines one.
-        rig_name: name of the rig in the file; empty without a file.
-        effects_file: Python file with user-defined effects; empty for none.
-        plate_slide_s: time of the plate to slide in or out; None if not defined.
-    """
+    """Model with the other contents of its file."""
 
     model: Model
+    # Channel name to source column of a CSV file
     columns: Mapping[str, ColumnSource] = field(default_factory=dict)
+    # Column name to value; only matching rows are read
     row_filter: Mapping[str, str] = field(default_factory=dict)
+    # Of a virtual bench, for a file that defines one
     imperfections: Mapping[str, float] = field(default_factory=dict)
-    rig_name: str = ""
-    effects_file: str = ""
-    plate_slide_s: float | None = None
+    rig_name: str = ""  # name of the rig in the file; empty without a file
+    effects_file: str = ""  # Python file with user-defined effects; empty for none
+    plate_slide_s: float | None = None  # time of the plate to slide in or out; None if not defined
 
 
 def model_names() -> tuple[str, ...]:
@@ -133,12 +127,7 @@ def _detect_other_format(text: str) -> str:
 def model_from_toml(
     text: str, where: str, rig: Rig | None = None, permit: CodePermit = check_code_allowed
 ) -> LoadedModel:
-    """Return the model of a TOML text; user code runs only with permission.
-
-    Raises:
-        UnknownChoice: a key, effect, parameter, rule or unit does not exist.
-        FileFormatError: a value has a wrong type or range.
-    """
+    """Return the model of a TOML text; user code runs only with permission."""
     file = build_dataclass(_ModelFile, parse_toml(text, where), where)
     head = file.model
     baseline = _flatten_tables(file.parameters)
@@ -268,9 +257,6 @@ def _adapt_to_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) ->
 
     The baseline (k, R_m, inertia) depends on the vehicle. If the two rigs differ, the value of the
     data's rig replaces initial values and values equal to those of the file's rig.
-
-    Raises:
-        InputError: a fixed value or a prior is for another vehicle.
     """
     rig_parameters = Model.single(rig).parameters
     try:

@@ -46,12 +46,7 @@ def speed_under_pulse(torque_Nm: Quantity, drag_Nm_s2: Quantity, slope_Nm_s: Qua
 def speed_near_plate(
     free_rad_s: Quantity, drag_Nm_s2: Quantity, factor: Quantity, slope_Nm_s: Quantity
 ) -> Quantity:
-    """Return the speed at the pulse width that gives `free_rad_s` out of ground effect: rad/s.
-
-    Args:
-        factor: drag torque over that out of ground effect, at equal speed.
-        slope_Nm_s: 1/(Kv^2 Rm), `torque_per_speed`: N m s.
-    """
+    """Return the speed at the pulse width that gives `free_rad_s` out of ground effect: rad/s."""
     torque_Nm = torque_at_pulse_Nm(free_rad_s, drag_Nm_s2, slope_Nm_s)
     return speed_under_pulse(torque_Nm, drag_Nm_s2 * factor, slope_Nm_s)
 
@@ -62,9 +57,6 @@ def electrical_power_W(
     """Return the electrical power of a running motor: (w/Kv + Rm I) I with I = I0 + Kv Q: W.
 
     Without motor data, the shaft power Q w over the efficiency.
-
-    Args:
-        drag: drag torque over that out of ground effect, at equal speed.
     """
     torque_Nm = propulsion.drag_coefficient_Nm_s2 * drag * speed_rad_s * speed_rad_s
     if motor is None or motor.Kv_rpm_V is None or motor.resistance_ohm is None:

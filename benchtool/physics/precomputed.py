@@ -49,7 +49,8 @@ class PrecomputedModel:
             return  # speeds depend on the thrust factors
         full_flow = model.flow(conditions, model.parameters.values_array())
         flow = full_flow
-        if merge and can_merge(model):
+        # Without effects on the thrust of individual discs.
+        if merge and all(effect.hooks.factor is None for effect in effects):
             flow = merge_discs(full_flow, len(conditions))
         is_tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
         running = [i for i, speed in enumerate(full_flow.speed_rad_s) if np.any(speed)]
@@ -95,11 +96,6 @@ class PrecomputedModel:
         return self.model.reading_N(self.flow(values), values)
 
 
-def can_merge(model: Model) -> bool:
-    """Return True if no present effect depends on the speed of individual discs."""
-    return all(effect.hooks.factor is None for effect in model.present_effects)
-
-
 def merge_discs(flow: Flow, m: int) -> Flow:
     """Return the flow with equal discs merged and stopped discs removed.
 
@@ -124,21 +120,12 @@ def merge_discs(flow: Flow, m: int) -> Flow:
                 break
         else:
             groups.append((i, speed * speed))
-    indices = [first for first, _ in groups]
-
-    def select(quantity: Any) -> list[Any]:
-        return [quantity[i] for i in indices]
-
-    return flow._replace(
-        position_x_m=select(flow.position_x_m),
-        position_y_m=select(flow.position_y_m),
-        height_m=select(flow.height_m),
-        coverage=select(flow.coverage),
-        active=select(flow.active),
-        speed_rad_s=[np.sqrt(squares) for _, squares in groups],
-        neighbour_images=select(flow.neighbour_images),
-        body_images=select(flow.body_images),
-    )
+    per_disc = (
+        "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
+        "body_images",
+    )  # fmt: skip
+    fields = {name: [getattr(flow, name)[first] for first, _ in groups] for name in per_disc}
+    return flow._replace(speed_rad_s=[np.sqrt(squares) for _, squares in groups], **fields)
 
 
 def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:

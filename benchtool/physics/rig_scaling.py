@@ -7,7 +7,6 @@ weight, arm and radius; for the beam every factor is 1.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 
 from benchtool.core.rig import Rig
 
@@ -47,10 +46,4 @@ def scale_rig(
     scale: Callable[[Rig], float], **beam_tolerances: float
 ) -> Callable[[Rig, object], Mapping[str, float]]:
     """Return an effect's `tolerance_of`: tolerances for the beam times a scale factor."""
-    return partial(_scale_tolerances, scale, beam_tolerances)
-
-
-def _scale_tolerances(
-    scale: Callable[[Rig], float], beam_tolerances: Mapping[str, float], rig: Rig, bench: object
-) -> Mapping[str, float]:
-    return {name: value * scale(rig) for name, value in beam_tolerances.items()}
+    return lambda rig, bench: {name: value * scale(rig) for name, value in beam_tolerances.items()}

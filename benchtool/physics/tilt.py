@@ -62,19 +62,16 @@ def axis_cosine(plane: Plane) -> Quantity:
 
 @dataclass(frozen=True, slots=True)
 class TiltRule:
-    """Rule for image velocities under tilt; functions are expressions.
+    """Rule for image velocities under tilt; functions are expressions."""
 
-    Attributes:
-        image: image(here, there, distance) -> velocity at height `here` from the image of a source
-            at height `there`, per R^2 and before `share`: 1/m2.
-        share: share(cosine) -> factor on it, also for a rotor's own image; `cosine` is that of the
-            angle between the rotor axis and the surface normal.
-        one_body: True if the body term is evaluated once at the centre's height, False if at the
-            height of each rotor.
-    """
-
+    # image(here, there, distance) -> velocity at height `here` from the image of a source at height
+    # `there`, per R^2 and before `share`: 1/m2
     image: Callable[[Quantity, Quantity, Quantity], Quantity]
+    # share(cosine) -> factor on it, also for a rotor's own image; `cosine` is that of the angle
+    # between the rotor axis and the surface normal
     share: Callable[[Quantity], Quantity]
+    # True if the body term is evaluated once at the centre's height, False if at the height of each
+    # rotor
     one_body: bool
 
 

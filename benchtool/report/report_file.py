@@ -14,9 +14,8 @@ from benchtool.data.run.recording_file import metadata_path
 from benchtool.explain.pitch.replay import ReplayInputs
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.nominal import nominal_model
-from benchtool.report import html
 from benchtool.report.compare.page import COMPARISON, RunComparison
-from benchtool.report.files import write_whole
+from benchtool.report.files import render_report, write_whole
 from benchtool.report.page import Report
 from benchtool.report.replay.page import recording_page
 from benchtool.report.sweep.page import COMPARED, SWEEP
@@ -74,8 +73,12 @@ def page_text(
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
         raise InputError(f"several paths must all be sweeps: {listed}")
     if kinds[0] in ("fit", "explanation"):
-        return _read_page(paths[0], kinds[0])
-    return html.render_report(_build_report(paths, kinds[0], replay_inputs, commands))
+        page = paths[0] / PAGE
+        if not page.is_file():
+            command = "benchtool fit" if kinds[0] == "fit" else "benchtool explain"
+            raise FileFormatError(str(paths[0]), f"{PAGE} is missing; repeat {command} --out")
+        return page.read_text("utf-8")
+    return render_report(_build_report(paths, kinds[0], replay_inputs, commands))
 
 
 def write_report(
@@ -109,7 +112,7 @@ def write_report(
     if target.exists() and not replace:
         raise WouldOverwrite(str(target), "--overwrite")
     if comparison is not None:
-        text = html.render_report(COMPARISON.report(comparison, commands))
+        text = render_report(COMPARISON.report(comparison, commands))
     else:
         text = page_text(paths, replay_inputs, commands)
     write_whole(target, text.encode("utf-8"))
@@ -129,11 +132,3 @@ def _build_report(
         model = nominal_model(replay_inputs.model, rig, replay_inputs.permit)
     runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
     return COMPARED.report(runs, commands) if len(runs) > 1 else SWEEP.report(runs[0], commands)
-
-
-def _read_page(path: Path, kind: Kind) -> str:
-    page = path / PAGE
-    if not page.is_file():
-        command = "benchtool fit" if kind == "fit" else "benchtool explain"
-        raise FileFormatError(str(path), f"{PAGE} is missing; repeat {command} --out")
-    return page.read_text("utf-8")

@@ -14,7 +14,7 @@ from benchtool.data.columns import rows_to_frame
 from benchtool.explain.answer import ExplainResult
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import Page, render_figures
-from benchtool.report.html import inline_svg, write_report
+from benchtool.report.files import inline_svg, write_report
 
 if TYPE_CHECKING:
     import pandas as pd

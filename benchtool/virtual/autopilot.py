@@ -12,9 +12,15 @@ from math import isfinite
 import numpy as np
 
 from benchtool.bench.mavlink.autopilots import HIL_FLAG
-from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
-from benchtool.bench.mavlink.health import ARMED_FLAG
-from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, dialect
+from benchtool.bench.mavlink.drive import ARMED_FLAG
+from benchtool.bench.mavlink.frames import (
+    ARM_DISARM,
+    AUTOPILOT_COMPONENT,
+    MOTOR_TEST,
+    MavlinkFrames,
+    Message,
+    dialect,
+)
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
 from benchtool.virtual import autopilot_orders as orders
 from benchtool.virtual.autopilot_streams import Streams

@@ -9,7 +9,7 @@ from math import inf, isfinite
 import numpy as np
 
 from benchtool.bench.mavlink.autopilots import MAX_PULSE_US, MIN_PULSE_US, MOTORS_OF_FRAME
-from benchtool.bench.mavlink.messages import ACTUATOR_TEST, ESC_STATUS, MOTOR_TEST
+from benchtool.bench.mavlink.frames import ACTUATOR_TEST, ESC_STATUS, MOTOR_TEST
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.units import Array
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import cos, isnan, nan, sin
 
-from benchtool.bench.mavlink.frames import TIME_MODULUS
-from benchtool.bench.mavlink.messages import ESC_STATUS, Message, dialect
+from benchtool.bench.mavlink.frames import ESC_STATUS, Message, dialect
+from benchtool.bench.mavlink.rows import TIME_MODULUS
 from benchtool.core.channel import Channel
 
 

@@ -96,7 +96,7 @@ def pitching_flown() -> Bench:
     plant = pitch_plant(load_rig_by_name("pquad"), seed=2)
     firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
     link = LoopbackLink(VirtualAutopilot(firmware, hover_us=1599.0), lambda: plant.rate_Hz)
-    settings = MavlinkSettings(rotors=4, mode="pitch", arm="host", distance=True)
+    settings = MavlinkSettings(rotors=4, mode="pitch", arm="host", orientation=25)
     return MavlinkBench(link, "mavlink:loop", settings, clock=link.clock)
 
 

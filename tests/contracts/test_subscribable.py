@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchtool.bench.bench import Bench, Readings, Subscribable
+from benchtool.bench.bench import Bench, Readings, StreamingBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
 from benchtool.bench.wrappers import StoppableBench
@@ -38,7 +38,7 @@ MAKERS: dict[str, Callable[[], Bench]] = {
 @pytest.mark.parametrize("name", MAKERS)
 def test_every_sample_is_told_once_and_as_it_comes(name):
     bench = MAKERS[name]()
-    assert isinstance(bench, Subscribable)
+    assert isinstance(bench, StreamingBench)
     told: list[Readings] = []
     moments_s: list[float] = []
 

@@ -11,8 +11,12 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import sqrt
+from typing import Any
 
+from benchtool.bench.addresses import GrblAddress
+from benchtool.bench.stage.grbl import GrblStage
 from benchtool.core.rig import PlateDrive
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import ServerLink
 from benchtool.virtual.server import ServedDevice
@@ -593,3 +597,15 @@ class CarriedPlate(ServedDevice):
 def stage_option(path: str, plate: PlateDrive) -> str:
     """Return the `--stage` of a host for the stage at a path."""
     return f"grbl:{path}?axis=Z&zero_mm={1e3 * plate.z_max_m:g}&direction=1"
+
+
+def grbl_stage(link: Any, options: str = "zero_mm=1500", **drive: float) -> GrblStage:
+    """Return the driver on a link, without backlash; `drive` replaces fields of the plate."""
+    plate = replace(
+        load_rig_by_name("pquad").plate,
+        **{"backlash_m": 0.0, "z_min_m": 0.0, "speed_m_s": 0.1, **drive},
+    )
+    address = GrblAddress.parse(f"grbl:/dev/stage?{options}")
+    stage = GrblStage(link, address, plate, clock=link.clock)
+    stage._link.name = "the stage"
+    return stage

@@ -12,9 +12,10 @@ from functools import partial
 from typing import Protocol
 from unittest import mock
 
-from benchtool.bench.addresses import Address
+from benchtool.bench.addresses import Address, TcpAddress
+from benchtool.bench.drivers import build_transport
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.settings import open_transport, parse_settings
+from benchtool.bench.mavlink.settings import parse_settings
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.stage.grbl import GrblStage
 from benchtool.bench.transport.serial_port import SerialPort
@@ -219,10 +220,12 @@ def on_the_clock(  # type: ignore[no-untyped-def]
         return SerialBench(wrapped(real), address.text, world.clock)
 
     openers = {
-        "serial.bench.open_tcp": lambda a: lines(TcpSocket(a.host, a.port), a),
-        "serial.bench.open_serial": lambda a: lines(SerialPort(a.port, 2_000_000), a),
+        "serial.bench.open_serial": lambda a: lines(
+            TcpSocket(a.host, a.port) if isinstance(a, TcpAddress) else SerialPort(a.port, a.baud),
+            a,
+        ),
         "mavlink.bench.open_mavlink": lambda a: MavlinkBench(
-            wrapped(open_transport(a)), a.text, parse_settings(a), clock=world.clock
+            wrapped(build_transport(a)), a.text, parse_settings(a), clock=world.clock
         ),
         "stage.grbl.GrblStage": partial(GrblStage, clock=world.clock),
         "transport.serial_port.SerialPort": lambda *given: staged(SerialPort(*given)),

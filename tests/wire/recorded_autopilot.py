@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from benchtool.bench.mavlink.messages import Message, dialect
+from benchtool.bench.mavlink.frames import Message, dialect
 
 STEP_S = 0.005
 WAITED_FOR = ("COMMAND_LONG", "PARAM_REQUEST_READ")

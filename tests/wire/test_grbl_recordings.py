@@ -7,12 +7,13 @@ import re
 
 import pytest
 
-from benchtool.bench.stage.grbl import GrblAxis, GrblStage
+from benchtool.bench.stage.grbl import GrblStage
 from benchtool.core.errors import BenchtoolError
+from tests.doubles.grbl import grbl_stage
 from tests.wire.grbl_recordings import RecordedStage, Recording, names
 
 FEED_M_S = {"driver_very_slow_move": 0.0005}
-LATERAL = {"driver_two_axes": GrblAxis("X", 0.0)}
+OPTIONS = {"driver_two_axes": "zero_mm=1500&lateral=X"}
 
 CHANGED: dict[str, dict[int, str]] = {
     # What the driver that was recorded did wrong, and what is right, by number of the call.
@@ -89,8 +90,8 @@ def outcome(stage: GrblStage, link: RecordedStage, words: str) -> str:
 def test_the_driver_does_what_is_right(recordings, name):
     recording = Recording.read(recordings / f"{name}.jsonl.gz")
     link = RecordedStage(recording)
-    feed_m_s = FEED_M_S.get(name, 0.1)
-    stage = GrblStage(link, GrblAxis("Z", 1.5), feed_m_s, LATERAL.get(name), clock=link.clock)
+    options = OPTIONS.get(name, "zero_mm=1500")
+    stage = grbl_stage(link, options, speed_m_s=FEED_M_S.get(name, 0.1))
     compared = 0
     for number, call in enumerate(recording.calls):
         if COMPARED.get(name) == number:

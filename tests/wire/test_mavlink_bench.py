@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.mavlink.autopilots import ArduPilot
-from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.messages import MavCommand
+from benchtool.bench.mavlink.frames import MavCommand, MavlinkFrames
 from benchtool.bench.mavlink.settings import MotorMap
 from benchtool.core.errors import (
     CommandRefused,

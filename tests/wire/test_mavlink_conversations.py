@@ -6,9 +6,8 @@ import pytest
 
 from benchtool.bench.identify import PROBE
 from benchtool.bench.mavlink.autopilots import ArduPilot, Px4
-from benchtool.bench.mavlink.frames import MavlinkFrames
+from benchtool.bench.mavlink.frames import MavCommand, MavlinkFrames, dialect, interval
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import MavCommand, dialect, interval
 from benchtool.bench.mavlink.streams import StreamRequest, request_streams
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
@@ -139,7 +138,7 @@ def test_denied_and_accepted_but_silent_are_told_apart():
         counts[message.msgname] = counts.get(message.msgname, 0) + 1
 
     station.on_message = count
-    states = request_streams(station, wanted, counts.__getitem__, link.clock, speed=1.0)
+    states = request_streams(station, wanted, counts, speed=1.0)
     assert states == {
         "SERVO_OUTPUT_RAW": "comes",
         "RPM": "accepted, but nothing comes",

@@ -14,8 +14,7 @@ from typing import Any
 
 import pytest
 
-from benchtool.bench.mavlink.frames import LinkCounts, MavlinkFrames
-from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.frames import LinkCounts, MavlinkFrames, dialect
 
 ROOT = Path(__file__).parents[2]
 NODE = shutil.which("node")

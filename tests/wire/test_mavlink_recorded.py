@@ -11,8 +11,8 @@ import pytest
 from benchtool.acquire.bench_check import CheckResult, check_bench, detect_motor_map
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.health import classify_status_text
-from benchtool.bench.mavlink.messages import MOTOR_TEST, Message
+from benchtool.bench.mavlink.drive import classify_status_text
+from benchtool.bench.mavlink.frames import MOTOR_TEST, Message
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import BenchError, CommandRefused, DeviceStopped, LinkLost
 from benchtool.core.rig_file import load_rig_by_name

@@ -8,7 +8,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from benchtool.bench.mavlink.messages import Message
+from benchtool.bench.mavlink.frames import Message
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.firmware import Firmware
 from tests.wire.recorded_autopilot import (

@@ -7,14 +7,14 @@ stop soon after the host has stopped sending; it is repeated every `RESEND_INTER
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 
 from benchtool.bench.bench import DeviceInfo
-from benchtool.bench.mavlink import messages as mav
+from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.settings import NO_THRUST, ChannelWiring, MavlinkSettings
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import InputError, ProtocolError
 
 RESEND_INTERVAL_S = 0.05  # of a repeated command: four in a row may be lost without a gap
@@ -48,20 +48,14 @@ class PulseRange:
 
 
 class Autopilot(ABC):
-    """One kind of autopilot.
-
-    Attributes:
-        parameters: parameters that are read when the link opens.
-        required: parameters needed to limit pulse widths to the autopilot's range.
-        can_run_together: several motors can be tested at the same time.
-        arms: its heartbeat shows armed while a motor test runs.
-    """
+    """One kind of autopilot."""
 
     name: str
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # parameters that are read when the link opens
+    # Parameters needed to limit pulse widths to the autopilot's range
     required: tuple[str, ...] = ()
-    can_run_together: bool
-    arms: bool
+    can_run_together: bool  # several motors can be tested at the same time
+    arms: bool  # its heartbeat shows armed while a motor test runs
 
     @abstractmethod
     def n_motors(self, values: Mapping[str, float]) -> int | None:
@@ -179,7 +173,7 @@ class AutopilotInfo:
 
     pilot: Autopilot
     pulses: PulseRange
-    wiring: ChannelWiring
+    wiring: MotorMap
     device_id: str
     firmware: str
     simulated: bool
@@ -228,14 +222,9 @@ class AutopilotInfo:
 
 
 def read_autopilot(
-    link: MavlinkLink, heartbeat: mav.Message, settings: MavlinkSettings, clock: Callable[[], float]
+    link: MavlinkLink, heartbeat: mav.Message, settings: MavlinkSettings
 ) -> AutopilotInfo:
-    """Read the information of an autopilot.
-
-    Raises:
-        ProtocolError: an autopilot whose motors benchtool cannot turn.
-        InputError: the number of rotors is unknown, or differs from the map.
-    """
+    """Read the information of an autopilot."""
     pilot = AUTOPILOTS.get(heartbeat.autopilot)
     if pilot is None:
         names = " and ".join(pilot.name for pilot in AUTOPILOTS.values())
@@ -246,11 +235,11 @@ def read_autopilot(
     simulated = bool(heartbeat.base_mode & HIL_FLAG)
     speedup = ("SIM_SPEEDUP",) if simulated else ()
     parameters = link.read_parameters((*pilot.parameters, *speedup), pilot.required)
-    device_id, version = _read_version(link, clock)
+    device_id, version = _read_version(link)
     return AutopilotInfo(
         pilot=pilot,
         pulses=pilot.pulses(parameters),
-        wiring=_build_wiring(pilot.n_motors(parameters), settings, link.system, simulated),
+        wiring=_find_wiring(pilot.n_motors(parameters), settings, link.system),
         device_id=device_id,
         firmware=f"{pilot.name} {version}".strip(),
         simulated=simulated,
@@ -258,9 +247,8 @@ def read_autopilot(
     )
 
 
-def _build_wiring(
-    reported: int | None, settings: MavlinkSettings, system: int, simulated: bool
-) -> ChannelWiring:
+def _find_wiring(reported: int | None, settings: MavlinkSettings, system: int) -> MotorMap:
+    """Return the map of the settings, or rotors in order with unknown outputs."""
     motor_map = settings.motor_map
     n = settings.rotors or (len(motor_map.motors) if motor_map else reported)
     if not n:
@@ -273,18 +261,12 @@ def _build_wiring(
             f"rotors= or make the map again with benchtool bench map"
         )
     in_order = tuple(range(1, n + 1))
-    return ChannelWiring(
-        motors=motor_map.motors if motor_map else in_order,
-        outputs=motor_map.outputs if motor_map else (0,) * n,
-        escs=motor_map.escs if motor_map else in_order,
-        thrust=NO_THRUST if settings.cell else settings.thrust,
-        thrust_scale_N=settings.thrust_scale_N,
-        orientation=settings.orientation if settings.distance else None,
-        virtual=simulated,
+    return motor_map or MotorMap(
+        rig="", autopilot="", motors=in_order, outputs=(0,) * n, escs=in_order
     )
 
 
-def _read_version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
+def _read_version(link: MavlinkLink) -> tuple[str, str]:
     """Return the autopilot's identifier and version, as far as it reports them."""
     messages: list[mav.Message] = []
     previous_callback = link.on_message
@@ -299,9 +281,7 @@ def _read_version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, s
         number = float(mav.message_id("AUTOPILOT_VERSION"))
         request = mav.MavCommand(mav.REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         if link.exchange(request) == mav.ACCEPTED:
-            deadline_s = clock() + VERSION_TIMEOUT_S
-            while not messages and clock() < deadline_s:
-                link.pump(0.02)
+            link.wait(VERSION_TIMEOUT_S, lambda: messages or None)
     finally:
         link.on_message = previous_callback
     if not messages:

@@ -100,13 +100,7 @@ class AuxiliaryLoadCell:
     def rows(
         self, host_s: Callable[[float], float], clock: DeviceClock, width: int, columns: list[int]
     ) -> tuple[NDArray[np.int64], Array]:
-        """Return device times (m,): us and rows (m, width) of the readings since the last call.
-
-        Args:
-            host_s: converts wall time to bench time.
-            clock: clock of the autopilot's time.
-            columns: columns of the reading.
-        """
+        """Return device times (m,): us and rows (m, width) of the readings since the last call."""
         buffered, self._buffered = self._buffered, []
         offset_s = float(clock.host_time_s(np.zeros(1, np.int64))[0])
         values = np.full((len(buffered), width), np.nan)

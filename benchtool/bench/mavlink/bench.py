@@ -17,21 +17,19 @@ import numpy as np
 from benchtool.bench.addresses import MAX_HZ, MIN_HZ, MavlinkAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.drivers import build_transport
 from benchtool.bench.mavlink import streams
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.auxiliary_load_cell import AuxiliaryLoadCell, merge_in_order
-from benchtool.bench.mavlink.drive import MotorDrive, PitchDrive, RunMonitor
-from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
-from benchtool.bench.mavlink.health import Health
+from benchtool.bench.mavlink.drive import Health, MotorDrive, PitchDrive, RunMonitor
+from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality, Message, interval
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import Message, interval
 from benchtool.bench.mavlink.motor_test import MotorTestDrive
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.bench.mavlink.settings import (
     THRUST_MESSAGES,
     MavlinkSettings,
     live_channels,
-    open_transport,
     parse_settings,
 )
 from benchtool.bench.transport.transport import Transport
@@ -39,15 +37,14 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
 from benchtool.core.units import Array
 
+PLATE_RETRY_INTERVAL_S = 0.5  # until a plate command is acknowledged
+ARRIVAL_TIMEOUT_S = 120.0
+MOVING, ARRIVED, REFUSED = 1.0, 0.0, -1.0  # values of `plate_mov`
 TARE_S = 1.0  # bench time over which a tare averages: 80 readings; assumed
 
 
 class MavlinkBench(StreamingBench):
-    """Bench behind an autopilot, which turns the motors and reports the readings.
-
-    Args:
-        since_1970_s: wall clock for signatures.
-    """
+    """Bench behind an autopilot, which turns the motors and reports the readings."""
 
     def __init__(
         self,
@@ -98,6 +95,7 @@ class MavlinkBench(StreamingBench):
         self._quality = MavlinkQuality()
         self._counts: Counter[str] = Counter()
         self._messages: list[str] = [settings.warning] if settings.warning else []
+        self._plate_states: list[float] = []  # received values of `plate_mov`, oldest first
         self._zero_N = 0.0
         self._last_returned_us = -1
         self._clear_buffer()
@@ -105,22 +103,21 @@ class MavlinkBench(StreamingBench):
             if self._cell is not None:
                 self._cell.open()
             heartbeat = link.find(settings.system)
-            autopilot = read_autopilot(link, heartbeat, settings, self._clock)
+            autopilot = read_autopilot(link, heartbeat, settings)
             self._speed, self._device_clock = autopilot.speed, DeviceClock(autopilot.speed)
-            self._rows = MavlinkRows(autopilot.wiring, autopilot.pulses.idle_us, settings.speeds)
+            self._rows = MavlinkRows(
+                autopilot.wiring, settings, autopilot.pulses.idle_us, autopilot.simulated
+            )
             kind = PitchDrive if settings.mode == "pitch" else MotorTestDrive
             self._health = Health(kind is PitchDrive or autopilot.pilot.arms)
-            self._drive: MotorDrive = kind(link, autopilot, self._health, settings.arm, self._clock)
-            self._plate = VirtualPlate(link, self.now_s)
+            self._drive: MotorDrive = kind(link, autopilot, self._health, settings.arm)
             link.on_message = self._process_message
             n = autopilot.wiring.n_rotors
             self._baud = 0 if autopilot.simulated else self._transport.baud or 0
             fitted_settings, warnings = streams.fit_rates(settings, n, self._baud)
             self._rate_Hz, self._messages = fitted_settings.rate_Hz, [*self._messages, *warnings]
-            self._states = streams.request_streams(
-                link, streams.stream_requests(fitted_settings, n), self._counts.__getitem__,
-                self._clock, self._speed,
-            )  # fmt: skip
+            requests = streams.stream_requests(fitted_settings, n)
+            self._states = streams.request_streams(link, requests, self._counts, self._speed)
             if self._baud:
                 self._messages += streams.disable_other_streams(link, self._counts, self._states)
             if link.slowest_s > streams.LATE_TIMEOUT_S:
@@ -130,7 +127,7 @@ class MavlinkBench(StreamingBench):
                 )
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
-            self._monitor = RunMonitor(self.address, link, self._health, self._drive, self._rows)
+            self._monitor = RunMonitor(link, self._health, self._drive, self._rows)
             outputs = streams.streaming_messages(self._states, *streams.OUTPUT_MESSAGES)
             self._monitor.restart_commands = [interval(name, self._rate_Hz) for name in outputs]
             self._autopilot = autopilot
@@ -187,10 +184,27 @@ class MavlinkBench(StreamingBench):
                 f"the plate was not moved: a motor is commanded to {highest_us:g} us, above idle "
                 f"at {idle_us:g} us; command idle first"
             )
-        self._plate.move(
-            (z_m, x_m, tilt_rad),
-            lambda: self._buffer_readings(self._read_fresh(0.05)),
-            lambda: self._health.refusal,
+        # The plate of a virtual autopilot is moved by named values.
+        build_message = self._link.dialect.MAVLink_named_value_float_message
+        start_s, sent_s, is_moving = self.now_s(), -1e9, False
+        while (now_s := self.now_s()) - start_s < ARRIVAL_TIMEOUT_S:
+            if not is_moving and now_s - sent_s >= PLATE_RETRY_INTERVAL_S:
+                sent_s = now_s
+                for axis, value in (("x", x_m), ("tilt", tilt_rad), ("z", z_m)):
+                    self._link.send(build_message(0, f"plate_{axis}".encode(), value))
+            self._buffer_readings(self._read_fresh(0.05))
+            states, self._plate_states = self._plate_states, []
+            for state in states:
+                if state == REFUSED:
+                    text = self._health.refusal or "no reason reported"
+                    raise StageError(f"the plate was not moved: {text}")
+                is_moving = is_moving or state == MOVING
+                if is_moving and state == ARRIVED:
+                    return
+        self._link.send(build_message(0, b"plate_halt", 1.0))
+        raise StageError(
+            f"the plate did not reach {z_m:g} m within {ARRIVAL_TIMEOUT_S:g} s and was stopped; "
+            f"check the virtual bench"
         )
 
     def tare(self) -> None:
@@ -222,7 +236,8 @@ class MavlinkBench(StreamingBench):
 
     def read(self, timeout_s: float) -> Readings:
         self._require_autopilot()
-        return self._take_buffered_or_read(lambda: self._read_fresh(timeout_s))
+        buffered = self._take_buffered()
+        return self._publish(self._read_fresh(timeout_s)) if buffered is None else buffered
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         deadline_s = self._clock() + timeout_s / self._speed
@@ -280,7 +295,7 @@ class MavlinkBench(StreamingBench):
         elif name == "HEARTBEAT":
             self._health.process_heartbeat(message, arrived_s, self._drive.outputs_match())
         elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
-            self._plate.states.append(float(message.value))
+            self._plate_states.append(float(message.value))
         else:
             self._rows.update(message)
             if name in streams.OUTPUT_MESSAGES:
@@ -340,51 +355,4 @@ def open_mavlink(address: MavlinkAddress) -> MavlinkBench:
 
     settings = parse_settings(address)
     cell = SerialPort(*settings.cell) if settings.cell else None
-    return MavlinkBench(open_transport(address), address.text, settings, cell=cell)
-
-
-PLATE_RETRY_INTERVAL_S = 0.5  # until a plate command is acknowledged
-ARRIVAL_TIMEOUT_S = 120.0
-MOVING, ARRIVED, REFUSED = 1.0, 0.0, -1.0  # values of `plate_mov`
-
-
-class VirtualPlate:
-    """Plate of a virtual autopilot, moved by named values; a real autopilot has none.
-
-    Attributes:
-        states: received values of `plate_mov`, oldest first.
-    """
-
-    def __init__(self, link: MavlinkLink, now_s: Callable[[], float]) -> None:
-        self.states: list[float] = []
-        self._link, self._now_s = link, now_s
-
-    def move(
-        self,
-        target: tuple[float, float, float],
-        listen: Callable[[], None],
-        refusal: Callable[[], str],
-    ) -> None:
-        """Move to (distance m, lateral position m, tilt rad) while reading the bench."""
-        build_message = self._link.dialect.MAVLink_named_value_float_message
-        start_s, sent_s, is_moving = self._now_s(), -1e9, False
-        while (now_s := self._now_s()) - start_s < ARRIVAL_TIMEOUT_S:
-            if not is_moving and now_s - sent_s >= PLATE_RETRY_INTERVAL_S:
-                sent_s = now_s
-                z_m, x_m, tilt_rad = target
-                for axis, value in (("x", x_m), ("tilt", tilt_rad), ("z", z_m)):
-                    self._link.send(build_message(0, f"plate_{axis}".encode(), value))
-            listen()
-            states, self.states = self.states, []
-            for state in states:
-                if state == REFUSED:
-                    text = refusal() or "no reason reported"
-                    raise StageError(f"the plate was not moved: {text}")
-                is_moving = is_moving or state == MOVING
-                if is_moving and state == ARRIVED:
-                    return
-        self._link.send(build_message(0, b"plate_halt", 1.0))
-        raise StageError(
-            f"the plate did not reach {target[0]:g} m within {ARRIVAL_TIMEOUT_S:g} s and was "
-            f"stopped; check the virtual bench"
-        )
+    return MavlinkBench(build_transport(address), address.text, settings, cell=cell)

@@ -1,16 +1,140 @@
-"""Motor drives of an autopilot, and the monitor that stops them on a fault."""
+"""Motor drives of an autopilot, fault detection, and the monitor that stops motors on a fault."""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from typing import Literal
 
-from benchtool.bench.mavlink import messages as mav
+from benchtool.bench.addresses import ArmedBy
+from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import AutopilotInfo
-from benchtool.bench.mavlink.health import RESTARTED, Health, find_silence_error
+from benchtool.bench.mavlink.frames import Message
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostSuspended, LinkLost
+
+# Heartbeats come every second; five missing ones, while streams continue, are a failed autopilot.
+# Assumed: a link that loses every tenth frame misses five in a row once in a day.
+HEARTBEAT_TIMEOUT_S = 5.5
+
+ARMED_FLAG = 128  # bit of the heartbeat's base_mode (MAV_MODE_FLAG): motors armed
+STALE_TIMEOUT_S = 1.0  # wall time without data after which the link is lost; assumed
+MAX_CHUNK_LENGTH = 50  # of one STATUSTEXT; longer texts come in several with the same id
+ARMING_S = 1.5  # from the first command to a heartbeat that shows armed, one per second
+WARNING = 4  # MAV_SEVERITY: notices, information and debug texts end no run
+
+RESTARTED = "the autopilot restarted"
+
+TextKind = Literal["information", "failsafe", "refusal", "restart"]
+
+_RESTART_TEXT = re.compile(r"^ArduPilot Ready$|^Motor Test: Board initialising$")
+_FAILSAFE_TEXT = re.compile(
+    r"failsafe|crash|thrust loss|yaw imbalance|disarm|kill|emergency|terminat", re.I
+)
+_HARMLESS_TEXT = re.compile(r"^(PreArm|Arm): |cleared", re.I)
+
+
+def classify_status_text(text: str, severity: int) -> TextKind:
+    """Return the effect of a status text of the autopilot on a run.
+
+    Severity decides first: of texts below a warning only those of a restart count. Arming checks
+    are repeated every 30 s and do not concern motor tests.
+    """
+    if _RESTART_TEXT.search(text):
+        return "restart"
+    if severity > WARNING or _HARMLESS_TEXT.search(text):
+        return "information"
+    if text.startswith("Motor Test: "):
+        return "refusal"
+    return "failsafe" if _FAILSAFE_TEXT.search(text) else "information"
+
+
+class Health:
+    """State of an autopilot from its heartbeats and status texts.
+
+    Args:
+        arms: the heartbeat shows armed while motors are driven.
+    """
+
+    def __init__(self, arms: bool) -> None:
+        self.armed = False
+        self.texts: list[str] = []
+        self.refusal = ""  # last text of warning or worse, until `drive` or the caller clears it
+        self._arms = arms
+        self._heartbeat_s: float | None = None
+        self._driven_since_s: float | None = None
+        self._was_armed = False
+        self._fault: str | None = None
+        self._chunks: dict[tuple[int, int], list[str]] = {}
+
+    @property
+    def driven(self) -> bool:
+        """Return whether motors are commanded above stop."""
+        return self._driven_since_s is not None
+
+    def drive(self, driven: bool, now_s: float) -> None:
+        if not driven:
+            self._driven_since_s, self._was_armed = None, False
+        elif self._driven_since_s is None:
+            self._driven_since_s = now_s
+            self._fault = RESTARTED if self._fault == RESTARTED else None
+
+    def process_heartbeat(self, message: Message, now_s: float, outputs_match: bool = True) -> None:
+        """Process a heartbeat.
+
+        Args:
+            outputs_match: the outputs match the command. If not, the motor test has ended, for
+                example by lost commands, and the check of the outputs reports the fault.
+        """
+        self._heartbeat_s = now_s
+        self.armed = bool(message.base_mode & ARMED_FLAG)
+        if self._driven_since_s is None or not self._arms or not outputs_match:
+            return
+        self._was_armed = self._was_armed or self.armed
+        if not self.armed and self._was_armed:
+            self._fault = "the autopilot disarmed"
+        elif not self.armed and now_s - self._driven_since_s > ARMING_S:
+            self._fault = "the autopilot stayed disarmed while a motor was commanded"
+
+    def process_text(self, message: Message, is_own: bool = True) -> None:
+        """Process a STATUSTEXT or a chunk of one; texts of other components end no run."""
+        component = 0 if is_own else int(message.get_srcComponent())
+        text = str(message.text)
+        if number := int(message.id):
+            chunks = self._chunks.setdefault((component, number), [])
+            chunks.append(text)
+            if len(text) >= MAX_CHUNK_LENGTH:
+                return
+            text = "".join(self._chunks.pop((component, number)))
+        self.texts.append(text if is_own else f"component {component}: {text}")
+        if not is_own:
+            return
+        kind = classify_status_text(text, message.severity)
+        if message.severity <= WARNING:
+            self.refusal = text
+        if kind == "restart":
+            self._fault = RESTARTED
+        elif kind != "information" and self.driven:
+            self._fault = text
+
+    def take_fault(self) -> str | None:
+        """Return and clear the fault that ends the run, or None."""
+        fault, self._fault = self._fault, None
+        return fault
+
+    def silence_s(self, now_s: float) -> float:
+        if self._heartbeat_s is None:
+            self._heartbeat_s = now_s
+        return now_s - self._heartbeat_s
+
+    def skip(self, pause_s: float) -> None:
+        """Exclude a pause of the reader from the timeouts."""
+        if self._heartbeat_s is not None:
+            self._heartbeat_s += pause_s
+        if self._driven_since_s is not None:
+            self._driven_since_s += pause_s
+
 
 ARM_TIMEOUT_S = 3.0  # from accepted arming to a heartbeat that shows it, one per second
 
@@ -18,36 +142,21 @@ Outputs = tuple[float, ...]
 
 
 class MotorDrive(ABC):
-    """Interface that turns motors, keeps them turning while the bench is read, and stops them.
+    """Interface that turns motors, keeps them turning while the bench is read, and stops them."""
 
-    Attributes:
-        repeats_commands: motor commands expire and are repeated.
-    """
-
-    repeats_commands = False
+    repeats_commands = False  # motor commands expire and are repeated
 
     def __init__(
-        self,
-        link: MavlinkLink,
-        autopilot: AutopilotInfo,
-        health: Health,
-        arm: str,
-        clock: Callable[[], float],
+        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: ArmedBy
     ) -> None:
         self._link, self._autopilot, self._health = link, autopilot, health
-        self._arm, self._clock = arm, clock
+        self._arm, self._clock = arm, link.clock
         self._ended = False
         self.max_pulse_us = 0.0
 
     @abstractmethod
     def command(self, pulses_us: tuple[float, ...]) -> None:
-        """Command the pulse width of every rotor: us.
-
-        Raises:
-            CommandRefused: rejected by the autopilot.
-            InputError: these motors cannot turn together.
-            LinkLost: no acknowledgement within the timeout.
-        """
+        """Command the pulse width of every rotor: us."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -131,18 +240,14 @@ COMMAND_INTERVAL_S = 0.15  # a longer interval between reads is a pause of the h
 
 
 class RunMonitor:
-    """Monitor of a run: reads, repeats commands, and stops the motors on a fault.
-
-    Attributes:
-        restart_commands: commands to a restarted autopilot, which request its outputs, because only
-            they show standstill.
-    """
+    """Monitor of a run: reads, repeats commands, and stops the motors on a fault."""
 
     def __init__(
-        self, address: str, link: MavlinkLink, health: Health, drive: MotorDrive, rows: MavlinkRows
+        self, link: MavlinkLink, health: Health, drive: MotorDrive, rows: MavlinkRows
     ) -> None:
+        # Commands to a restarted autopilot, which request its outputs, because only they show
+        # standstill
         self.restart_commands: list[mav.MavCommand] = []
-        self._address = address
         self._link, self._health, self._drive, self._rows = link, health, drive, rows
         self._pumped_s = link.clock()
         self._stopped: str | None = None
@@ -165,9 +270,18 @@ class RunMonitor:
         silent_s = now_s - self._link.received_s
         if silent_s > SILENCE_TIMEOUT_S:
             self._drive.stop_renewing()
-        link_error = find_silence_error(self._address, silent_s, self._health.silence_s(now_s))
-        if link_error is not None:
-            raise link_error
+        beat_s = self._health.silence_s(now_s)
+        if silent_s > STALE_TIMEOUT_S:
+            raise LinkLost(
+                f"{self._link.address} sent nothing for {silent_s:.1f} s, limit "
+                f"{STALE_TIMEOUT_S:g} s; no motor command was sent after {SILENCE_TIMEOUT_S:g} s "
+                f"of it, and motor tests expire; check cable and power, then start again"
+            )
+        if beat_s > HEARTBEAT_TIMEOUT_S:
+            raise LinkLost(
+                f"{self._link.address} sends, but no heartbeat came for {beat_s:.1f} s, limit "
+                f"{HEARTBEAT_TIMEOUT_S:g} s; check the flight controller, then start again"
+            )
         text_fault = self._health.take_fault()
         fault = self._find_restart() or text_fault
         try:

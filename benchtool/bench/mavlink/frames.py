@@ -1,15 +1,125 @@
-"""MAVLink frames and time stamps: encoding, decoding, loss counts, boot time. Pure functions."""
+"""MAVLink messages, commands and frames: encoding, decoding, loss counts. Pure functions.
+
+pymavlink is imported at the first call, because its import takes a tenth of a second.
+"""
 
 from __future__ import annotations
 
+import struct
 from collections import OrderedDict
 from dataclasses import dataclass, field, fields
+from functools import cache
 from math import sqrt
+from typing import Any
 
-import numpy as np
+from benchtool.core.errors import InputError
 
-from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.mavlink.messages import Message, dialect
+Message = Any  # one MAVLink message: pymavlink makes its classes without types
+
+
+@cache
+def dialect() -> Any:
+    """Return pymavlink's module of the ardupilotmega dialect, which includes the common one."""
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    if ESC_STATUS not in ardupilotmega.mavlink_map:
+        ardupilotmega.mavlink_map[ESC_STATUS] = _build_esc_status(ardupilotmega.MAVLink_message)
+    return ardupilotmega
+
+
+ESC_STATUS = 291  # PX4's speeds of four ESCs; pymavlink 2.4.50 lacks it
+
+
+def _build_esc_status(parent: Any) -> Any:
+    """Return the class of ESC_STATUS, built as pymavlink's classes are (MAVLink common.xml)."""
+
+    class EscStatus(parent):  # type: ignore[misc]
+        id = ESC_STATUS
+        msgname = name = "ESC_STATUS"
+        fieldnames = ("index", "time_usec", "rpm", "voltage", "current")
+        ordered_fieldnames = ("time_usec", "rpm", "voltage", "current", "index")
+        fieldtypes = ("uint8_t", "uint64_t", "int32_t", "float", "float")
+        orders = (4, 0, 1, 2, 3)
+        lengths = (1, 4, 4, 4, 1)
+        array_lengths = (0, 4, 4, 4, 0)
+        crc_extra = 10
+        unpacker = struct.Struct("<Q4i4f4fB")
+
+        def __init__(self, *values: Any) -> None:
+            parent.__init__(self, self.id, self.msgname)
+            self._fieldnames = list(self.fieldnames)
+            self._instance_field, self._instance_offset = "index", -1
+            self.index, self.time_usec, self.rpm, self.voltage, self.current = values
+
+        def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+            payload = self.unpacker.pack(
+                self.time_usec, *self.rpm, *self.voltage, *self.current, self.index
+            )
+            packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+            return packed
+
+    return EscStatus
+
+
+AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT of ground stations, gimbals and companion computers
+ACCEPTED, IN_PROGRESS = 0, 5  # MAV_RESULT of an executed command
+
+ARM_DISARM = 400
+FORCE_DISARM = 21196.0  # second parameter of ARM_DISARM: in any state (MAVLink common.xml)
+MOTOR_TEST = 209  # MAV_CMD_DO_MOTOR_TEST; 206 of some lists is a camera command
+
+ACTUATOR_TEST = 310
+
+SET_INTERVAL, REQUEST_MESSAGE = 511, 512
+
+TIMEOUT_S = 0.25  # longest duration of a motor command: the watchdog of every bench
+TIMEOUT_PARAMETERS = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}  # index of the timeout parameter
+
+
+@dataclass(frozen=True, slots=True)
+class MavCommand:
+    """One COMMAND_LONG: its number and seven parameters.
+
+    A motor command lasts from 0 to `TIMEOUT_S`; no other can be built. ArduPilot treats a negative
+    timeout as infinite, and nan crashes its program.
+    """
+
+    command: int
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        index = TIMEOUT_PARAMETERS.get(self.command)
+        if index is not None and not 0.0 <= self.parameters[index] <= TIMEOUT_S:
+            raise InputError(
+                f"motor command timeout {self.parameters[index]:g} s is out of range; allowed: 0 "
+                f"to {TIMEOUT_S:g} s"
+            )
+
+    def __str__(self) -> str:
+        name = _enum_name("MAV_CMD", self.command)
+        return f"{name} {','.join(f'{value:g}' for value in self.parameters)}"
+
+
+def result_name(result: int) -> str:
+    """Return the MAVLink name of a MAV_RESULT."""
+    return _enum_name("MAV_RESULT", result)
+
+
+def _enum_name(enum: str, value: int) -> str:
+    entries = dialect().enums[enum]
+    return str(entries[value].name).removeprefix(f"{enum}_") if value in entries else str(value)
+
+
+def interval(name: str, rate_Hz: float) -> MavCommand:
+    """Return the command that requests a message at a rate; 0 disables it."""
+    interval_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
+    return MavCommand(SET_INTERVAL, (float(message_id(name)), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def message_id(name: str) -> int:
+    """Return the number of a message."""
+    return ESC_STATUS if name == "ESC_STATUS" else int(getattr(dialect(), f"MAVLINK_MSG_ID_{name}"))
+
 
 GROUND_SYSTEM, GROUND_COMPONENT = 255, 190  # ids of a ground station (MAVLink convention)
 
@@ -25,19 +135,13 @@ SIGNING_EPOCH_S = 1_420_070_400.0  # 2015-01-01 UTC (MAVLink 2 message signing)
 
 @dataclass(slots=True)
 class LinkCounts:
-    """Counts of frames.
-
-    Attributes:
-        lost: missing sequence numbers, over all components of a system.
-        corrupt: discarded for checksum or signature.
-        reordered: received after a later one.
-    """
+    """Counts of frames."""
 
     messages: int = 0
-    lost: int = 0
-    corrupt: int = 0
+    lost: int = 0  # missing sequence numbers, over all components of a system
+    corrupt: int = 0  # discarded for checksum or signature
     duplicates: int = 0
-    reordered: int = 0
+    reordered: int = 0  # received after a later one
 
     def add(self, other: LinkCounts) -> None:
         for count in fields(self):
@@ -211,85 +315,3 @@ class MavlinkQuality:
             "link_reordered": str(counts.reordered),
             "link_jitter_ms": f"{1e3 * jitter_s:.2f}",
         }
-
-
-TIME_MODULUS = 1 << 32
-MAX_BACKWARD_US = 2_000_000  # a larger step back is a restart, not reordering; assumed
-
-# A larger step ahead is a restart as well, because through a wrap a step back is one ahead. A link
-# that was silent for so long has already ended its run; assumed.
-MAX_FORWARD_US = 600_000_000
-
-EPOCH_US = 1 << 50  # larger stamps (35 years) are since 1970, not since boot; MAVLink allows both
-
-
-class BootTime:
-    """Time since boot, unwrapped from all kinds of stamps: microseconds.
-
-    `SERVO_OUTPUT_RAW.time_usec` has 32 bits and wraps after 71.6 minutes, `time_boot_ms` after
-    49.7 days. A message without a stamp gets the last one.
-
-    Attributes:
-        last_us: newest time.
-        rebooted: the clock has restarted; time then continues from the last stamp.
-    """
-
-    def __init__(self) -> None:
-        self.last_us = 0
-        self.rebooted = False
-        self._is_anchored = False
-        self._offset_us = 0
-
-    def us32(self, stamp: int) -> int:
-        return self._unwrap(stamp, TIME_MODULUS, cannot_wrap=False)
-
-    def ms32(self, stamp: int) -> int:
-        return self._unwrap(1000 * stamp, 1000 * TIME_MODULUS)
-
-    def us64(self, stamp: int) -> int:
-        """Return the time of a 64-bit stamp; one since 1970 is replaced by the newest time."""
-        return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._unwrap(stamp, 1 << 64)
-
-    def message_time_us(self, message: Message) -> int:
-        """Return the time of a message from its stamp; without one, the newest time."""
-        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
-            return self.ms32(boot_ms)
-        if (stamp := getattr(message, "time_usec", None)) is not None:
-            return self.us64(stamp)
-        return self.last_us
-
-    def _unwrap(self, stamp: int, modulus: int, cannot_wrap: bool = True) -> int:
-        if not self._is_anchored and (cannot_wrap or not self.last_us):
-            # The first stamp that cannot have wrapped sets the time since boot.
-            self._is_anchored = cannot_wrap
-            self.last_us = stamp
-            return stamp
-        step = (stamp + self._offset_us - self.last_us + modulus // 2) % modulus - modulus // 2
-        if not -MAX_BACKWARD_US <= step <= MAX_FORWARD_US:
-            self.rebooted = True
-            # New times follow earlier ones, so that a recording's time never decreases.
-            self._offset_us -= step
-            step = 0
-        self.last_us = max(self.last_us, self.last_us + step)
-        return self.last_us if step > 0 else self.last_us + step
-
-
-class CompanionTime:
-    """Stamps of another component in the autopilot's time.
-
-    The component has a separate clock. Its messages arrive no sooner than they were sent, so the
-    smallest recent delay is the offset of the two clocks.
-    """
-
-    def __init__(self) -> None:
-        self._boot, self._clock = BootTime(), DeviceClock()
-
-    def us(self, stamp_ms: int, arrived_us: int) -> int:
-        """Return a 32-bit stamp in ms as the autopilot's us, from its arrival time."""
-        sent_us = self._boot.ms32(stamp_ms)
-        if self._boot.rebooted:
-            self._boot, self._clock = BootTime(), DeviceClock()
-            sent_us = self._boot.ms32(stamp_ms)
-        self._clock.update(sent_us, 1e-6 * arrived_us)
-        time_s = self._clock.host_time_s(np.array([sent_us], np.int64))[0]
-        return min(round(1e6 * float(time_s)), arrived_us)

@@ -10,12 +10,15 @@ from benchtool.bench.clocks import HostGapDetector
 from benchtool.bench.identify import mismatch_message, probe_answer
 from benchtool.bench.mavlink.frames import (
     AUTOPILOT_COMPONENT,
+    AUTOPILOT_INVALID,
     GROUND_SYSTEM,
     SEQUENCE_MODULUS,
+    MavCommand,
     MavlinkFrames,
+    Message,
+    dialect,
     is_signed,
 )
-from benchtool.bench.mavlink.messages import AUTOPILOT_INVALID, MavCommand, Message, dialect
 from benchtool.bench.transport.transport import MAX_WAIT_S, LinkEndpoint, Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 
@@ -47,14 +50,7 @@ class LinkGap(NamedTuple):
 
 
 class MavlinkLink(LinkEndpoint):
-    """Link to an autopilot over a transport.
-
-    Attributes:
-        on_message: callback for every message of the system, with the wall time of its arrival.
-        received_s: wall time of the autopilot's last message.
-        slowest_s: longest delay of an acknowledgement.
-        gaps: detects pauses between and during calls of `pump`.
-    """
+    """Link to an autopilot over a transport."""
 
     def __init__(
         self, transport: Transport, address: str, clock: Callable[[], float], frames: MavlinkFrames
@@ -63,9 +59,10 @@ class MavlinkLink(LinkEndpoint):
         self.frames = frames
         self.system = 0
         self.component = AUTOPILOT_COMPONENT
-        self.received_s = clock()
-        self.slowest_s = 0.0
-        self.gaps = HostGapDetector()
+        self.received_s = clock()  # wall time of the autopilot's last message
+        self.slowest_s = 0.0  # longest delay of an acknowledgement
+        self.gaps = HostGapDetector()  # detects pauses between and during calls of `pump`
+        # Callback for every message of the system, with the wall time of its arrival
         self.on_message: Callable[[Message, float], None] = lambda message, arrived_s: None
         self.dialect = dialect()
         self._heartbeat_s = -HEARTBEAT_S
@@ -81,11 +78,6 @@ class MavlinkLink(LinkEndpoint):
 
         Args:
             system: system number; None means the only system.
-
-        Raises:
-            PortBusy, PortDenied, NoDevice: the port is not available, or it stays silent.
-            ProtocolError: another protocol, or another signing key.
-            InputError: several autopilots reply, or not the requested one.
         """
         self.received = b""
         self.transport.open()

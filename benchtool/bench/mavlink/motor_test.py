@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from math import inf
 
-from benchtool.bench.mavlink import messages as mav
+from benchtool.bench.addresses import ArmedBy
+from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, RESEND_INTERVAL_S, AutopilotInfo
-from benchtool.bench.mavlink.drive import MotorDrive, Outputs
-from benchtool.bench.mavlink.health import Health
+from benchtool.bench.mavlink.drive import Health, MotorDrive, Outputs
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.core.errors import (
     CommandRefused,
@@ -34,14 +35,9 @@ class MotorTestDrive(MotorDrive):
     repeats_commands = True
 
     def __init__(
-        self,
-        link: MavlinkLink,
-        autopilot: AutopilotInfo,
-        health: Health,
-        arm: str,
-        clock: Callable[[], float],
+        self, link: MavlinkLink, autopilot: AutopilotInfo, health: Health, arm: ArmedBy
     ) -> None:
-        super().__init__(link, autopilot, health, arm, clock)
+        super().__init__(link, autopilot, health, arm)
         self._outputs = OutputMonitor(autopilot.pilot.name, autopilot.pulses.stop_us)
         self._rotor_outputs = list(autopilot.wiring.outputs)
         self._active_commands: tuple[mav.MavCommand, ...] = ()
@@ -195,7 +191,7 @@ class MotorTestDrive(MotorDrive):
                     pending_ids.discard(command_id)
                 elif result is not None:
                     raise CommandRefused(str(commands[0]), self._wait_for_reason(result))
-            if self._outputs.outputs_match and self._outputs.reported_since(start_s):
+            if self._outputs.outputs_match and self._outputs.reported_s > start_s:
                 self._acked_s = self._clock()
                 break
         self._raise_if_paused()
@@ -226,6 +222,7 @@ class OutputMonitor:
 
     Attributes:
         outputs_match: every output, as last reported, matches its command.
+        reported_s: time of the last reported outputs, -inf before.
         has_lapsed: a motor that was confirmed to turn, and shall turn, has a stopped output.
 
     Args:
@@ -238,12 +235,9 @@ class OutputMonitor:
         self._commanded: dict[int, tuple[int, float]] = {}
         self._recent: list[tuple[float, int, float]] = []
         self._match_s: dict[int, float] = {}
-        self._reported_s: float | None = None
+        self.reported_s = -inf
         self._seen_turning: set[int] = set()
         self.outputs_match = self.has_lapsed = False
-
-    def reported_since(self, time_s: float) -> bool:
-        return self._reported_s is not None and self._reported_s > time_s
 
     def command(self, commanded: Mapping[int, tuple[int, float]], now_s: float) -> None:
         """Set the expected outputs.
@@ -268,9 +262,9 @@ class OutputMonitor:
             a rotor whose output was unknown, and the only output that follows it (from 1).
         """
         assignment = None
-        gap_s = now_s - self._reported_s if self._reported_s is not None else 0.0
-        self._reported_s = now_s
-        if gap_s > GAP_S:
+        gap_s = now_s - self.reported_s
+        self.reported_s = now_s
+        if GAP_S < gap_s < inf:
             # A pause of the link or of the reader does not count as a mismatch.
             self._match_s = {rotor: good_s + gap_s for rotor, good_s in self._match_s.items()}
         self._recent = [item for item in self._recent if now_s - item[0] <= DETECTION_TIMEOUT_S]
@@ -303,12 +297,12 @@ class OutputMonitor:
             lost_s: time since the last acknowledgement of a repeated command.
             slowest_s: longest delay of an acknowledgement.
         """
-        if self._reported_s is None:
+        if self.reported_s == -inf:
             return None
         suffix = f"; acknowledgements take up to {slowest_s:.1f} s: the link is overloaded"
         suffix = suffix if slowest_s > DETECTION_TIMEOUT_S else ""
         for rotor, (output, pulse_us) in self._commanded.items():
-            mismatch_s = self._reported_s - self._match_s[rotor]
+            mismatch_s = self.reported_s - self._match_s[rotor]
             if mismatch_s <= DETECTION_TIMEOUT_S:
                 continue
             output_text = f"output {output} shows {outputs_us[output - 1]:g} us"
@@ -325,7 +319,7 @@ class OutputMonitor:
                 f"{DETECTION_TIMEOUT_S:g} s; check the safety switch, the arming checks and the "
                 f"map of outputs (benchtool bench map){suffix}"
             )
-        unreported_s = now_s - self._reported_s
+        unreported_s = now_s - self.reported_s
         turning = any(us > self._stop_us for _, us in self._commanded.values())
         if unreported_s > (REPORT_TIMEOUT_S if turning else UNREPORTED_AT_REST_S):
             return f"{self._name} has not reported its outputs for {unreported_s:.1f} s{suffix}"

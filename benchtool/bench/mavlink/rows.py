@@ -1,6 +1,7 @@
-"""Rows of readings from an autopilot's messages: one row per millisecond with new values.
+"""Rows of readings from an autopilot's messages, with their times since boot. Pure functions.
 
-Pure functions. No value is repeated: a channel without a new value is nan.
+A row has the new values of one millisecond. No value is repeated: a channel without a new value is
+nan.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.addresses import DOWNWARD_ORIENTATION
-from benchtool.bench.mavlink.frames import BootTime, CompanionTime
-from benchtool.bench.mavlink.messages import Message
-from benchtool.bench.mavlink.settings import ChannelWiring, build_channels
+from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.mavlink.frames import Message
+from benchtool.bench.mavlink.settings import NO_THRUST, MavlinkSettings, MotorMap, build_channels
 from benchtool.core.units import Array
 
 UNKNOWN_U16 = 65535  # battery value without a measurement
@@ -59,28 +60,29 @@ SPEEDS: dict[str, Callable[[Message], Iterable[tuple[int, float]]]] = {  # by th
 class MavlinkRows:
     """Converter of messages to rows.
 
-    Attributes:
-        outputs_us: (16,) last reported pulse width of every output, 0 without pulses, nan if the
-            autopilot sends nan, which is neither a stop nor a command.
-        speeds_rpm: last reported speed of each ESC, by its number from 1.
-
     Args:
         idle_us: larger outputs drive their motors.
-        with_speeds: False ignores every speed message.
+        virtual: the autopilot is virtual and reports the exact plate distance.
     """
 
-    def __init__(self, wiring: ChannelWiring, idle_us: float, with_speeds: bool = True) -> None:
+    def __init__(
+        self, wiring: MotorMap, settings: MavlinkSettings, idle_us: float, virtual: bool = False
+    ) -> None:
         self.time = BootTime()
+        # (16,) last reported pulse width of every output, 0 without pulses, nan if the autopilot
+        # sends nan, which is neither a stop nor a command
         self.outputs_us: tuple[float, ...] = (0,) * OUTPUTS
         self.speeds = SpeedSources(wiring.n_rotors)
         self.idle_us = idle_us
-        self._wiring, self._with_speeds = wiring, with_speeds
+        self._wiring, self._settings, self._virtual = wiring, settings, virtual
+        self._thrust = NO_THRUST if settings.cell else settings.thrust
         names = [channel.name for channel in build_channels(wiring.n_rotors)]
         self._columns = {name: index for index, name in enumerate(names)}
         self._blank = [nan] * len(names)
         # Unknown outputs are assigned in order; at standstill all have the same value.
         self._rotor_outputs = [output or rotor for rotor, output in enumerate(wiring.outputs, 1)]
         self._rotor_escs = list(wiring.escs)
+        # Last reported speed of each ESC, by its number from 1
         self.speeds_rpm: dict[int, float] = {}
         self._counts: dict[int, int] = {}
         self._best_distance = ""
@@ -117,11 +119,13 @@ class MavlinkRows:
         if name == "SERVO_OUTPUT_RAW":
             if arrived_us is None and message.port == 0:
                 self._process_outputs(self.time.us32(message.time_usec), _SERVO_OUTPUTS(message))
-        elif name == self._wiring.thrust.message or (
-            name == "DISTANCE_SENSOR" and self._wiring.orientation is not None
+        elif name == self._thrust.message or (
+            name == "DISTANCE_SENSOR" and self._settings.orientation is not None
         ):
-            arrival_us = None if arrived_us is None else self._companion_us(message, arrived_us)
-            self._process_thrust_or_distance(message, arrival_us)
+            if arrived_us is not None and (stamp_ms := getattr(message, "time_boot_ms", 0)):
+                clock = self._companions.setdefault(message.get_srcComponent(), CompanionTime())
+                arrived_us = clock.us(stamp_ms, arrived_us)
+            self._process_thrust_or_distance(message, arrived_us)
         elif arrived_us is not None:
             return
         elif name in VALUES:
@@ -134,11 +138,11 @@ class MavlinkRows:
             self._process_virtual_plate(message)
         elif name == "RANGEFINDER":
             # Deprecated, without stamp and orientation: ArduPilot sends the downward sensor.
-            if message.distance > 0.0 and self._wiring.orientation == DOWNWARD_ORIENTATION:
+            if message.distance > 0.0 and self._settings.orientation == DOWNWARD_ORIENTATION:
                 self._put_distance(message.distance, self.time.last_us, name)
-        elif self._with_speeds and name in TELEMETRY:
+        elif self._settings.speeds and name in TELEMETRY:
             self._process_telemetry(message, TELEMETRY[name])
-        elif self._with_speeds and name in SPEEDS:
+        elif self._settings.speeds and name in SPEEDS:
             time_us = message_time(message)
             for esc, rpm in SPEEDS[name](message):
                 self._process_speed(name, esc, rpm, time_us)
@@ -185,24 +189,19 @@ class MavlinkRows:
             # 0 means no pulses: the safety switch is on, or the autopilot is still starting.
             self._put(time_us, rotor, float(pulses[output - 1]))
 
-    def _companion_us(self, message: Message, arrived_us: int) -> int:
-        clock = self._companions.setdefault(message.get_srcComponent(), CompanionTime())
-        stamp_ms = getattr(message, "time_boot_ms", 0)
-        return clock.us(stamp_ms, arrived_us) if stamp_ms else arrived_us
-
     def _process_virtual_plate(self, message: Message) -> bool:
         """Process the exact distance of a virtual autopilot; return whether it was one."""
-        if not (self._wiring.virtual and message.name == "plate_z"):
+        if not (self._virtual and message.name == "plate_z"):
             return False
         self._put_distance(message.value, self.time.message_time_us(message), "virtual world")
         return True
 
     def _process_thrust_or_distance(self, message: Message, arrival_us: int | None) -> None:
         """Process a message of autopilot or companion; `arrival_us` is set for a companion's."""
-        name, thrust = message.msgname, self._wiring.thrust
+        name, thrust = message.msgname, self._thrust
         if name == "DISTANCE_SENSOR":
             if (
-                message.orientation == self._wiring.orientation
+                message.orientation == self._settings.orientation
                 and message.min_distance <= message.current_distance <= message.max_distance
             ):
                 time_us = self.time.message_time_us(message) if arrival_us is None else arrival_us
@@ -217,7 +216,7 @@ class MavlinkRows:
             raw = getattr(message, thrust.part or "value")
         time_us = self.time.message_time_us(message) if arrival_us is None else arrival_us
         self._put(time_us, self._columns["thrust_raw"], raw)
-        self._put(time_us, self._columns["thrust_N"], raw * self._wiring.thrust_scale_N)
+        self._put(time_us, self._columns["thrust_N"], raw * self._settings.thrust_scale_N)
 
     def _process_speed(self, source: str, esc: int, rpm: float, time_us: int) -> None:
         self.speeds_rpm[esc] = rpm
@@ -300,3 +299,81 @@ class SpeedSources:
     def take_messages(self) -> list[str]:
         messages, self._messages = self._messages, []
         return messages
+
+
+TIME_MODULUS = 1 << 32
+MAX_BACKWARD_US = 2_000_000  # a larger step back is a restart, not reordering; assumed
+
+# A larger step ahead is a restart as well, because through a wrap a step back is one ahead. A link
+# that was silent for so long has already ended its run; assumed.
+MAX_FORWARD_US = 600_000_000
+
+EPOCH_US = 1 << 50  # larger stamps (35 years) are since 1970, not since boot; MAVLink allows both
+
+
+class BootTime:
+    """Time since boot, unwrapped from all kinds of stamps: microseconds.
+
+    `SERVO_OUTPUT_RAW.time_usec` has 32 bits and wraps after 71.6 minutes, `time_boot_ms` after
+    49.7 days. A message without a stamp gets the last one.
+    """
+
+    def __init__(self) -> None:
+        self.last_us = 0  # newest time
+        self.rebooted = False  # the clock has restarted; time then continues from the last stamp
+        self._is_anchored = False
+        self._offset_us = 0
+
+    def us32(self, stamp: int) -> int:
+        return self._unwrap(stamp, TIME_MODULUS, cannot_wrap=False)
+
+    def ms32(self, stamp: int) -> int:
+        return self._unwrap(1000 * stamp, 1000 * TIME_MODULUS)
+
+    def us64(self, stamp: int) -> int:
+        """Return the time of a 64-bit stamp; one since 1970 is replaced by the newest time."""
+        return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._unwrap(stamp, 1 << 64)
+
+    def message_time_us(self, message: Message) -> int:
+        """Return the time of a message from its stamp; without one, the newest time."""
+        if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
+            return self.ms32(boot_ms)
+        if (stamp := getattr(message, "time_usec", None)) is not None:
+            return self.us64(stamp)
+        return self.last_us
+
+    def _unwrap(self, stamp: int, modulus: int, cannot_wrap: bool = True) -> int:
+        if not self._is_anchored and (cannot_wrap or not self.last_us):
+            # The first stamp that cannot have wrapped sets the time since boot.
+            self._is_anchored = cannot_wrap
+            self.last_us = stamp
+            return stamp
+        step = (stamp + self._offset_us - self.last_us + modulus // 2) % modulus - modulus // 2
+        if not -MAX_BACKWARD_US <= step <= MAX_FORWARD_US:
+            self.rebooted = True
+            # New times follow earlier ones, so that a recording's time never decreases.
+            self._offset_us -= step
+            step = 0
+        self.last_us = max(self.last_us, self.last_us + step)
+        return self.last_us if step > 0 else self.last_us + step
+
+
+class CompanionTime:
+    """Stamps of another component in the autopilot's time.
+
+    The component has a separate clock. Its messages arrive no sooner than they were sent, so the
+    smallest recent delay is the offset of the two clocks.
+    """
+
+    def __init__(self) -> None:
+        self._boot, self._clock = BootTime(), DeviceClock()
+
+    def us(self, stamp_ms: int, arrived_us: int) -> int:
+        """Return a 32-bit stamp in ms as the autopilot's us, from its arrival time."""
+        sent_us = self._boot.ms32(stamp_ms)
+        if self._boot.rebooted:
+            self._boot, self._clock = BootTime(), DeviceClock()
+            sent_us = self._boot.ms32(stamp_ms)
+        self._clock.update(sent_us, 1e-6 * arrived_us)
+        time_s = self._clock.host_time_s(np.array([sent_us], np.int64))[0]
+        return min(round(1e6 * float(time_s)), arrived_us)

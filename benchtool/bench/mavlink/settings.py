@@ -13,9 +13,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.addresses import DOWNWARD_ORIENTATION, MavlinkAddress
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
-from benchtool.bench.transport.transport import Transport
+from benchtool.bench.addresses import ArmedBy, BenchMode, MavlinkAddress
 from benchtool.core.channel import Channel
 from benchtool.core.choices import ArmedBy, BenchMode
 from benchtool.core.errors import FileFormatError, InputError
@@ -31,16 +29,11 @@ _THRUST = re.compile(r"(?P<name>[^.\[\]]{1,10})(?:\.(?P<axis>[xyz])|\[(?P<index>
 
 @dataclass(frozen=True, slots=True)
 class ThrustSource:
-    """Message that carries thrust.
-
-    Attributes:
-        name: name of the value, at most ten letters, in all three kinds of message.
-        part: "x", "y" or "z" of a vector, the index in an array, "" for a single value.
-    """
+    """Message that carries thrust."""
 
     message: str = "NAMED_VALUE_FLOAT"
-    name: str = "thrust"
-    part: str = ""
+    name: str = "thrust"  # name of the value, at most ten letters, in all three kinds of message
+    part: str = ""  # "x", "y" or "z" of a vector, the index in an array, "" for a single value
 
     @classmethod
     def parse(cls, text: str) -> ThrustSource:
@@ -62,33 +55,6 @@ THRUST = ThrustSource()  # a single value named `thrust`, the default of a scrip
 NO_THRUST = ThrustSource(name="")  # no message, because the load cell is elsewhere
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelWiring:
-    """Assignment of a rig's rotors to an autopilot's motors, outputs and ESCs.
-
-    Attributes:
-        motors: (n_rotors,) number of each rotor in the autopilot's motor test, from 1.
-        outputs: (n_rotors,) output that drives each rotor, from 1; 0 if unknown.
-        escs: (n_rotors,) index of each rotor in speed messages, from 1.
-        thrust_scale_N: newtons per unit of the thrust message.
-        orientation: of the distance sensor that faces the plate; None disables the distance.
-        virtual: the autopilot is virtual and reports the exact plate distance.
-    """
-
-    motors: tuple[int, ...]
-    outputs: tuple[int, ...]
-    escs: tuple[int, ...]
-    thrust: ThrustSource = THRUST
-    thrust_scale_N: float = 1.0
-    orientation: int | None = None
-    virtual: bool = False
-
-    @property
-    def n_rotors(self) -> int:
-        """Number of rotors."""
-        return len(self.motors)
-
-
 def build_channels(n_rotors: int) -> tuple[Channel, ...]:
     """Return all channels that an autopilot can report for so many rotors, in order."""
     numbers = range(1, n_rotors + 1)
@@ -108,14 +74,9 @@ def build_channels(n_rotors: int) -> tuple[Channel, ...]:
 
 
 def live_channels(
-    mode: str, n_rotors: int, live: Container[int], *, cell: bool
+    mode: BenchMode, n_rotors: int, live: Container[int], *, cell: bool
 ) -> dict[int, Channel]:
-    """Return the channels of a bench by their columns.
-
-    Args:
-        live: columns that have had a value.
-        cell: the load cell has a separate port.
-    """
+    """Return the channels of a bench by their columns."""
     # Attitude may be streamed for another host and does not make a pitch bench.
     # Where a router asks for attitude, the bench is no pitch bench.
     excluded = PITCH_CHANNELS if mode == "plate" else ()
@@ -135,18 +96,18 @@ OutputNumber = Annotated[int, Ge(0), Le(16)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorMap(FiniteTable):
-    """Motor, output and ESC of each rotor, in the rig's order.
-
-    Attributes:
-        outputs: output that drives each rotor; 0 if unknown.
-        escs: index of each rotor in speed messages; 0 if there is none.
-    """
+    """Motor, output and ESC of each rotor, in the rig's order."""
 
     rig: str
     autopilot: str
+    # Number of each rotor in the autopilot's motor test, from 1
     motors: Annotated[tuple[MotorNumber, ...], Len(1, 12)]
-    outputs: tuple[OutputNumber, ...]
-    escs: tuple[OutputNumber, ...]
+    outputs: tuple[OutputNumber, ...]  # output that drives each rotor; 0 if unknown
+    escs: tuple[OutputNumber, ...]  # index of each rotor in speed messages; 0 if there is none
+
+    @property
+    def n_rotors(self) -> int:
+        return len(self.motors)
 
     def to_toml(self) -> str:
         """Return the map as file text."""
@@ -187,36 +148,31 @@ RATE_HZ, PITCH_HZ = 50.0, 250.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkSettings:
-    """Settings of the link to an autopilot and of its channels.
-
-    Attributes:
-        motor_map: map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs.
-        arm: who arms in a pitch experiment.
-        key: 32 bytes for MAVLink 2 signing; None disables signing.
-        orientation: of the distance sensor (MAV_SENSOR_ORIENTATION); others are ignored.
-        cell: port and baud rate of an auxiliary load cell; None if there is none.
-        warning: shown before the link is opened, or empty.
-    """
+    """Settings of the link to an autopilot and of its channels."""
 
     system: int | None = None
     rotors: int | None = None
+    # Map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs
     motor_map: MotorMap | None = None
     mode: BenchMode = "plate"
-    arm: ArmedBy = "operator"
+    arm: ArmedBy = "operator"  # who arms in a pitch experiment
     rate_Hz: float = RATE_HZ
-    key: bytes | None = None
+    key: bytes | None = None  # 32 bytes for MAVLink 2 signing; None disables signing
     thrust: ThrustSource = THRUST
-    thrust_scale_N: float = 1.0
+    thrust_scale_N: float = 1.0  # newtons per unit of the thrust message
     speeds: bool = True
-    distance: bool = False
-    orientation: int = DOWNWARD_ORIENTATION
+    # Of the distance sensor that faces the plate (MAV_SENSOR_ORIENTATION), others are ignored; None
+    # disables the distance
+    orientation: int | None = None
+    # Port and baud rate of an auxiliary load cell; None if there is none
     cell: tuple[str, int] | None = None
-    warning: str = ""
+    warning: str = ""  # shown before the link is opened, or empty
 
 
 def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
     """Return the settings of an address, with the contents of its map and key files."""
     is_pitch = address.mode == "pitch"
+    has_distance = (address.distance or ("on" if is_pitch else "off")) == "on"
     return MavlinkSettings(
         system=address.system,
         rotors=address.rotors,
@@ -228,22 +184,10 @@ def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
         thrust=ThrustSource.parse(address.thrust),
         thrust_scale_N=address.thrust_scale_N,
         speeds=address.rpm == "auto",
-        distance=(address.distance or ("on" if is_pitch else "off")) == "on",
-        orientation=address.orientation,
+        orientation=address.orientation if has_distance else None,
         cell=address.cell_port_and_baud,
         warning=address.warning,
     )
-
-
-def open_transport(address: MavlinkAddress) -> Transport:
-    """Return the link of an address, not opened yet."""
-    if address.link == "serial":
-        from benchtool.bench.transport.serial_port import SerialPort
-
-        return SerialPort(address.serial_port, address.baud)
-    if address.link == "tcp":
-        return TcpSocket(address.host, address.port)
-    return UdpSocket(address.host, address.port, listen=address.link == "udpin")
 
 
 def read_key(path: Path) -> bytes:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from benchtool.bench.addresses import MIN_HZ
 from benchtool.bench.mavlink.autopilots import RESEND_INTERVAL_S
+from benchtool.bench.mavlink.frames import ACCEPTED, dialect, interval, message_id
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import ACCEPTED, dialect, interval, message_id
 from benchtool.bench.mavlink.rows import SPEEDS, TELEMETRY
 from benchtool.bench.mavlink.settings import THRUST_MESSAGES, MavlinkSettings
 from benchtool.bench.transport.transport import BITS_PER_BYTE
@@ -64,7 +64,7 @@ def stream_requests(settings: MavlinkSettings, n_rotors: int) -> tuple[StreamReq
     if settings.speeds:
         names = (*list(TELEMETRY)[: (n_rotors + 3) // 4], *SPEEDS)
         requests += [StreamRequest(name, slow_Hz) for name in names]
-    if settings.distance:
+    if settings.orientation is not None:
         requests.append(StreamRequest("DISTANCE_SENSOR", slow_Hz))
         requests.append(StreamRequest("RANGEFINDER", slow_Hz, instead_of="DISTANCE_SENSOR"))
     return tuple(requests)
@@ -123,14 +123,13 @@ def _estimate_bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: i
 def request_streams(
     link: MavlinkLink,
     requests: tuple[StreamRequest, ...],
-    counts: Callable[[str], int],
-    clock: Callable[[], float],
+    counts: Mapping[str, int],
     speed: float,
 ) -> dict[str, StreamState]:
     """Request every message and return the result of each.
 
     Args:
-        counts: returns how many of a message were received so far.
+        counts: number of received messages by name, updated while the link is read.
         speed: seconds of the autopilot's time per wall second.
     """
     states: dict[str, StreamState] = {}
@@ -141,14 +140,14 @@ def request_streams(
             if bool(request.instead_of) is is_fallback
             and (not is_fallback or states.get(request.instead_of) != "comes")
         }
-        initial = {name: counts(name) for name in accepted}
-        deadline_s = clock() + max(LISTEN_TIMEOUT_S / speed, MIN_LISTEN_S)
+        initial = {name: counts[name] for name in accepted}
+        deadline_s = link.clock() + max(LISTEN_TIMEOUT_S / speed, MIN_LISTEN_S)
         pending = set(accepted)
-        while pending and clock() < deadline_s:
+        while pending and link.clock() < deadline_s:
             link.pump(0.02)
-            pending = {n for n in pending if counts(n) - initial[n] < REQUIRED_MESSAGES.get(n, 1)}
+            pending = {n for n in pending if counts[n] - initial[n] < REQUIRED_MESSAGES.get(n, 1)}
         for name, is_accepted in accepted.items():
-            has_come = counts(name) > initial[name]
+            has_come = counts[name] > initial[name]
             if is_accepted:
                 states[name] = "comes" if has_come else "accepted, but nothing comes"
             else:
@@ -175,9 +174,6 @@ def disable_other_streams(
 
     Intervals belong to the autopilot's port and outlast the host that requested them. On a link
     that may be shared they are not changed.
-
-    Args:
-        states: results of the requested messages.
     """
     other_names = [
         name

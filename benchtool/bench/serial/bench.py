@@ -15,17 +15,16 @@ import numpy as np
 
 from benchtool.bench.addresses import SerialAddress, TcpAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
+from benchtool.bench.drivers import build_transport
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.command_channel import CommandChannel
 from benchtool.bench.serial.hello import Hello, check_rate, max_rate_Hz
-from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import (
     BenchError,
     CommandRefused,
     DeviceStopped,
     LinkLost,
-    NoDevice,
     ProtocolError,
     StageError,
 )
@@ -33,6 +32,8 @@ from benchtool.core.units import Array
 
 STALE_TIMEOUT_S = 1.0  # wall time without data after which the link is lost: 4 watchdogs; assumed
 PLATE_POLL_INTERVAL_S = 0.5  # of state requests while the plate moves: `arrived` may be lost
+
+ARRIVAL_TIMEOUT_S = 120.0  # of the plate, bench time
 
 STOP_ATTEMPTS = 3
 
@@ -42,26 +43,14 @@ class SerialBench(StreamingBench):
 
     Bench time is wall time multiplied by the speed that a virtual device reports in its hello;
     every `timeout_s` is bench time. Link timeouts and the watchdog are wall time.
-
-    Args:
-        arrive_s: arrival timeout of the plate, bench time.
-        device_id: the only accepted device, for example after a replug or for a resumed run; None
-            accepts any.
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        address: str,
-        clock: Callable[[], float] = time.monotonic,
-        arrive_s: float = 120.0,
-        device_id: str | None = None,
+        self, transport: Transport, address: str, clock: Callable[[], float] = time.monotonic
     ) -> None:
         super().__init__(address)
         self._channel = CommandChannel(transport, address, clock, self._receive_readings)
         self._clock = clock
-        self._arrival_timeout_s = arrive_s
-        self._device_id = device_id
         self._hello: Hello | None = None
         self._rate_Hz = 0.0
         self._messages: list[str] = []
@@ -85,11 +74,6 @@ class SerialBench(StreamingBench):
         self._clear_buffer()
         try:
             self._hello = self._channel.open()
-            if self._device_id not in (None, self._hello.device_id):
-                raise NoDevice(
-                    f"{self.address} is device {self._hello.device_id!r}, but {self._device_id!r} "
-                    f"is needed; connect that one or start a new run"
-                )
             self.clear()
             self._messages.clear()
             rate_Hz = self._hello.rate_Hz
@@ -152,10 +136,10 @@ class SerialBench(StreamingBench):
             if self._stage_fault is not None:
                 raise StageError(f"the stage did not reach {z_m:g} m: {self._stage_fault}")
             now_s = self._clock()
-            if (now_s - start_s) * self._require_hello().speed > self._arrival_timeout_s:
+            if (now_s - start_s) * self._require_hello().speed > ARRIVAL_TIMEOUT_S:
                 self.stop()
                 raise StageError(
-                    f"the plate did not reach {z_m:g} m within {self._arrival_timeout_s:g} s and "
+                    f"the plate did not reach {z_m:g} m within {ARRIVAL_TIMEOUT_S:g} s and "
                     f"was stopped; check for an obstacle"
                 )
             if now_s - requested_s > PLATE_POLL_INTERVAL_S and not self._arrived:
@@ -197,7 +181,9 @@ class SerialBench(StreamingBench):
                 return buffered
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
-                return self._take_buffered_or_read(self._no_samples)
+                messages, self._messages = tuple(self._messages), []
+                values, empty = np.empty((0, len(self._require_hello().channels))), np.empty(0)
+                return self._publish(Readings(empty, empty, values, messages=messages))
             if not self._channel.pump(left_s):
                 self._check_silence()
 
@@ -277,13 +263,6 @@ class SerialBench(StreamingBench):
             readings = replace(readings, messages=messages)
         self._buffer_readings(readings)
 
-    def _no_samples(self) -> Readings:
-        messages, self._messages = tuple(self._messages), []
-        empty = np.empty(0)
-        return Readings(
-            empty, empty, np.empty((0, len(self._require_hello().channels))), messages=messages
-        )
-
 
 def _rejection(command: wire.Command, reason: str) -> CommandRefused:
     suffix = (
@@ -294,13 +273,6 @@ def _rejection(command: wire.Command, reason: str) -> CommandRefused:
     return CommandRefused(",".join(wire.command_fields(command)), f"{reason}{suffix}")
 
 
-def open_serial(address: SerialAddress) -> SerialBench:
-    """Return the bench of a serial port, not opened yet."""
-    from benchtool.bench.transport.serial_port import SerialPort
-
-    return SerialBench(SerialPort(address.port, address.baud), address.text)
-
-
-def open_tcp(address: TcpAddress) -> SerialBench:
-    """Return the bench of a TCP port, not opened yet."""
-    return SerialBench(TcpSocket(address.host, address.port), address.text)
+def open_serial(address: SerialAddress | TcpAddress) -> SerialBench:
+    """Return the bench of a serial or TCP port, not opened yet."""
+    return SerialBench(build_transport(address), address.text)

@@ -56,12 +56,7 @@ class CommandChannel(LinkEndpoint):
         self._opened_s = 0.0
 
     def open(self) -> Hello:
-        """Open the transport and request a hello until a device replies.
-
-        Raises:
-            PortBusy, PortDenied, NoDevice: the port is not available, or it stays silent.
-            ProtocolError: the reply is in another protocol.
-        """
+        """Open the transport and request a hello until a device replies."""
         self._decoder = frames.Decoder()
         self._reader = HelloReader()
         self._number, self._device_read_s = 0, -inf
@@ -150,7 +145,7 @@ class CommandChannel(LinkEndpoint):
         for message in self._decoder.take_messages():
             self._process_message(message)
         if len(readings):
-            self._update_device_time(str(int(readings.device_time_us[-1]) % frames.TIME_MODULUS_US))
+            self._update_device_time(int(readings.device_time_us[-1]) % frames.TIME_MODULUS_US)
         if self._hello is not None:
             self._on_readings(readings)
         return True
@@ -195,13 +190,11 @@ class CommandChannel(LinkEndpoint):
             f"{self.address} {mismatch_message('bench', self.received, self.address)}"
         )
 
-    def _update_device_time(self, text: str) -> None:
+    def _update_device_time(self, time_us: int) -> None:
         """Store a device time that was read, unless it is older than the stored one."""
-        if not (text.isdecimal() and int(text) < frames.TIME_MODULUS_US):
-            return
         is_first = self._device_read_s == -inf
-        if is_first or frames.signed_step(int(text), self._device_us, frames.TIME_MODULUS_US) > 0:
-            self._device_us, self._device_read_s = int(text), self.clock()
+        if is_first or frames.signed_step(time_us, self._device_us, frames.TIME_MODULUS_US) > 0:
+            self._device_us, self._device_read_s = time_us, self.clock()
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
@@ -209,12 +202,14 @@ class CommandChannel(LinkEndpoint):
 
     def _process_message(self, message: frames.TextMessage) -> None:
         letter, fields = message.letter, message.fields
-        if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
-            self._update_device_time(fields[1])
-            self._replies[int(fields[0])] = wire.Reply(True, fields=fields[2:])
-        elif letter == "N" and len(fields) >= 2 and fields[0].isdecimal():
-            self._update_device_time(fields[1])
-            self._replies[int(fields[0])] = wire.Reply(False, ",".join(fields[2:] or fields[1:]))
+        if letter in ("A", "N") and len(fields) >= 2 and fields[0].isdecimal():
+            if fields[1].isdecimal() and int(fields[1]) < frames.TIME_MODULUS_US:
+                self._update_device_time(int(fields[1]))
+            self._replies[int(fields[0])] = (
+                wire.Reply(True, fields=fields[2:])
+                if letter == "A"
+                else wire.Reply(False, ",".join(fields[2:] or fields[1:]))
+            )
         elif letter == "H":
             self._reader.take(fields)
         elif letter == "E" and fields:

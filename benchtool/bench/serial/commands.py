@@ -123,17 +123,11 @@ Command = (
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Reply to one command.
+    """Reply to one command."""
 
-    Attributes:
-        ok: the command was accepted.
-        reason: reason of a rejection, as the device reports it.
-        fields: fields of the acknowledgement after the device time, as text.
-    """
-
-    ok: bool
-    reason: str = ""
-    fields: tuple[str, ...] = ()
+    ok: bool  # the command was accepted
+    reason: str = ""  # reason of a rejection, as the device reports it
+    fields: tuple[str, ...] = ()  # fields of the acknowledgement after the device time, as text
 
 
 def _parse_number(text: str) -> float:

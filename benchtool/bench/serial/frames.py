@@ -224,19 +224,12 @@ def signed_step(new: int, old: int, modulus: int) -> int:
 
 
 class SortedSamples(NamedTuple):
-    """Samples of a block in their order.
+    """Samples of a block in their order."""
 
-    Attributes:
-        rows: (m,) indices into the block.
-        time_us: (m,) their device time, unwrapped.
-        lost: samples that are missing before or between them.
-        repeated: discarded samples: duplicates, or later than a returned one.
-    """
-
-    rows: NDArray[np.int64]
-    time_us: NDArray[np.int64]
-    lost: int
-    repeated: int
+    rows: NDArray[np.int64]  # (m,) indices into the block
+    time_us: NDArray[np.int64]  # (m,) their device time, unwrapped
+    lost: int  # samples that are missing before or between them
+    repeated: int  # discarded samples: duplicates, or later than a returned one
 
 
 class SampleOrder:

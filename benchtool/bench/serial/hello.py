@@ -26,8 +26,6 @@ class Hello(DeviceInfo):
 
     Attributes:
         watchdog_s: the motors stop after this time without a valid line, wall time.
-        frame_bytes: longest sample frame, for the stream rate that a baud rate allows.
-        baud: baud rate of the device's serial port, 0 for a link without one.
     """
 
     address: str = ""
@@ -36,8 +34,8 @@ class Hello(DeviceInfo):
     pwm_idle_us: float
     moves_plate: bool = True
     simulated: bool = False
-    frame_bytes: int = 128
-    baud: int = UNLIMITED_BAUD
+    frame_bytes: int = 128  # longest sample frame, for the stream rate that a baud rate allows
+    baud: int = UNLIMITED_BAUD  # baud rate of the device's serial port, 0 for a link without one
     version: int = PROTOCOL_VERSION
 
     def __post_init__(self) -> None:

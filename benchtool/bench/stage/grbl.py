@@ -6,7 +6,9 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from benchtool.bench.addresses import GrblAddress
 from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.grbl_link import (
     MAX_REACTION_S,
@@ -14,9 +16,13 @@ from benchtool.bench.stage.grbl_link import (
     REPLY_TIMEOUT_S,
     GrblLink,
 )
-from benchtool.bench.stage.stage import Pause
+from benchtool.bench.stage.stage import Pause, PlateStage
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
+from benchtool.core.rig import PlateDrive
+
+if TYPE_CHECKING:
+    from benchtool.bench.guard import GuardedBench
 
 MOVE_TIMEOUT_MARGIN_S = 10.0  # for replies and short blocks, beyond path over feed and braking
 IDLE_TIMEOUT_S = 2.0  # of Idle elsewhere than at the target; then the move has failed
@@ -31,49 +37,43 @@ def _no_pause(duration_s: float) -> None:
     """Wait without reading a bench (no-op)."""
 
 
-class GrblStage:
+class GrblStage(PlateStage):
     """Stage with GRBL 1.1 firmware.
 
     Args:
-        min_gap_m: minimum plate distance of a move, including its braking distance.
+        plate: feed, and minimum plate distance of a move, including its braking distance.
         homing_pause: callback during homing on opening, which takes long; a bench must be read
             meanwhile, because its buffers would overflow.
     """
 
-    position_uncertainty_m = 0.0
-
     def __init__(
         self,
         transport: Transport,
-        distance: GrblAxis,
-        feed_m_s: float,
-        lateral: GrblAxis | None = None,
-        min_gap_m: float = 0.0,
-        clock: Callable[[], float] = time.monotonic,
-        name: str = "the stage",
+        address: GrblAddress,
+        plate: PlateDrive,
+        guard: GuardedBench | None = None,
         homing_pause: Pause = _no_pause,
-        option: str = "grbl",
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._link = GrblLink(transport, clock, name)
+        super().__init__(plate, guard)
+        self._link = GrblLink(transport, clock, f"the stage on {address.port}")
         self._clock = clock
         self._homing_pause = homing_pause
-        self._distance = distance
-        self._lateral = lateral
-        self._feed_mm_min = 60e3 * feed_m_s
-        self._min_gap_m = min_gap_m
-        self._facts: dict[str, str | float] = {
-            "stage": option,
-            "axis": distance.letter,
-            "zero_mm": 1e3 * distance.zero_m,
-            "direction": distance.direction,
+        zero_m = plate.z_park_m if address.zero_mm is None else 1e-3 * address.zero_mm
+        self._distance = GrblAxis(address.axis, zero_m, address.direction)
+        lateral = address.lateral
+        self._lateral = lateral and GrblAxis(lateral, 1e-3 * address.lateral_zero_mm)
+        self._feed_mm_min = 60e3 * plate.speed_m_s
+        self._min_gap_m = plate.z_min_m
+        self.facts = {
+            "stage": address.text,
+            "axis": address.axis,
+            "zero_mm": 1e3 * zero_m,
+            "direction": address.direction,
         }
         self._is_on_hold = False
-        self._letters = distance.letter + (lateral.letter if lateral else "")
+        self._letters = address.axis + (lateral or "")
         self._settings: grbl_lines.GrblSettings | None = None
-
-    @property
-    def facts(self) -> Mapping[str, str | float]:
-        return self._facts
 
     def open(self) -> None:
         self._link.open()
@@ -85,7 +85,7 @@ class GrblStage:
             if warning := self._settings.format_warnings(
                 self._letters, self._feed_mm_min, 2.0 * ARRIVAL_TOLERANCE_MM
             ):
-                self._facts["remark"] = warning
+                self.facts = {**self.facts, "remark": warning}
             self.home(self._homing_pause)
         except BaseException:
             self.close()
@@ -108,7 +108,7 @@ class GrblStage:
         self._link.listen(AFTER_HOMING_S, "homing", pause)
         self._link.is_locked, self._link.is_homed = False, True
 
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+    def _move_once(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         targets_mm = self._build_targets_mm(z_m, x_m, tilt_rad)
         feed_mm_min = self._braked_feed_mm_min(z_m)
         self._prepare(pause)
@@ -122,6 +122,7 @@ class GrblStage:
 
     def hold(self) -> None:
         """Stop by a feed hold; the next move starts at that position, after a reset."""
+        super().hold()
         self._is_on_hold = True
         self._link.send(grbl_lines.HOLD)
 
@@ -271,17 +272,11 @@ ARRIVAL_TOLERANCE_MM = 0.02  # of a target: two steps of a common drive with 100
 
 @dataclass(frozen=True, slots=True)
 class GrblAxis:
-    """Axis of the stage in plate coordinates.
+    """Axis of the stage in plate coordinates."""
 
-    Attributes:
-        letter: axis of the stage, in G-code.
-        zero_m: plate coordinate (distance, or lateral position) at machine position 0.
-        direction: +1 if the coordinate increases with machine position, -1 if it decreases.
-    """
-
-    letter: str
-    zero_m: float
-    direction: int = 1
+    letter: str  # axis of the stage, in G-code
+    zero_m: float  # plate coordinate (distance, or lateral position) at machine position 0
+    direction: int = 1  # +1 if the coordinate increases with machine position, -1 if it decreases
 
     def to_mm(self, coordinate_m: float) -> float:
         return self.direction * 1e3 * (coordinate_m - self.zero_m)
@@ -292,14 +287,11 @@ class GrblAxis:
 
 @dataclass(frozen=True, slots=True)
 class PlateMove:
-    """Start and target of a move by axis letter: mm.
-
-    Attributes:
-        steps_mm: length of one step of each axis; the position error is at most half of it.
-    """
+    """Start and target of a move by axis letter: mm."""
 
     start_mm: Mapping[str, float]
     target_mm: Mapping[str, float]
+    # Length of one step of each axis; the position error is at most half of it
     steps_mm: Mapping[str, float]
 
     @property

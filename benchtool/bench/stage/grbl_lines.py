@@ -291,11 +291,6 @@ class GrblSettings:
 
     def check(self, name: str, letters: Iterable[str]) -> None:
         """Raise if the stage cannot be moved safely, before anything moves."""
-        for letter in letters:
-            if letter not in AXES:
-                raise StageError(
-                    f"{name} has axes {' '.join(AXES)}, not {letter}; use one of those"
-                )
         if not int(self.get(HOMING)) & 1:
             raise StageError(
                 f"{name} has homing switched off (${HOMING}=0), so its position is unknown; set "

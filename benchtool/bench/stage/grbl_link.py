@@ -25,17 +25,12 @@ MAX_REPORTS = 40  # the work offset comes in every 10th to 30th report (Grbl 1.1
 
 
 class GrblLink:
-    """Command channel to a stage.
-
-    Attributes:
-        is_locked: G-code is rejected until the stage is unlocked or homed.
-        is_homed: the machine position is known.
-        is_unacknowledged: a line has no acknowledgement; half of it may be buffered in the stage.
-    """
+    """Command channel to a stage."""
 
     def __init__(self, transport: Transport, clock: Callable[[], float], name: str) -> None:
-        self.is_locked = False
-        self.is_homed = False
+        self.is_locked = False  # G-code is rejected until the stage is unlocked or homed
+        self.is_homed = False  # the machine position is known
+        # A line has no acknowledgement; half of it may be buffered in the stage
         self.is_unacknowledged = False
         self.name = name
         self._transport = transport

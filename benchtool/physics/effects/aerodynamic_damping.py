@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
@@ -20,11 +18,6 @@ def torque(p: Any, i: int, flow: Flow) -> Quantity:
         arm_m = flow.position_x_m[j]
         total = total + arm_m * arm_m * flow.thrust_N[j] / tip_m_s
     return -p.coefficient * flow.rate_rad_s * total
-
-
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the radius of the rig's blades."""
-    return {"blade_radius_m": rig.propulsion.radius_m}
 
 
 EFFECT = Effect(
@@ -52,5 +45,5 @@ EFFECT = Effect(
     confused_with={"viscous_friction": "several collectives separate them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,
-    rig_values=rig_values,
+    rig_values=lambda rig: {"blade_radius_m": rig.propulsion.radius_m},
 )  # fmt: skip

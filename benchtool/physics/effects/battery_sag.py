@@ -2,19 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from benchtool.core.rig import Rig
-from benchtool.physics.effects.effect import (
-    BenchKind,
-    Effect,
-    Flow,
-    Hooks,
-    Quantity,
-    expression,
-    number,
-)
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
 @expression
@@ -24,12 +14,7 @@ def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
 
 
 TOLERATED_LOSS = 0.015  # relative loss of gain in a run: 0.0005 1/s over 30 s, from a bench owner
-TYPICAL_DURATION_S: Mapping[BenchKind, float] = {"pitch": 30.0, "sweep": 600.0}  # sweep: assumed
-
-
-def scale_tolerance(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
-    """Return the rate of the tolerated loss in a recording of typical duration: 1/s."""
-    return {"rate_per_s": TOLERATED_LOSS / TYPICAL_DURATION_S[bench]}
+TYPICAL_DURATION_S = {"pitch": 30.0, "sweep": 600.0}  # sweep: assumed
 
 
 EFFECT = Effect(
@@ -41,11 +26,7 @@ EFFECT = Effect(
     law="speed = gain * pulse * (1 - rate * t)",
     parameters=(
         number(
-            "rate_per_s",
-            "1/s",
-            0.0,
-            "linear loss of the pwm-to-rpm gain",
-            neutral=0.0,
+            "rate_per_s", "1/s", 0.0, "linear loss of the pwm-to-rpm gain", neutral=0.0,
             within=(0.0, 0.01),  # a battery only discharges
         ),
     ),
@@ -55,5 +36,5 @@ EFFECT = Effect(
     confused_with={"load_cell_drift": "the voltage column and rpm separate them"},
     supply_loss="rate_per_s",
     always_compiled=True,
-    tolerance_of=scale_tolerance,
-)
+    tolerance_of=lambda rig, bench: {"rate_per_s": TOLERATED_LOSS / TYPICAL_DURATION_S[bench]},
+)  # fmt: skip

@@ -18,7 +18,7 @@ from math import inf
 from typing import Any, Literal, NamedTuple
 
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
@@ -113,12 +113,7 @@ class Flow(NamedTuple):
 # Number of constant fields of a Flow, and of fields before those that change within a time step
 N_CONSTANT, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
 N_WITH_THRUST = N_BEFORE_RATE + 2  # fields up to the thrusts; a constant slice for compiled code
-HISTORY_TIME_CONSTANTS_S = (
-    10.0,
-    30.0,
-    100.0,
-    300.0,
-)  # time constants of `Flow.past_load` and `past_wash`
+HISTORY_TIME_CONSTANTS_S = (10.0, 30.0, 100.0, 300.0)  # of `Flow.past_load` and `past_wash`
 NO_FLOW = Flow()  # for hooks that depend on the effect's numbers alone, such as a lag
 
 # hook(p, i, flow): p the effect's parameters as a named tuple, i the disc (0 for hooks of the whole
@@ -187,15 +182,12 @@ HOOKS = tuple(hook.name for hook in fields(Hooks))
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """Quantity derived from free parameters.
-
-    Attributes:
-        function: function(values by full name) -> quantity, elementwise on arrays; fixed
-            parameters are constants of the function.
-    """
+    """Quantity derived from free parameters."""
 
     name: str
     unit: str
+    # function(values by full name) -> quantity, elementwise on arrays; fixed parameters are
+    # constants of the function
     function: Callable[[Mapping[str, Any]], Any]
 
 
@@ -203,72 +195,60 @@ class Derived:
 class Effect:
     """Physical effect with its parameters, hooks and metadata.
 
-    Attributes:
-        name: identifier in files and on the command line.
-        title: display name, three or four words.
-        proper_noun: whether the title begins with a person's name, which stays capitalised.
-        subsystem: link of the chain from pulse width to reading.
-        order: position among the effects of its subsystem, ties by name.
-        parameters: with units, neutral values, default bounds and tolerances; hooks get their
-            values as the named tuple `p`.
-        confused_with: names of similar effects, with the data that separate them.
-        separated_by: measurements with which a fit can separate the effect's first parameter from
-            another, by the full name of the other ("R_m").
-        trends_over: columns over which residuals show a trend without the effect.
-        law_error: standard error of its contribution over its departure from neutral.
-        benches: kinds of bench on which an explanation may name it; empty for effects for
-            simulation only.
-        adjusted_on: kinds of bench on which every explanation adjusts it within its priors and
-            never names it.
-        supply_loss: parameter that is the linear loss of the supply (1/s), known from pulse widths,
-            speeds and voltage together; empty for none.
-        headline: main parameter for a reader of a fit, by its short name; for several, their
-            common prefix ("factor_"); empty for none.
-        derived: quantities that a fit reports, from full names of the effect's free parameters.
-        always_compiled: whether every compiled loop contains it, neutral or not, so that one
-            compilation serves nearly all models.
-        acts_in_flight: False for effects of a hinge, a load cell or a plate stage.
-        rig_values: values of its parameters that follow from a rig.
-        tolerance_of: tolerances scaled to the vehicle, for parameters without a tolerance; a
-            tolerance in a model file has precedence (`tolerances.model_tolerances`).
-        configure: builds the effect from settings in a model file, for example its knots.
-        numbers: builds `p` from the values if it is not a named tuple of the parameter names.
-        knots_setting: name of the setting with the values of its parameters `knot_...`; empty for
-            none.
-        distance_law: properties of a law of thrust against distance; None for other effects. A
-            model has one law.
-
     Raises:
         InputError: the field names of `numbers` are not the parameter names in the same order.
     """
 
-    name: str
-    title: str
+    name: str  # identifier in files and on the command line
+    title: str  # display name, three or four words
+    # Whether the title begins with a person's name, which stays capitalised
     proper_noun: bool = False
     description: str
-    subsystem: Subsystem
-    order: int = 50
+    subsystem: Subsystem  # link of the chain from pulse width to reading
+    order: int = 50  # position among the effects of its subsystem, ties by name
     law: str
+    # With units, neutral values, default bounds and tolerances; hooks get their values as the named
+    # tuple `p`
     parameters: tuple[Parameter, ...]
     hooks: Hooks
     shows: str
     source: str
-    confused_with: Mapping[str, str]
+    confused_with: Mapping[str, str]  # names of similar effects, with the data that separate them
+    # Measurements with which a fit can separate the effect's first parameter from another, by the
+    # full name of the other ("R_m")
     separated_by: Mapping[str, str] = field(default_factory=dict)
+    # Columns over which residuals show a trend without the effect
     trends_over: tuple[str, ...] = ()
+    # Standard error of its contribution over its departure from neutral
     law_error: float = LAW_ERROR
+    # Kinds of bench on which an explanation may name it; empty for effects for simulation only
     benches: frozenset[BenchKind] = frozenset(BENCH_KINDS)
+    # Kinds of bench on which every explanation adjusts it within its priors and never names it
     adjusted_on: frozenset[BenchKind] = frozenset()
+    # Parameter that is the linear loss of the supply (1/s), known from pulse widths, speeds and
+    # voltage together; empty for none
     supply_loss: str = ""
+    # Main parameter for a reader of a fit, by its short name; for several, their common prefix
+    # ("factor_"); empty for none
     headline: str = ""
+    # Quantities that a fit reports, from full names of the effect's free parameters
     derived: Callable[[Sequence[str]], Sequence[Derived]] | None = None
+    # Whether every compiled loop contains it, neutral or not, so that one compilation serves nearly
+    # all models
     always_compiled: bool = False
-    acts_in_flight: bool = True
+    acts_in_flight: bool = True  # False for effects of a hinge, a load cell or a plate stage
+    # Values of its parameters that follow from a rig
     rig_values: Callable[[Rig], Mapping[str, float]] | None = None
+    # Tolerances scaled to the vehicle, for parameters without a tolerance; a tolerance in a model
+    # file has precedence (`tolerances.model_tolerances`)
     tolerance_of: Callable[[Rig, BenchKind], Mapping[str, float]] | None = None
+    # Builds the effect from settings in a model file, for example its knots
     configure: Callable[[Mapping[str, Any]], Effect] | None = None
+    # Builds `p` from the values if it is not a named tuple of the parameter names
     numbers: Callable[..., Any] | None = None
+    # Name of the setting with the values of its parameters `knot_...`; empty for none
     knots_setting: str = ""
+    # Properties of a law of thrust against distance; None for other effects. A model has one law
     distance_law: DistanceLaw | None = None
 
     def __post_init__(self) -> None:
@@ -318,16 +298,11 @@ def number(
     unit: str,
     value: float,
     description: str,
-    *,
-    neutral: float | None = None,
     within: tuple[float, float] = (-inf, inf),
-    tolerance: float | None = None,
-    prior: Prior | None = None,
-    source: str = "neutral value",
+    **fields: Any,
 ) -> Parameter:
-    """Return a parameter of an effect."""
+    """Return a parameter of an effect, with `fields` of `Parameter`."""
     return Parameter(
-        name, unit, value, neutral=neutral, lower=within[0], upper=within[1],
-        prior=Prior() if prior is None else prior, tolerance=tolerance, description=description,
-        source=source,
+        name, unit, value, lower=within[0], upper=within[1], description=description,
+        **{"source": "neutral value", **fields},
     )  # fmt: skip

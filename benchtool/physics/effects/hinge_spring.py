@@ -23,11 +23,7 @@ EFFECT = Effect(
     law="torque = -k pitch",
     parameters=(
         number(
-            "stiffness_Nm_per_rad",
-            "N m/rad",
-            0.0,
-            "stiffness about level",
-            neutral=0.0,
+            "stiffness_Nm_per_rad", "N m/rad", 0.0, "stiffness about level", neutral=0.0,
             within=(-5.0, 20.0),  # negative: centre of gravity above the hinge
         ),
     ),
@@ -39,4 +35,4 @@ EFFECT = Effect(
     always_compiled=True,
     acts_in_flight=False,
     tolerance_of=scale_rig(torque_scale, stiffness_Nm_per_rad=0.02),
-)
+)  # fmt: skip

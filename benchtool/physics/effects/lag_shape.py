@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from benchtool.core.parameter import Parameter, Prior
-from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.rig_scaling import half_throttle_speed
 
@@ -19,11 +17,6 @@ def followed_speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantit
     change = speed_rad_s - flow.speed_rad_s[i]
     relative_speed = flow.speed_rad_s[i] / p.middle_rad_s - 1.0
     return speed_rad_s + change * (p.with_speed * relative_speed - p.rising * np.sign(change))
-
-
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the speed at half throttle: rad/s."""
-    return {"middle_rad_s": half_throttle_speed(rig)}
 
 
 def _share(name: str, sd: float, description: str, reason: str) -> Parameter:
@@ -67,5 +60,5 @@ EFFECT = Effect(
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),
     acts_in_flight=False,
-    rig_values=rig_values,
+    rig_values=lambda rig: {"middle_rad_s": half_throttle_speed(rig)},
 )  # fmt: skip

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from benchtool.core.parameter import Prior
-from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.rig_scaling import scale_rig, weight_scale
@@ -25,11 +23,6 @@ def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
 def play_N(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the half width of the backlash model of a moving reading: N."""
     return p.half_width_N
-
-
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the weight of the vehicle as the reference load: N."""
-    return {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg}
 
 
 EFFECT = Effect(
@@ -78,6 +71,6 @@ EFFECT = Effect(
     },
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-    rig_values=rig_values,
+    rig_values=lambda rig: {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg},
     tolerance_of=scale_rig(weight_scale, half_width_N=0.02),  # assumed
 )  # fmt: skip

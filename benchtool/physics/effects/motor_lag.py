@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
@@ -13,11 +11,6 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 def lag_s(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the time constant: s."""
     return p.tau_s
-
-
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the motor lag of the rig: s."""
-    return {"tau_s": rig.propulsion.lag_s}
 
 
 EFFECT = Effect(
@@ -38,5 +31,5 @@ EFFECT = Effect(
     source="first-order model, usual for small brushless motors",
     confused_with={"transport_delay": "dither above 5 Hz, or rpm telemetry, separates them"},
     benches=frozenset({"pitch"}),
-    rig_values=rig_values,
+    rig_values=lambda rig: {"tau_s": rig.propulsion.lag_s},
 )  # fmt: skip

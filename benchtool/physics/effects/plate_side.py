@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from benchtool.core.parameter import Prior
-from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 POSITION_PRIOR = Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler")
@@ -23,11 +21,6 @@ def coverage(p: Any, i: int, flow: Flow, fraction: Quantity) -> Quantity:
     chord = 2.0 * (4.0 * product) ** CHORD_POWER / (np.pi * p.disc_radius_m)
     outward = np.sign(flow.position_x_m[i] - flow.plate_x_m)
     return np.minimum(np.maximum(fraction + p.dx_m * outward * chord, 0.0), 1.0)
-
-
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the radius of the rig's discs."""
-    return {"disc_radius_m": rig.propulsion.radius_m}
 
 
 EFFECT = Effect(
@@ -58,5 +51,5 @@ EFFECT = Effect(
     benches=frozenset(),
     adjusted_on=frozenset({"sweep"}),
     acts_in_flight=False,
-    rig_values=rig_values,
+    rig_values=lambda rig: {"disc_radius_m": rig.propulsion.radius_m},
 )  # fmt: skip

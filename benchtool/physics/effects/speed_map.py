@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from benchtool.core.parameter import Parameter, Prior
-from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.rig_scaling import half_throttle_speed
 
@@ -23,22 +21,11 @@ def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.bend * excess * excess)
 
 
-def rig_values(rig: Rig) -> Mapping[str, float]:
-    """Return the speed at half throttle: rad/s."""
-    return {"middle_rad_s": half_throttle_speed(rig)}
-
-
 def _error(name: str, description: str) -> Parameter:
     return number(
-        name,
-        "1",
-        0.0,
-        description,
-        neutral=0.0,
-        within=(-0.2, 0.2),
-        prior=GAIN_PRIOR,
+        name, "1", 0.0, description, neutral=0.0, within=(-0.2, 0.2), prior=GAIN_PRIOR,
         tolerance=0.005,
-    )
+    )  # fmt: skip
 
 
 EFFECT = Effect(
@@ -75,5 +62,5 @@ EFFECT = Effect(
     },
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),
-    rig_values=rig_values,
+    rig_values=lambda rig: {"middle_rad_s": half_throttle_speed(rig)},
 )  # fmt: skip

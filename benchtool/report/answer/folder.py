@@ -25,8 +25,7 @@ from benchtool.explain.updated_model import (
 from benchtool.report.answer.page import answer_page
 from benchtool.report.answer.tables import unjudged_sentence
 from benchtool.report.figure import render_figures
-from benchtool.report.files import save_figure, write_whole
-from benchtool.report.html import write_report
+from benchtool.report.files import save_figure, write_report, write_whole
 
 PAGE = "report.html"
 ANSWER = "answer.json"

@@ -22,10 +22,9 @@ from benchtool.data.run.entry import FIT_FILE
 from benchtool.fit.pool.hierarchy import Difference, PooledEstimates, RigValues, pool_rigs
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.figure import Page, figure, render_figures
-from benchtool.report.files import save_figure
+from benchtool.report.files import save_figure, write_report
 from benchtool.report.fit.page import refuse_full
 from benchtool.report.fit.stored_fit import StoredFit, read_stored
-from benchtool.report.html import write_report
 from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
 from benchtool.report.palette import BLUE, GREY, PALE

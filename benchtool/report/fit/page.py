@@ -13,7 +13,7 @@ from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import Page, render_figures
-from benchtool.report.files import save_figure
+from benchtool.report.files import save_figure, write_report
 from benchtool.report.fit.budget import budget_blocks
 from benchtool.report.fit.tables import (
     comparison_table,
@@ -23,7 +23,6 @@ from benchtool.report.fit.tables import (
     printed,
     wanted_rank,
 )
-from benchtool.report.html import write_report
 from benchtool.report.numbers import display_unit
 from benchtool.report.page import Block, FactTable, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections

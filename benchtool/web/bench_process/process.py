@@ -26,7 +26,7 @@ from benchtool.acquire.stop_listener import (
 )
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.wrappers import PacedBench, StoppableBench
+from benchtool.bench.wrappers import StoppableBench
 from benchtool.core.errors import BenchtoolError, StandstillNotConfirmed
 from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
@@ -73,7 +73,6 @@ class BenchProcess:
         )
         self._runs = RunSupervisor(self._publisher)
         self._bench: StoppableBench | None = None
-        self._paced: PacedBench | None = None
         self._sessions = 0
         self._server_heard_s: float | None = None
         self.guard: GuardedBench | None = None
@@ -119,8 +118,8 @@ class BenchProcess:
             elif isinstance(command, messages.Annotate):
                 self._annotate(command.text)
             elif isinstance(command, messages.SetClockSpeed):
-                if (paced := self._paced) is not None:
-                    paced.speed = min(max(command.speed, 0.1), MAX_CLOCK_SPEED)
+                if (bench := self._bench) is not None and bench.speed:
+                    bench.speed = min(max(command.speed, 0.1), MAX_CLOCK_SPEED)
             elif isinstance(command, messages.Shutdown):
                 self.stop("the web server has ended")
                 self._commands.put(command)
@@ -168,12 +167,9 @@ class BenchProcess:
         try:
             rig = resolve_rig(address, connect.rig or None)
             device = open_bench(address)
-            paced = PacedBench(device) if address.startswith(VIRTUAL_CLOCKS) else None
-            telemetry = Telemetry(
-                number, rig, self._publisher, lambda: paced.speed if paced else 0.0
-            )
-            stoppable = StoppableBench(paced or device, telemetry.add)
-            self._bench, self._paced = stoppable, paced
+            telemetry = Telemetry(number, rig, self._publisher, lambda: stoppable.speed)
+            speed = 1.0 if address.startswith(VIRTUAL_CLOCKS) else 0.0
+            self._bench = stoppable = StoppableBench(device, telemetry.add, speed)
             session = Session(
                 connect, number, rig, self._publisher, self._commands, self._dead_man, self._runs,
                 telemetry,
@@ -190,7 +186,7 @@ class BenchProcess:
             reason = str(error)
             problem = reason if isinstance(error, StandstillNotConfirmed) else ""
         finally:
-            self._bench = self._paced = self.guard = None
+            self._bench = self.guard = None
             self._publisher.publish(
                 messages.ConnectionStatus(
                     address=address, session=number, reason=reason, standstill_problem=problem

@@ -12,10 +12,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames, dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.settings import ChannelWiring, MavlinkSettings
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
@@ -26,7 +25,9 @@ MESSAGES = 60_000
 CHUNK = 1000  # bytes that a reading of 5 ms finds at 5,000 messages per second
 
 W = dialect()
-WIRING = ChannelWiring(motors=(1, 2, 3, 4), outputs=(3, 1, 4, 2), escs=(3, 1, 4, 2))
+WIRING = MotorMap(
+    rig="", autopilot="", motors=(1, 2, 3, 4), outputs=(3, 1, 4, 2), escs=(3, 1, 4, 2)
+)
 
 
 def stream() -> list[bytes]:
@@ -60,7 +61,7 @@ def bare(data: bytes, chunk: int) -> int:
 
 def ours(data: bytes, chunk: int) -> int:
     """Parse, count losses, and make rows."""
-    frames, rows, count = MavlinkFrames(), MavlinkRows(WIRING, 1100.0), 0
+    frames, rows, count = MavlinkFrames(), MavlinkRows(WIRING, MavlinkSettings(), 1100.0), 0
     for at in range(0, len(data), chunk):
         for message in frames.parse(data[at : at + chunk]):
             rows.update(message)

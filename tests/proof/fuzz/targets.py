@@ -24,10 +24,9 @@ from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.addresses import ServedLink, parse_stage
 from benchtool.bench.drivers import parse_address
 from benchtool.bench.mavlink.auxiliary_load_cell import LoadCellDecoder
-from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames, dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.settings import ChannelWiring, MotorMap
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.bench.serial.frames import Decoder, frame, split_messages
 from benchtool.bench.serial.hello import parse_hello
 from benchtool.bench.stage.grbl_lines import GrblDecoder, StatusReport
@@ -107,6 +106,9 @@ def bench_hello(data: bytes) -> None:
     parse_hello([line.split(",") for line in text(data).split("\n")])
 
 
+WIRING = MotorMap(rig="", autopilot="", motors=(1,), outputs=(1,), escs=(1,))
+
+
 @cache
 def mavlink_kinds() -> tuple[Any, ...]:
     kinds = dialect().mavlink_map
@@ -116,7 +118,7 @@ def mavlink_kinds() -> tuple[Any, ...]:
 def mavlink(data: bytes) -> None:
     """Read an autopilot's bytes, and what they are as whole frames of any message."""
     frames, x25crc = MavlinkFrames(), dialect().x25crc
-    rows = MavlinkRows(ChannelWiring(motors=(1,), outputs=(1,), escs=(1,)), 1000.0)
+    rows = MavlinkRows(WIRING, MavlinkSettings(), 1000.0)
     for piece in pieces(data):
         for message in frames.parse(piece):
             rows.update(message)
@@ -390,7 +392,7 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("columns", on_disk.columns,
                (COLUMNS,)),
         Target("recipe", on_disk.recipe, (RECIPE,)),
-        Target("address", lambda data: parse_address(text(data)).endpoints, ADDRESSES),
+        Target("address", lambda data: parse_address(text(data)), ADDRESSES),
         Target("stage", lambda data: parse_stage(text(data)), STAGES),
         Target("link", lambda data: ServedLink.parse(text(data)), LINKS),
         Target("virtual fault", lambda data: parse_fault(text(data)),

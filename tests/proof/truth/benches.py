@@ -25,10 +25,10 @@ from benchtool.acquire.plan import (
 from benchtool.acquire.tare import TareResult, tare_point
 from benchtool.acquire.visit_order import plan_visits
 from benchtool.api import sweep
-from benchtool.bench.stage.stage import BacklashCompensatedStage, NoStage, Pause
+from benchtool.bench.stage.stage import Pause, PlateStage
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Rig
+from benchtool.core.rig import PlateDrive, Rig
 from benchtool.data.run.ratios import VOLTAGE_POWER_SD
 from benchtool.data.run.run import Run
 from benchtool.physics.conditions import MIN_MOVE
@@ -153,13 +153,14 @@ def chained(bench: Drawn, path: Path) -> None:
         sweep(address, yes=True, out=path, **plan)
 
 
-class PlantStage(NoStage):
+class PlantStage(PlateStage):
     """The plate of a plant, with nothing watching."""
 
-    def __init__(self, plant: PlateBench) -> None:
+    def __init__(self, plant: PlateBench, plate: PlateDrive) -> None:
+        super().__init__(plate)
         self._plant = plant
 
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+    def _move_once(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         self._plant.command_plate(z_m, x_m)
         while self._plant.plate_moving:
             pause(MOVE_STEP_S)
@@ -175,7 +176,7 @@ def visited(bench: Drawn, path: Path) -> None:
     tared = TareResult(plant.time_s - 0.5, rest, nan)
     here_m, off_m = rig.plate.z_park_m, 0.0
     places = np.random.default_rng([20261123, bench.seed, 1])
-    stage = BacklashCompensatedStage(PlantStage(plant), rig.plate)
+    stage = PlantStage(plant, rig.plate)
     writer = new_run(bench, path).point_writer(rig.n_rotors)
     try:
         writer.append(tare_point(tared, rig.n_rotors))

@@ -13,7 +13,7 @@ from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.run_creation import run_metadata
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import GuardedStage
+from benchtool.bench.stage.stage import PlateStage
 from benchtool.core.errors import BenchtoolError, StageError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.append import read_events
@@ -34,7 +34,7 @@ def bench_beside(seed: int = 0) -> SimulatedBench:
     return bench
 
 
-class Carries:
+class Carries(PlateStage):
     """Be a stage that carries the plate of a virtual bench, and may lose steps on its way.
 
     Args:
@@ -43,27 +43,21 @@ class Carries:
     """
 
     facts: ClassVar = {"stage": STAGE}
-    position_uncertainty_m = 0.0
 
     def __init__(self, bench: SimulatedBench, lost_m: dict[int, float] | None = None) -> None:
+        super().__init__()
         self._bench, self._lost_m = bench, lost_m or {}
         self._off_m = 0.0
         self.moves = 0
         self.highest_us = 0.0
 
-    def open(self) -> None: ...
-
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
+    def _move_once(self, z_m, x_m, tilt_rad, pause):
         self._off_m += self._lost_m.get(self.moves, 0.0)
         self.moves += 1
         self._bench._firmware._plant.command_plate(z_m + self._off_m, 0.0, 0.0)
         while self._bench._plant.plate_moving:
             self._bench._advance(0.1)
         return z_m
-
-    def hold(self) -> None: ...
-
-    def close(self) -> None: ...
 
 
 def sweep(bench: SimulatedBench, stage: Carries, distances: str, path: Path) -> list[float]:
@@ -86,7 +80,8 @@ anchor_every = 0
     with GuardedBench(bench, RIG) as guarded:
         run = Run.create(path, plan_to_toml(plan), run_metadata(plan, RIG, guarded.identity))
         try:
-            run_sweep(guarded, GuardedStage(stage, guarded), plan, RIG, run)
+            stage._guard = guarded
+            run_sweep(guarded, stage, plan, RIG, run)
         finally:
             stage.highest_us = float(guarded.pwm_us.max())
     return read_points(path).column("plate_z_m").tolist()
@@ -123,8 +118,8 @@ def test_lost_steps_end_the_run_before_motors_turn(tmp_path, lost_m, distances, 
 class Miswired(Carries):
     """The plate goes elsewhere than it was sent, and the stage says so."""
 
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
-        return super().move(z_m + 0.2, x_m, tilt_rad, pause)
+    def _move_once(self, z_m, x_m, tilt_rad, pause):
+        return super()._move_once(z_m + 0.2, x_m, tilt_rad, pause)
 
 
 def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_path):

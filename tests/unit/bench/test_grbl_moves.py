@@ -6,9 +6,8 @@ import re
 
 import pytest
 
-from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import StageError
-from tests.doubles.grbl import VirtualGrbl
+from tests.doubles.grbl import VirtualGrbl, grbl_stage
 from tests.doubles.scripted_link import ScriptedLink
 
 
@@ -50,7 +49,7 @@ ANSWER_S = 0.013  # 95 % of the answers of Grbl 1.1h came within it
 @pytest.mark.parametrize("z_m", [0.3, 0.08, 0.06, 0.052])
 def test_a_plate_that_runs_past_its_target_is_held_outside_of_the_least_gap(z_m, start_mm):
     link = Misheard()
-    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
+    stage = grbl_stage(link, z_min_m=0.05)
     stage.open()
     link.stage.position_mm["Z"] = -1000.0 - start_mm
     with pytest.raises(StageError, match="was held: it is at Z"):
@@ -66,7 +65,7 @@ def test_a_plate_that_runs_past_its_target_is_held_outside_of_the_least_gap(z_m,
 
 def test_a_distance_without_room_to_brake_is_refused_before_anything_moves():
     link = Looped()
-    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
+    stage = grbl_stage(link, z_min_m=0.05)
     stage.open()
     # 0.5 mm until it is off its way, and 0.5 + 0.025 mm from 5 mm/s.
     with pytest.raises(
@@ -79,7 +78,8 @@ def test_a_distance_without_room_to_brake_is_refused_before_anything_moves():
 
 def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset():
     link, heard = Looped(), []
-    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, homing_pause=heard.append)
+    stage = grbl_stage(link)
+    stage._homing_pause = heard.append
     stage.open()
     assert len(heard) > 50  # what waits beside it is listened to while it homes
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.2)
@@ -92,7 +92,7 @@ def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset():
 
 def test_the_host_goes_on_from_a_hold():
     link = Looped()
-    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock)
+    stage = grbl_stage(link)
     stage.open()
     paused: list[float] = []
 

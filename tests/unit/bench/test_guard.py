@@ -54,14 +54,6 @@ def test_what_was_seen_of_rotors_is_said_before_the_guard_is_left(fake):
         assert guard.standstill is None
 
 
-def test_the_samples_of_a_ramp_can_be_had(fake):
-    taken = []
-    with GuardedBench(fake, RIG) as guard:
-        guard.set_pwm(np.array([1600.0]))
-        guard.ramp_down(taken.append)
-    assert sum(map(len, taken)) == 90
-
-
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"])
 def test_a_signal_commands_zero_at_once_and_handlers_come_back(fake, name):
     if not hasattr(signal, name):

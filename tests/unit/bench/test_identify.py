@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from benchtool.bench.identify import Kind, identify_device
-from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.frames import MavlinkFrames, dialect
 from benchtool.bench.serial.frames import frame
-from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import ProtocolError
+from tests.doubles.grbl import grbl_stage
 from tests.doubles.scripted_link import Talker
 
 BEAT = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
@@ -41,7 +40,7 @@ def test_what_speaks_is_known(kind):
 )
 def test_a_stage_that_is_none_is_named(kind, said):
     link = Talker(HEARD[kind])
-    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, name="the stage on /dev/y")
+    stage = grbl_stage(link)
     with pytest.raises(ProtocolError, match=re.escape(said)):
         stage.open()
     assert link.closed == 1

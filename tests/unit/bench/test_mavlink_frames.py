@@ -7,15 +7,8 @@ from hashlib import sha256
 
 import pytest
 
-from benchtool.bench.mavlink.frames import (
-    TIME_MODULUS,
-    BootTime,
-    CompanionTime,
-    LinkCounts,
-    MavlinkFrames,
-    MavlinkQuality,
-)
-from benchtool.bench.mavlink.messages import dialect
+from benchtool.bench.mavlink.frames import LinkCounts, MavlinkFrames, MavlinkQuality, dialect
+from benchtool.bench.mavlink.rows import TIME_MODULUS, BootTime, CompanionTime
 
 WORDS = dialect()
 

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,14 +12,14 @@ from benchtool.bench.mavlink.auxiliary_load_cell import (
     LoadCellDecoder,
     merge_in_order,
 )
-from benchtool.bench.mavlink.messages import ESC_STATUS, dialect
+from benchtool.bench.mavlink.frames import ESC_STATUS, dialect
 from benchtool.bench.mavlink.motor_test import OutputMonitor
 from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
-from benchtool.bench.mavlink.settings import ChannelWiring, ThrustSource, build_channels
+from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap, ThrustSource, build_channels
 from tests.doubles.scripted_link import Talker
 
 W = dialect()
-TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}
+TWO = MotorMap(rig="", autopilot="", motors=(1, 2), outputs=(3, 1), escs=(3, 1))
 NAMES = [channel.name for channel in build_channels(2)]
 
 
@@ -24,9 +27,9 @@ def servo(time_us: int, *pulses: int) -> object:
     return W.MAVLink_servo_output_raw_message(time_us, 0, *pulses, *[0] * (8 - len(pulses)))
 
 
-def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
+def rows_of(*messages: object, **given: Any) -> dict[str, list[float]]:
     """Give what each channel got from messages, in order."""
-    rows = MavlinkRows(ChannelWiring(**{**TWO, **given}), idle_us=1100.0)
+    rows = MavlinkRows(TWO, MavlinkSettings(**given), idle_us=1100.0)
     for message in (*messages, servo(99_000_000, 1000, 1000, 1000)):
         rows.update(message)
     _, values = rows.take_rows()
@@ -36,7 +39,7 @@ def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
 
 @pytest.mark.parametrize("unknown", [np.nan, np.inf])
 def test_an_output_that_shows_no_number_shows_no_stop(unknown):
-    rows, watch = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0), OutputMonitor("mav", 1000.0)
+    rows, watch = MavlinkRows(TWO, MavlinkSettings(), idle_us=1100.0), OutputMonitor("mav", 1000.0)
     watch.command({1: (3, 1000.0), 2: (1, 1000.0)}, 0.0)
     for step, shown in enumerate([1000.0, 1200.0, *[unknown] * 20]):
         pulses = [0.0, 0.0, shown, *[0.0] * 29]
@@ -55,7 +58,7 @@ def test_an_output_that_shows_no_number_shows_no_stop(unknown):
 
 
 def test_messages_of_one_millisecond_are_one_row():
-    rows = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0)
+    rows = MavlinkRows(TWO, MavlinkSettings(), idle_us=1100.0)
     for step in range(3):
         rows.update(servo(20_000 * step + 7, 1000, 1000, 1000))
         rows.update(W.MAVLink_named_value_float_message(20 * step, b"thrust", 1.5))
@@ -128,7 +131,7 @@ def test_battery_attitude_and_distance():
 
 
 def test_a_rotor_changes_places_when_its_output_is_found():
-    rows = MavlinkRows(ChannelWiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
+    rows = MavlinkRows(replace(TWO, outputs=(0, 0), escs=(1, 2)), MavlinkSettings(), idle_us=1100.0)
     rows.assign_output(1, 2)
     for message in (
         telemetry([0, 0, 0, 0], 2), servo(1000, 1000, 1500), telemetry([0, 4000, 0, 0], 3),

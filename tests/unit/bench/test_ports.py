@@ -8,9 +8,8 @@ import pytest
 from benchtool.bench.ports import (
     HostEnvironment,
     Port,
-    diagnose_network,
+    diagnose_address,
     diagnose_port,
-    parse_serial_port,
 )
 from benchtool.bench.transport.transport import PortOwner
 from benchtool.core.errors import InputError
@@ -84,17 +83,17 @@ def test_what_is_found(row):
 
 def test_an_address_without_a_port_is_refused():
     with pytest.raises(InputError, match="has no port to check"):
-        parse_serial_port("sim:pquad")
+        diagnose_address("sim:pquad")
 
 
 def test_a_udp_port_in_use_is_a_problem():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
         own.bind(("127.0.0.1", 0))
         port = own.getsockname()[1]
-        (finding,) = diagnose_network(f"mavlink:udpin:127.0.0.1:{port}")
+        (finding,) = diagnose_address(f"mavlink:udpin:127.0.0.1:{port}")
         assert finding.verdict == "problem"
         assert f"another program listens on UDP 127.0.0.1:{port}" in finding.sentence
-    (other,) = diagnose_network(f"mavlink:udpout:127.0.0.1:{port}")
+    (other,) = diagnose_address(f"mavlink:udpout:127.0.0.1:{port}")
     assert other.verdict == "not checked"
-    (finding,) = diagnose_network(f"mavlink:udpin:127.0.0.1:{port}")
+    (finding,) = diagnose_address(f"mavlink:udpin:127.0.0.1:{port}")
     assert (finding.verdict, finding.sentence) == ("ok", f"UDP 127.0.0.1:{port} is free")

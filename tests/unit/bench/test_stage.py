@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import BacklashCompensatedStage, GuardedStage, ManualStage
+from benchtool.bench.stage.stage import HandStage, PlateStage
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import load_rig_by_name
@@ -17,24 +16,16 @@ from benchtool.physics.model_file import load_model
 from benchtool.virtual.simulated_bench import SimulatedBench
 
 
-class Listed:
+class Listed(PlateStage):
     """A stage that lists where it was sent."""
 
-    facts: ClassVar = {"stage": "listed"}
-    position_uncertainty_m = 0.0
-
-    def __init__(self) -> None:
+    def __init__(self, *given) -> None:
+        super().__init__(*given)
         self.sent: list[float] = []
 
-    def open(self) -> None: ...
-
-    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
+    def _move_once(self, z_m, x_m, tilt_rad, pause):
         self.sent.append(round(z_m, 6))
         return z_m
-
-    def hold(self) -> None: ...
-
-    def close(self) -> None: ...
 
 
 def plate(backlash_m: float) -> PlateDrive:
@@ -45,22 +36,20 @@ def pause(_seconds: float) -> None: ...
 
 
 def test_it_overshoots_only_where_it_moves_away():
-    inner = Listed()
-    stage = BacklashCompensatedStage(inner, plate(0.001))
+    stage = Listed(plate(0.001))
     for z_m in (0.2, 0.1, 0.3, 1.498):
         assert stage.move(z_m, 0.0, 0.0, pause) == z_m
-    assert inner.sent == [0.205, 0.2, 0.1, 0.305, 0.3, 1.5, 1.498]
+    assert stage.sent == [0.205, 0.2, 0.1, 0.305, 0.3, 1.5, 1.498]
     stage.hold()  # stopped anywhere: the next move takes the play up again
     stage.move(0.2, 0.0, 0.0, pause)
-    assert inner.sent[-2:] == [0.205, 0.2]
+    assert stage.sent[-2:] == [0.205, 0.2]
 
 
 def test_it_stays_above_idle_and_inside_the_gap():
     rig = load_rig_by_name("pquad")
     bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
-    inner = Listed()
     with GuardedBench(bare, rig) as bench:
-        stage = GuardedStage(inner, bench)
+        stage = Listed(None, bench)
         bare.move_plate(0.3)
         assert stage.move(0.3, 0.0, 0.0, pause) == 0.3
         with pytest.raises(StageError, match=r"outside 0\.05 to 1\.5 m"):
@@ -70,7 +59,7 @@ def test_it_stays_above_idle_and_inside_the_gap():
         bench.set_pwm(np.full(4, 1500.0))
         with pytest.raises(StageError, match="above idle"):
             stage.move(0.3, 0.0, 0.0, pause)
-    assert inner.sent == [0.3]
+    assert stage.sent == [0.3]
 
 
 PLATE = load_rig_by_name("pquad_single").plate
@@ -84,7 +73,7 @@ def stage(*answers):
         asked.append(question)
         return left.pop(0)
 
-    return ManualStage(ask, PLATE), asked
+    return HandStage(ask, PLATE), asked
 
 
 def move(hand, z_m=0.24, x_m=0.0, tilt_rad=0.0):

@@ -18,7 +18,7 @@ from benchtool.acquire.plan import (
 )
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import BacklashCompensatedStage, DeviceStage
+from benchtool.bench.stage.stage import DeviceStage
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_to_toml
@@ -85,9 +85,7 @@ def swept(
         "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=flaws or Imperfections()
     )
     with GuardedBench(bench, rig) as guarded:
-        run_sweep(
-            guarded, BacklashCompensatedStage(DeviceStage(guarded), rig.plate), plan, rig, run
-        )
+        run_sweep(guarded, DeviceStage(guarded, rig.plate), plan, rig, run)
     return str(path)
 
 

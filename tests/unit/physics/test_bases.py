@@ -21,14 +21,14 @@ from benchtool.physics.bases import (
     thrust_ratio,
     with_rig_blades,
 )
-from benchtool.physics.blade_element import (
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.blade_inflow import (
     inflow_at_equal_thrust,
     inflow_response,
     profile_share,
     thrust_at_equal_speed,
     torque_at_equal_speed,
 )
-from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
 from tests.unit.physics.closed_forms import single_rotor_factor

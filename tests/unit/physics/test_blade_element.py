@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from benchtool.core.rig import Blade, Motor
-from benchtool.physics.blade_element import (
+from benchtool.physics.effects.blade_inflow import (
     inflow_at_equal_thrust,
     inflow_response,
     profile_share,

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from benchtool.core.errors import InputError
-from benchtool.report.html import render_report
+from benchtool.report.files import render_report
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Commands,

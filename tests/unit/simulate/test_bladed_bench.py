@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.physics.blade_element import (
+from benchtool.physics.effects.blade_inflow import (
     inflow_at_equal_thrust,
     inflow_response,
     profile_share,

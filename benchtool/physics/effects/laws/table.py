@@ -231,11 +231,7 @@ def power_law(p: Any, i: int, flow: Flow) -> Quantity:
     "after Yang et al. 2025, arXiv:2506.19424, as in public code",
     amplitude("g2", 0.1, "strength g2, in R^2", NEAR_EQ_2),
     number(
-        "g1",
-        "1",
-        0.05,
-        "squared distance g1 of saturation, in R^2",
-        within=(1e-3, 10.0),
+        "g1", "1", 0.05, "squared distance g1 of saturation, in R^2", within=(1e-3, 10.0),
         source=NEAR_EQ_2,
     ),
     tested="z near 0, multirotors",
