@@ -16,15 +16,18 @@ import numpy as np
 from benchtool.core.rig import Body
 from benchtool.physics.expression import Quantity, expression, inlined_expression
 from benchtool.physics.fold import unrolled
-from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
-from benchtool.simulate.controllers.limits import clip, integrate_clamped, limit_slew_rate
-from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
-from benchtool.simulate.controllers.pid import (
+from benchtool.simulate.controllers.blocks import (
     AttitudePid,
     PidState,
     attitude_torque,
+    clip,
+    estimate_disturbance,
+    integrate_clamped,
+    limit_slew_rate,
+    next_explained_momentum,
     next_pid_state,
 )
+from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.gain_file import Gains
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
+from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.flight_law import (
     PositionLoop,
     acceleration_command,
