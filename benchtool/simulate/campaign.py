@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import product
 from typing import Any, TypeVar
 
 from benchtool.core.errors import InputError
@@ -85,27 +83,3 @@ def at_point(error: InputError, point: Point) -> InputError:
     """Return an error with the point of the design in its message."""
     values = ", ".join(f"{name} = {value:g}" for name, value in point.items())
     return InputError(f"{error} (at {values})")
-
-
-def results_in_order(tasks: Iterable[Callable[[], T]], threads: int | None = None) -> Iterator[T]:
-    """Yield the result of each task, in the order of the tasks.
-
-    At most one task more than the number of threads is taken from `tasks` ahead of the yielded
-    results, which bounds the memory. Compiled loops release the interpreter lock: threads suffice.
-
-    Args:
-        threads: number of parallel tasks; None means all cores.
-    """
-    workers = max(1, threads if threads is not None else (os.cpu_count() or 1))
-    remaining = iter(tasks)
-    pending: deque[Future[T]] = deque()
-    pool = ThreadPoolExecutor(workers)
-    try:
-        while True:
-            for task in islice(remaining, workers + 1 - len(pending)):
-                pending.append(pool.submit(task))
-            if not pending:
-                return
-            yield pending.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)

@@ -8,13 +8,14 @@ from functools import partial
 from typing import NamedTuple
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.simulate.campaign import Campaign, Point, Row, at_point, results_in_order
+from benchtool.simulate.campaign import Campaign, Point, Row, at_point
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, with_changes
 from benchtool.simulate.flight.warnings import check_duration
+from benchtool.simulate.loop import results_in_order
 
 OGE = "oge"  # PID without ground effect, the reference of a gain set
 

@@ -13,11 +13,10 @@ from benchtool.core.errors import InputError
 from benchtool.core.schedule import Schedule
 from benchtool.simulate.campaign import Campaign, Point, Row
 from benchtool.simulate.design import Design
-from benchtool.simulate.pitch.batch import simulate_many
 from benchtool.simulate.pitch.result import measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop, shared_key
 from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, with_changes
-from benchtool.simulate.pitch.simulate import extract_run
+from benchtool.simulate.pitch.simulate import extract_run, simulate_many
 
 MEASURES = {  # of every run; those of the first plate visit are nan without one
     "rms_deg": "RMS error of pitch [deg]",
@@ -66,7 +65,7 @@ def _probe(setup: PitchSetup, point: Point, _: Design) -> None:
 def _case(setup: PitchSetup, controller: str, point: Point) -> PitchPoint:
     changed = with_changes(setup, point)
     control = next(control for control in changed.controls if control.name == controller)
-    job = PitchJob(changed.bench, control, changed.nominal)
+    job = PitchJob(changed.bench, control)
     return PitchPoint(changed, job, (changed.rate_Hz, *shared_key(job)))
 
 

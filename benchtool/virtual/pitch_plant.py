@@ -20,7 +20,7 @@ from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-from benchtool.simulate.pitch.simulate import PitchController, user_controller_ticks
+from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.user_controller import make_controller
 
 HOLD_S = 2.0  # block length of the last values of a schedule; assumed
@@ -79,7 +79,6 @@ class PitchBenchPlant:
             if user_controller is None
             else make_controller(user_controller, job.control.name)
         )
-        self._user_ticks = None if user_controller is None else user_controller_ticks(self._loop)
         self._ticks_armed = 0
         self._visits, self._nominal_visits = (
             [self._loop.schedule_view(field)[0].copy() for field in fields]
@@ -95,8 +94,8 @@ class PitchBenchPlant:
         self.command_pwm(np.full(self.rig.n_rotors, self.rig.propulsion.pwm_stop_us))
         # Compile before the host waits for a reply.
         self._run(1)
-        if self._user_ticks is not None:
-            self._user_ticks(_NoController(), self._tick, self._tick + 1, 0)
+        if user_controller is not None:
+            self._loop.run_controller(_NoController(), self._tick, self._tick + 1)
         if rate_Hz is not None:
             self.set_rate(rate_Hz)
 
@@ -154,9 +153,8 @@ class PitchBenchPlant:
         if mean_us > self.idle_us:
             if not self._armed:
                 self._arm()
-            nominal = self.job.nominal_model
             speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
-            thrust_N = nominal.parameters["k"].value * speed_rad_s**2
+            thrust_N = self.job.bench.model.parameters["k"].value * speed_rad_s**2
             loop.schedule_view("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
             return
         if self._armed:
@@ -205,11 +203,11 @@ class PitchBenchPlant:
             max_count = ticks if self._armed and not self.plate_moving else 10
             count = min(ticks, end - first, max_count)
             self._place_plate(first, count)
-            if self._armed and self._user_ticks is not None:
-                self._user_ticks(self._controller, first, first + count, self._ticks_armed)
+            if self._armed and self._user_controller is not None:
+                loop.run_controller(self._controller, first, first + count, self._ticks_armed)
                 self._ticks_armed += count
             else:
-                loop.run(first, first + count)
+                loop.advance(first, first + count)
             self._tick = first + count
             blocks.append(self._sample(first, count))
             if not self._armed:
@@ -234,7 +232,7 @@ class PitchBenchPlant:
                 log[:, [6, 7]],
             ]
         )
-        flags = r.Fresh(*loop.fresh[:, first : first + count].astype(bool))
+        flags = r.Fresh(*loop.arrays.fresh[:, first : first + count].astype(bool))
         closed = np.full(count, self._armed)
         rotors = np.ones((1, self.rig.n_rotors), bool)
         fresh = np.column_stack(
@@ -279,7 +277,7 @@ class PitchBenchPlant:
     def _arm(self) -> None:
         """Close the loop at the start of the schedule, with new noise at every arming."""
         loop = self._loop
-        loop.states[:] = lane_states(self._seed, [self._armings])
+        loop.arrays.states[:] = lane_states(self._seed, [self._armings])
         self._armings += 1
         self._restart_controller()
         loop.set_driver(BUILT_IN)
@@ -305,8 +303,8 @@ class PitchBenchPlant:
         """Continue at another tick of the schedule; delayed values keep their order."""
         loop, shift = self._loop, tick - self._tick
         if shift:
-            loop.sent[:] = np.roll(loop.sent, shift, axis=1)
-            loop.past[:] = np.roll(loop.past, shift, axis=1)
+            for ring in (loop.arrays.sent, loop.arrays.past):
+                ring[:] = np.roll(ring, shift, axis=1)
         self._tick = tick
 
 

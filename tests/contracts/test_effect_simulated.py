@@ -69,7 +69,7 @@ def hinged(model: Model) -> np.ndarray:
     )  # without the rig's lag
     loop = PitchLoop([PitchJob(bench, control)], schedule(), 4, [0])
     loop.view("hinge.theta_rad")[:] = 0.15
-    loop.loops.run.py_func(loop.arrays(), loop.plan, 0, len(loop.schedule))
+    loop.loops.run.py_func(loop.arrays, loop.plan, 0, len(loop.schedule))
     return loop.log[:, :, 0]
 
 

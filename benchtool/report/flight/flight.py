@@ -22,8 +22,7 @@ from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
-from benchtool.simulate.campaign import results_in_order
-from benchtool.simulate.flight.flight import FlightCase
+from benchtool.simulate.flight.flight import FlightCase, fly_user_controller
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.study import (
     FlownCase,
@@ -34,8 +33,8 @@ from benchtool.simulate.flight.study import (
     out_of_ground_effect,
     summarize_flight,
 )
-from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.flight.warnings import collect_warnings
+from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.user_controller import make_controller
 
 

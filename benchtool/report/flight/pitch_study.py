@@ -20,9 +20,9 @@ from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, shade, spans, stack_panels
-from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
+from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.pitch.result import PitchRun, PlateVisitMeasures, measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
@@ -54,7 +54,7 @@ def pitch_study(
     near = setup.schedule.sampled(rate_Hz, radius_m)
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
     jobs = [
-        PitchJob(setup.bench, control, setup.nominal)
+        PitchJob(setup.bench, control)
         for control in (() if only_user_controllers else setup.controls)
     ]
     results = list(
@@ -64,7 +64,7 @@ def pitch_study(
     )
     runs, away = results[: len(jobs)], results[len(jobs) :]
     for name, kind in user_controllers:
-        job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
+        job = PitchJob(setup.bench, setup.controls[0])
         for schedule, runs_of_schedule in zip((near, far), (runs, away), strict=True):
             run = simulate_controller(make_controller(kind, name), job, schedule, seed, name=name)
             runs_of_schedule.append(run)

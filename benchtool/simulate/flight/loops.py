@@ -12,6 +12,7 @@ import numpy as np
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
+    Slot,
     compiled_closure,
     expression,
     inlined_expression,
@@ -34,9 +35,9 @@ from benchtool.simulate.flight.records import (
     STRUCK,
     TICK,
     FlightArrays,
+    FlightGeometry,
     FlightOutcome,
     GroundTorque,
-    geometry_slot,
 )
 from benchtool.simulate.flight.rigid_body import (
     apply_impulse,
@@ -271,14 +272,15 @@ def flight_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
     rotor_disc: tuple[int, ...],
+    geometry_type: FlightGeometry,
     rules: ImageRules,
     step: Any,
 ) -> FlightLoops:
-    """Return the loops for these effects and this law."""
-    n, slots = max(rotor_disc) + 1, layout.slots
+    """Return the loops for these effects and this law; `geometry_type` contains zeros."""
+    n, slots = len(geometry_type.x_m), layout.slots
     ones, n_rotors, like = (1.0,) * n, len(rotor_disc), FlightArrays()
     hooks = joined_hooks(effects, n, rules)
-    slot, build = geometry_slot(n, rules.n_body), Build((0,), slots)
+    slot, build = Slot(0, geometry_type), Build((0,), slots)
     look_below = build_look_below(n, hooks)
     change_speed = chain_hooks(bound_hooks(effects, "speed"))
     rotor_speeds = unrolled(
@@ -300,7 +302,9 @@ def flight_loops(
     )
     is_running = inlined_expression(lambda arrays: is_flying(arrays, slots))
     phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
-    key = repr((rotor_disc, rules, source_key(step), layout.records, identities(effects)))
+    key = repr(
+        (rotor_disc, rules, source_key(step), layout.key, geometry_type, identities(effects))
+    )
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())

@@ -13,12 +13,13 @@ from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, resolve_name
 from benchtool.core.rig import Rig
 from benchtool.physics.bases import with_rig_blades
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
 from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
-from benchtool.simulate.flight.records import Craft
+from benchtool.simulate.flight.records import Craft, FlightGeometry
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.ranges import check_range
 
@@ -144,14 +145,15 @@ class FlightVehicle:
         c, s = cos(radians(self.turned_deg)), sin(radians(self.turned_deg))
         return c * x_m - s * y_m, s * x_m + c * y_m
 
-    def geometry(self, dt_s: float) -> Array:
-        """Return a `FlightGeometry` as a flat array."""
-        positions_m = self.rig.disc_positions_m
-        x, y = self.turned(positions_m[:, 0], positions_m[:, 1])
+    def geometry(self, dt_s: float) -> FlightGeometry:
+        """Return the geometry for plant steps."""
+        x, y = (tuple(part.tolist()) for part in self.turned(*self.rig.disc_positions_m.T))
         body = self.model.body_images
-        sources = [*self.turned(body.x_m, body.y_m), body.arm_m]
-        parts: list[Any] = [dt_s, x, y, self.rig.disc_distances_m, *sources]
-        return np.concatenate([np.ravel(part) for part in parts])
+        sources = (tuple(part.tolist()) for part in self.turned(body.x_m, body.y_m))
+        distances_m = tuple(map(tuple, self.rig.disc_distances_m.tolist()))
+        return FlightGeometry(
+            dt_s, x, y, distances_m, BodyImages(*sources, tuple(body.arm_m.tolist()))
+        )
 
     def craft(self) -> Craft:
         """Return the numbers of the vehicle, with the mixer weights of each rotor."""

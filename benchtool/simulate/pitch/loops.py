@@ -11,6 +11,7 @@ import numpy as np
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
+    Slot,
     compiled_closure,
     expression,
     inlined_expression,
@@ -43,8 +44,8 @@ from benchtool.simulate.pitch.records import (
     PAST,
     Command,
     Delayed,
+    Geometry,
     PitchArrays,
-    geometry_slot,
     tick_slot,
 )
 
@@ -96,21 +97,21 @@ def drive_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
 @inlined_expression
 def expect_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
     """Write the expected factors for the feedforward of one lane."""
-    nominal, scheduled = read_record(w, slots.nominal, lane, lanes), now.scheduled
-    discs = now.geometry
+    discs, scheduled = now.geometry, now.scheduled
     body = read_record(w, slots.body, lane, lanes)
     readings = read_record(w, slots.readings, lane, lanes)
-    p = read_record(w, slots.nominal_effects, lane, lanes)
+    p = read_record(w, slots.effects, lane, lanes)
+    strength = read_record(w, slots.strength, lane, lanes)
     plane = plane_below(scheduled.nominal_plate_z_m, readings.theta_rad, hooks.tilt(p))
     heights = heights_over(plane, discs.x_m, discs.y_m)
     areas = scaled(body.covered, scheduled.nominal_share)
     flow = hooks.bare(
-        nominal.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
+        body.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
         readings.theta_rad,
     )  # fmt: skip
     factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
-        factor = with_fields(factor, i, expected_factor(factor[i], nominal.strength))
+        factor = with_fields(factor, i, expected_factor(factor[i], strength))
     divide_lane(w, lane, lanes, factor, slots)
 
 
@@ -119,13 +120,13 @@ def mix_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
     """Write the setpoint of one lane; allocate torque and collective to clipped pulse widths."""
     write_record(w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
     command = read_record(w, slots.command, lane, lanes)
-    nominal = read_record(w, slots.nominal, lane, lanes)
+    pulses, k = read_record(w, slots.pulses, lane, lanes), read_record(w, slots.body, lane, lanes).k
     setpoint, limits = now.scheduled.setpoint, read_record(w, slots.limits, lane, lanes)
-    x, pulses, pwm_us = now.geometry.x_m, nominal.pulses, command.pwm_us
+    x, pwm_us = now.geometry.x_m, command.pwm_us
     for i in range(len(x)):
         thrust_N = setpoint.collective_N - x[i] / now.geometry.span_m2 * command.torque_Nm
         compensated_N = compensated_thrust(thrust_N, command.factor[i])
-        speed = speed_from_thrust(compensated_N, nominal.k)
+        speed = speed_from_thrust(compensated_N, k)
         pwm = pwm_from_speed(speed, pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)
         pwm = pwm - np.sign(x[i]) * (command.difference_us + now.scheduled.dither_us)
         pwm = np.minimum(np.maximum(pwm, limits.min_us), limits.max_us)
@@ -155,16 +156,16 @@ def turn_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -
 def pitch_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
-    n_discs: int,
+    geometry_type: Geometry,
     lanes: int,
     rules: ImageRules,
     law: ControlLaw,
 ) -> PitchLoops:
-    """Return the loops for these effects and this law."""
-    slots, ones = layout.slots, (1.0,) * n_discs
-    build = Build(tuple(range(lanes)), slots)
+    """Return the loops for these effects and this law; `geometry_type` contains zeros."""
+    n_discs, slots = len(geometry_type.x_m), layout.slots
+    build, ones = Build(tuple(range(lanes)), slots), (1.0,) * n_discs
     entry, log_entry = tick_slot(n_discs), logged_slot(n_discs)
-    slot, like = geometry_slot(n_discs, rules.n_body), PitchArrays()
+    slot, like = Slot(0, geometry_type), PitchArrays()
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
     geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
     scheduled = inlined_expression(
@@ -246,7 +247,7 @@ def pitch_loops(
     filter_phases: Any = expression(
         lambda: Phases(geometry, logged, correct, drive, move, no_phase, always_true)
     )
-    key = repr((n_discs, lanes, rules, source_key(step), layout.records, identities(effects)))
+    key = repr((lanes, rules, source_key(step), layout.key, geometry_type, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, control_phases())

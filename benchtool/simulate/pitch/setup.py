@@ -41,16 +41,11 @@ PLATE_DISTANCE = "plate.z_over_R"
 
 @dataclass(frozen=True, kw_only=True)
 class PitchSetup:
-    """Pitch bench with its controllers and schedule.
-
-    Attributes:
-        nominal: model for mixer and feedforward; None means that of the bench.
-    """
+    """Pitch bench with its controllers and schedule."""
 
     bench: PitchBench
     controls: tuple[PitchControl, ...]
     schedule: Schedule
-    nominal: Model | None = None
 
     @property
     def rate_Hz(self) -> float:
