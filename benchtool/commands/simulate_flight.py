@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.simulate_options import print_study, warn_if_slow
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.inputs import FlightInputs
 
 
 @command_from_inputs(FlightInputs)
@@ -17,9 +17,8 @@ def flight(inputs: FlightInputs) -> None:
     warn_if_slow()
     if inputs.study.campaign.vary:
         from benchtool.commands.terminal.show_campaign import show_campaign
-        from benchtool.simulate.campaign_flight import OGE
         from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
-        from benchtool.simulate.flight.setup import full_name
+        from benchtool.simulate.flight.setup import OGE, full_name
 
         show_campaign(inputs, (*FLIGHT_CONTROLLERS, OGE), full_name=full_name)
         return

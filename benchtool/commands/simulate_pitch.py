@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.simulate_options import print_study, warn_if_slow
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.inputs import PitchInputs
 
 
 @command_from_inputs(PitchInputs)

@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.simulate.flight.cases import flight_case
-from benchtool.simulate.flight.setup import FlightSetup, with_changes
+from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
 
@@ -21,8 +21,7 @@ def test_without_changes_it_is_the_shipped_flight():
 
 
 def test_every_name_changes_its_number():
-    case = with_changes(
-        SETUP,
+    case = SETUP.with_changes(
         {"z_over_R": 3.0, "speed": 0.5, "gyro_noise": 0.01, "map_strength": 0.5, "K_b": 1.5,
          "lag": 0.02, "map_offset_y_m": 0.1, "gains.attitude": 2.0, "gains.position.k_x_per_s": 0.9,
          "neighbours": 0.5, "drag": 0.1},
