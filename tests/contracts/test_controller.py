@@ -30,8 +30,8 @@ from benchtool.simulate.controllers.laws import (
     build_pitch_controller,
     find_law,
 )
-from benchtool.simulate.flight.cases import flight_case
-from benchtool.simulate.flight.flight import FlightCase, Goal, fly, fly_user_controller
+from benchtool.simulate.flight.cases import FlightCase, Goal, flight_case
+from benchtool.simulate.flight.flight import fly, fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.pitch.run import PitchJob, torque_limit_Nm

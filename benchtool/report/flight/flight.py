@@ -22,18 +22,19 @@ from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
-from benchtool.simulate.flight.flight import FlightCase, fly_user_controller
-from benchtool.simulate.flight.measures import measure
+from benchtool.simulate.flight.cases import FlightCase
+from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
     build_recording,
+    collect_warnings,
     controller_label,
     fly_and_measure,
+    measure,
     obstacle_extent,
     out_of_ground_effect,
     summarize_flight,
 )
-from benchtool.simulate.flight.warnings import collect_warnings
 from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.user_controller import make_controller
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
 from typing import Any, Literal
@@ -20,14 +20,12 @@ from benchtool.simulate.controllers.controller import (
     FlightMeasurement,
     FlightReference,
 )
-from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, find_law
+from benchtool.simulate.controllers.laws import find_law
 from benchtool.simulate.flight import records as r
-from benchtool.simulate.flight.environment import Environment
+from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.ground import Below, DiscBelow
 from benchtool.simulate.flight.loops import flight_loops
 from benchtool.simulate.flight.rigid_body import at_rest
-from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
 from benchtool.simulate.layout import Layout, rows_in, zero_record
@@ -57,113 +55,6 @@ LOGGED = {
     "x_goal_m": "scheduled.goal_x_m", "y_goal_m": "scheduled.goal_y_m",
     "z_goal_m": "scheduled.goal_z_m",
 }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Goal:
-    """Target position (x, y, z in m) from a time on, with a speed."""
-
-    x_m: float
-    y_m: float = 0.0
-    z_m: float = 0.0
-    speed_m_s: float = 0.2
-    from_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gust:
-    """Gust of 1 - cos shape: peak velocity (m/s) along x, y, z from a time on."""
-
-    from_s: float
-    length_s: float
-    wind_m_s: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightCase:
-    """Case of one flight.
-
-    Attributes:
-        control: one of `FLIGHT_CONTROLLERS`.
-        start_m: x, y, z of the initial hover.
-        gyro_noise_rad_s: standard deviation of white noise per control sample.
-        map_offset_m: displacement of the feedforward's map along x, y, z; -0.05 along x is an
-            edge that is 5 cm early in the map.
-        map_strength: share of the effect that the model of the map predicts.
-        whole_discs: a disc of the map is covered as a whole or not at all, by its centre.
-        ramp: move the reference at the speed instead of limiting the speed.
-        compensation_from_s: start time of observer and feedforward.
-        gusts: wind; without effect for a vehicle without drag.
-    """
-
-    name: str
-    vehicle: FlightVehicle
-    gains: Gains
-    below: Environment = field(default_factory=Environment)
-    title: str = ""
-    control: str = "pid"
-    start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    goals: tuple[Goal, ...] = ()
-    duration_s: float = 60.0
-    yaw_rad: float = 0.0
-    gyro_noise_rad_s: float = 0.0
-    seed: int = 1
-    map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    map_strength: float = 1.0
-    whole_discs: bool = False
-    ramp: bool = False
-    compensation_from_s: float = 0.0
-    gusts: tuple[Gust, ...] = ()
-    step_s: float = 0.001
-    log_Hz: float = 50.0
-
-    def __post_init__(self) -> None:
-        if self.control not in FLIGHT_CONTROLLERS:
-            raise UnknownChoice("flight control", self.control, FLIGHT_CONTROLLERS)
-        period_s = 1.0 / self.gains.control_rate_Hz
-        numbers = {
-            "duration_s": (self.duration_s, period_s, 1e5),
-            "step_s": (self.step_s, 1e-6, period_s),
-            "gyro_noise_rad_s": (self.gyro_noise_rad_s, 0.0, 10.0),
-            "map_strength": (self.map_strength, 0.0, 10.0),
-            "log_Hz": (self.log_Hz, 1e-3, self.gains.control_rate_Hz),
-            "yaw_rad": (self.yaw_rad, -7.0, 7.0),
-        }
-        for goal in self.goals:
-            numbers["goal speed_m_s"] = (goal.speed_m_s, 1e-3, 50.0)
-        for name, (value, low, high) in numbers.items():
-            if not low <= value <= high:
-                raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
-        coordinates = [*self.start_m, *self.map_offset_m]
-        coordinates += [value for goal in self.goals for value in (goal.x_m, goal.y_m, goal.z_m)]
-        if not all(map(isfinite, coordinates)):
-            raise InputError(f"start, goals and map offset must be finite, but are {coordinates}")
-        lag_s = self.vehicle.model.lag_s
-        if 0.0 < lag_s < 2.0 * self.step_s:
-            raise InputError(
-                f"step_s is {self.step_s:g}; allowed for a motor lag of {lag_s:g} s: "
-                f"up to {lag_s / 2.0:g}"
-            )
-
-    @property
-    def observes(self) -> bool:
-        """True if the disturbance observer is active."""
-        return self.control in ("observer", "both")
-
-    @property
-    def feeds_forward(self) -> bool:
-        """True if thrusts are divided by the factors from the map."""
-        return self.control == "both" or "feedforward" in self.control.split("+")
-
-    def path_m(self) -> Array:
-        """Return start and goals in plan (n, 2): m."""
-        return np.array([self.start_m[:2], *((goal.x_m, goal.y_m) for goal in self.goals)])
-
-    def expected_environment(self) -> Environment:
-        """Return the map of the feedforward."""
-        if not any(self.map_offset_m):
-            return self.below
-        return self.below.moved(*self.map_offset_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,13 +13,11 @@ from benchtool.core.schedule import MAX_DURATION_S
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.design import Design
-from benchtool.simulate.flight.cases import FLIGHTS, GYRO_NOISE_RAD_S, flight_case
-from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.flight import FlightCase, Goal, fly
-from benchtool.simulate.flight.map import read_map
-from benchtool.simulate.flight.measures import measure
+from benchtool.simulate.flight.cases import FLIGHTS, GYRO_NOISE_RAD_S, FlightCase, Goal, flight_case
+from benchtool.simulate.flight.environment import Environment, read_map
+from benchtool.simulate.flight.flight import fly
+from benchtool.simulate.flight.study import check_duration, measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.flight.warnings import check_duration
 from benchtool.simulate.gain_file import Gains, load_gains
 from benchtool.simulate.inputs import FlightInputs
 from benchtool.simulate.loop import results_in_order

@@ -9,9 +9,9 @@ import numpy as np
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.expression import read_record
-from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.cases import FlightCase, flight_case
 from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, fly
+from benchtool.simulate.flight.flight import Flight, FlightLoop, fly
 from benchtool.simulate.flight.ground import Below
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.flight.vehicle import FlightVehicle

@@ -13,8 +13,8 @@ from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.design import Design, VariedParameter
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly
-from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import OGE, FlightSetup
+from benchtool.simulate.flight.study import measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
 
