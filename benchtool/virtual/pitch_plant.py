@@ -28,7 +28,7 @@ MAX_CATCH_RATE_RAD_S = 0.5  # levelling rate of the catch; assumed
 IDLE_FRACTION = 0.05  # of the pulse range; motors turn slowly or not at all; assumed
 MIN_RPM = 60.0  # tachometer reads 0 below; five times the noise; assumed
 IDLE_RUN = 2**31  # run number of the noise before the first arming
-_CONTROLLER = ("law_state", "command.torque_Nm", "command.difference_us")  # new per arming
+_CONTROLLER = ("law_state", "command")  # new per arming
 _VISIT = ("setpoint.plate_z_m", "setpoint.plate_share")
 _NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")  # in a schedule
 

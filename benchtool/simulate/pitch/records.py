@@ -37,10 +37,6 @@ Setpoint = namedtuple(
     "Setpoint", "reference_rad collective_N plate_z_m plate_share", defaults=(0.0, 0.0, 0.0, 0.0)
 )
 
-# Motor command: torque for the mixer (N m), difference of pulse widths (us); per disc the factor of
-# the feedforward and the pulse width (us).
-Command = namedtuple("Command", "torque_Nm difference_us factor pwm_us")
-
 # Numbers of hinge and rotors: plant step over inertia (s/(kg m2)), weight (N), k (N/(rad/s)2),
 # effective radius (m), end stop (rad), and coverage of each disc by the fully inserted plate.
 HingedBody = namedtuple("HingedBody", "step_over_inertia weight_N k radius_m stop_rad covered")

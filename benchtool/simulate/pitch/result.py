@@ -26,7 +26,7 @@ COLUMNS = {  # first columns of a log with their record fields
     "true_rate_rad_s": "hinge.rate_rad_s",
 }
 
-LOGGED = (*COLUMNS.values(), "command.pwm_us", "readings.speed_rad_s")  # fields of a log
+LOGGED = (*COLUMNS.values(), "pwm_us", "readings.speed_rad_s")  # fields of a log
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -105,7 +105,9 @@ def lane_records(job: PitchJob, effects: Sequence[Effect]) -> dict[str, Any]:
         "delayed": r.Delayed(),
         "readings": r.SensorReadings(0.0, 0.0, 0.0, zeros),
         "setpoint": r.Setpoint(),
-        "command": r.Command(0.0, 0.0, tuple(1.0 for _ in zeros), zeros),
+        "command": PitchCommand(0.0, 0.0),  # for the mixer
+        "factor": (1.0,) * rig.n_discs,  # of the feedforward
+        "pwm_us": zeros,
         "law_state": control.law.state,
         "body": r.HingedBody(
             dt_s / bench.inertia_kgm2, rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
