@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from benchtool import __version__
 from benchtool.core.plural import pluralize
-from benchtool.core.schedule import PlateVisit
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
@@ -23,7 +22,7 @@ from benchtool.report.panels import legend_below, shade, spans, stack_panels
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.pitch.result import PitchRun, PlateVisitMeasures, measure_plate_visit
+from benchtool.simulate.pitch.result import PitchRun, measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
@@ -71,17 +70,12 @@ def pitch_study(
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
 
 
-def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateVisitMeasures:
-    """Return the measures of a run for one plate interval."""
-    return measure_plate_visit(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
-
-
 def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
     """Return the measures as one row per controller and plate interval."""
     schedule = study.setup.schedule
     return [
         {"controller": run.controller, "z_over_R": visit.z_over_R}
-        | asdict(visit_numbers(run, visit, schedule.duration_s))
+        | asdict(measure_plate_visit(run, visit, schedule.duration_s))
         for run in study.runs
         for visit in schedule.plate
         if visit.in_s < schedule.duration_s

@@ -34,14 +34,13 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import FileTable, build_dataclass
 from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
 from benchtool.physics.expression import Slot
-from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
+from benchtool.simulate.flight.height_grid import NO_GRID, HeightGrid, average_grid
 from benchtool.simulate.layout import LINE, PLANE, SOLID
 
 COLUMNS = ("x_m", "y_m", "height_m")  # of a height grid file
@@ -148,17 +147,12 @@ class Environment:
             floor_m=self.floor_m + z_m,
         )
 
-    def check_coverage(self, path_m: Array, margin_m: float, label: str) -> None:
-        """Raise if a path (m, 2) leaves the height grid."""
-        if self.grid is not None:
-            self.grid.check_coverage(path_m, margin_m, label)
-
     def tables(self, radius_m: float) -> Tables:
         """Return the tables for the compiled loop, for a disc radius."""
         planes = list(dict.fromkeys(block.plane for block in self.blocks))
         rows = [block.row(planes.index(block.plane)) for block in self.blocks]
         blocks = np.array(rows, float).reshape(len(rows), len(BlockRow._fields)).T.copy()
-        grid = DiscGrid.none() if self.grid is None else self.grid.averaged(radius_m)
+        grid = NO_GRID if self.grid is None else average_grid(self.grid, radius_m)
         cells, *grid_numbers = grid
         return Tables(blocks, cells, np.array([*grid_numbers, self.floor_m, len(planes)], float))
 

@@ -121,7 +121,8 @@ class FlightLoop(Loop):
         vehicle, rate_Hz = case.vehicle, case.gains.control_rate_Hz
         model, rig, radius_m = vehicle.model, vehicle.rig, vehicle.rig.propulsion.radius_m
         self.case, self.rate_Hz = case, rate_Hz
-        case.below.check_coverage(case.path_m(), vehicle.reach_m, "the path")
+        if case.below.grid is not None:
+            case.below.grid.check_coverage(case.path_m(), vehicle.reach_m, "the path")
         self.n_ticks = round(case.duration_s * rate_Hz)
         substeps = max(1, int(np.ceil(1.0 / rate_Hz / case.step_s - 1e-9)))
         self.log_every = max(1, round(rate_Hz / case.log_Hz))

@@ -28,10 +28,8 @@ class DiscGrid(NamedTuple):
     step_x_m: float
     step_y_m: float
 
-    @classmethod
-    def none(cls) -> DiscGrid:
-        """Return the placeholder for no grid."""
-        return cls(np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
+
+NO_GRID = DiscGrid(np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,39 +88,7 @@ class HeightGrid:
                         f"use a larger map or a shorter path"
                     )
 
-    def averaged(self, radius_m: float) -> DiscGrid:
-        """Return the averages over a disc of that radius at every node (cached).
-
-        Samples are on a sunflower spiral of equal areas; between nodes both fraction and height are
-        bilinear, so an edge is blurred over one cell.
-        """
-        return _averaged(self, radius_m)
-
-    def sampled(self, radius_m: float) -> DiscGrid:
-        """Compute the result of `averaged`."""
-        k = np.arange(SAMPLES) + 0.5
-        radius = radius_m * np.sqrt(k / SAMPLES)
-        angle = np.pi * (1.0 + np.sqrt(5.0)) * k
-        is_raised = np.isfinite(self.height_m) & (self.height_m > self.base_m)
-        raised_m = np.where(is_raised, self.height_m, 0.0)
-        share = np.zeros_like(raised_m)
-        total = np.zeros_like(raised_m)
-        x, y = np.meshgrid(self.x_m, self.y_m, indexing="ij")
-        for dx, dy in zip(radius * np.cos(angle), radius * np.sin(angle), strict=True):
-            share += self._between(is_raised.astype(float), x + dx, y + dy)
-            total += self._between(raised_m, x + dx, y + dy)
-        height = np.where(share > 0.0, total / np.maximum(share, 1e-12), 0.0)
-        height = _extend_by_one(height, share > 0.0)
-        step_x, step_y = self.x_m[1] - self.x_m[0], self.y_m[1] - self.y_m[0]
-        return DiscGrid(
-            np.array([share / SAMPLES, height]),
-            float(self.x_m[0]),
-            float(self.y_m[0]),
-            float(step_x),
-            float(step_y),
-        )
-
-    def _between(self, values: Array, x: Array, y: Array) -> Array:
+    def interpolate(self, values: Array, x: Array, y: Array) -> Array:
         """Return values at positions, bilinear; constant beyond the edge."""
         u = np.clip((x - self.x_m[0]) / (self.x_m[1] - self.x_m[0]), 0.0, len(self.x_m) - 1.0)
         v = np.clip((y - self.y_m[0]) / (self.y_m[1] - self.y_m[0]), 0.0, len(self.y_m) - 1.0)
@@ -136,8 +102,27 @@ class HeightGrid:
 
 
 @lru_cache(maxsize=8)
-def _averaged(grid: HeightGrid, radius_m: float) -> DiscGrid:
-    return grid.sampled(radius_m)
+def average_grid(grid: HeightGrid, radius_m: float) -> DiscGrid:
+    """Return the averages over a disc of that radius at every node (cached).
+
+    Samples are on a sunflower spiral of equal areas; between nodes both fraction and height are
+    bilinear, so an edge is blurred over one cell.
+    """
+    k = np.arange(SAMPLES) + 0.5
+    radius = radius_m * np.sqrt(k / SAMPLES)
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * k
+    is_raised = np.isfinite(grid.height_m) & (grid.height_m > grid.base_m)
+    raised_m = np.where(is_raised, grid.height_m, 0.0)
+    share, total = np.zeros_like(raised_m), np.zeros_like(raised_m)
+    x, y = np.meshgrid(grid.x_m, grid.y_m, indexing="ij")
+    for dx, dy in zip(radius * np.cos(angle), radius * np.sin(angle), strict=True):
+        share += grid.interpolate(is_raised.astype(float), x + dx, y + dy)
+        total += grid.interpolate(raised_m, x + dx, y + dy)
+    height = np.where(share > 0.0, total / np.maximum(share, 1e-12), 0.0)
+    height = _extend_by_one(height, share > 0.0)
+    x0_m, x1_m, y0_m, y1_m = map(float, (*grid.x_m[:2], *grid.y_m[:2]))
+    cells = np.array([share / SAMPLES, height])
+    return DiscGrid(cells, x0_m, y0_m, x1_m - x0_m, y1_m - y0_m)
 
 
 def _extend_by_one(height: Array, is_covered: NDArray[np.bool_]) -> Array:

@@ -112,15 +112,6 @@ class FlightVehicle:
         return self.model.rig
 
     @property
-    def identity(self) -> tuple[Any, ...]:
-        """Comparable identity of the vehicle."""
-        parameter_values = {name: item.value for name, item in self.model.parameters.items()}
-        positions = self.rig.disc_positions_m.tolist()
-        field_values = [getattr(self, item.name) for item in fields(self)[1:]]
-        rules = [getattr(self.model, name) for name in RULES]
-        return (self.rig.name, positions, rules, parameter_values, field_values)
-
-    @property
     def idle_effects(self) -> tuple[Effect, ...]:
         """Effects of the model without influence in flight: of hinge, load cell or stage."""
         present = self.model.present_effects

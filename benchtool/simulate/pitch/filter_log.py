@@ -58,19 +58,6 @@ class LoggedPitch:
         """Number of driven discs."""
         return len(self.pwm_us)
 
-    def __post_init__(self) -> None:
-        n, discs = len(self), len(self.pwm_us)
-        for name, shape in (
-            ("pwm_us", (discs, n)), ("speed_rad_s", (discs, n)), ("theta_rad", (n,)),
-            ("gyro_rad_s", (n,)), ("mode", (n,)),
-            ("plate_share", (n,)),
-        ):  # fmt: skip
-            if getattr(self, name).shape != shape:
-                raise InputError(
-                    f"{name} has shape {getattr(self, name).shape}; {discs} discs and {n} plate "
-                    f"distances need {shape}"
-                )
-
     def between(self, first: int, last: int) -> LoggedPitch:
         """Return the rows from `first` up to `last`."""
         columns = {item.name: getattr(self, item.name) for item in fields(self)}

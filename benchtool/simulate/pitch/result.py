@@ -11,7 +11,7 @@ from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.schedule import PARKED_M
+from benchtool.core.schedule import PARKED_M, PlateVisit
 
 COLUMNS = {  # first columns of a log with their record fields
     "reference_rad": "setpoint.reference_rad",
@@ -116,11 +116,9 @@ SETTLING_BAND = 0.2  # share of the peak
 MIN_PEAK_OVER_RMS = 5.0  # smaller peaks are noise; assumed
 
 
-def measure_plate_visit(
-    run: PitchRun, in_s: float, out_s: float, move_s: float
-) -> PlateVisitMeasures:
-    """Return the measures of a plate visit from `in_s` to `out_s`."""
-    time_s = run.time_s
+def measure_plate_visit(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateVisitMeasures:
+    """Return the measures of a plate visit in a run of that duration."""
+    time_s, in_s, out_s = run.time_s, visit.in_s, min(visit.out_s, duration_s)
     error = run.column("true_theta_rad") - run.column("reference_rad")
     before = (time_s < in_s) & (time_s >= 0.4 * in_s)
     during = (time_s >= in_s) & (time_s < out_s)
@@ -130,10 +128,10 @@ def measure_plate_visit(
     if not during.any():
         nan = float("nan")
         return PlateVisitMeasures(quiet_rms, nan, nan, nan, nan)
-    visit, times = error[during], time_s[during] - in_s
-    peak = float(visit[np.argmax(np.abs(visit))])
+    visit_error, times = error[during], time_s[during] - in_s
+    peak = float(visit_error[np.argmax(np.abs(visit_error))])
     residual = float(np.mean(error[last_quarter]))
-    outside = np.abs(visit - residual) > SETTLING_BAND * abs(peak)
+    outside = np.abs(visit_error - residual) > SETTLING_BAND * abs(peak)
     settling_s = float(times[np.flatnonzero(outside)[-1]]) if outside.any() else 0.0
     if abs(peak) < MIN_PEAK_OVER_RMS * quiet_rms:
         settling_s = float("nan")

@@ -149,7 +149,7 @@ def _measure_run(schedule: Schedule, loop: PitchLoop, lane: int, _run_number: in
     measures["stopped_steps"] = float(run.stopped_steps)
     visit, end_s = schedule.plate[0] if schedule.plate else None, schedule.duration_s
     if visit is not None and visit.in_s < end_s:
-        numbers = measure_plate_visit(run, visit.in_s, min(visit.out_s, end_s), visit.move_s)
+        numbers = measure_plate_visit(run, visit, end_s)
         for name in ("peak", "residual", "rebound", "quiet_rms"):
             measures[f"{name}_deg"] = float(np.degrees(getattr(numbers, f"{name}_rad")))
     return measures

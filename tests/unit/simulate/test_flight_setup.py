@@ -32,7 +32,8 @@ def test_every_name_changes_its_number():
     assert case.duration_s == 60.0
     assert (case.gyro_noise_rad_s, case.map_strength) == (0.01, 0.5)
     assert case.map_offset_m == (0.0, 0.1, 0.0)
-    vehicle = VEHICLE.with_numbers(K_b=1.5, lag_s=0.02, neighbours=0.5, drag_N_s_m=0.1)
-    assert case.vehicle.identity == vehicle.identity
+    numbers = {"K_b": 1.5, "lag_s": 0.02, "neighbours": 0.5, "drag_N_s_m": 0.1}
+    assert {name: case.vehicle.number(name) for name in numbers} == numbers
+    assert (case.vehicle.turned_deg, case.vehicle.inertia_scale) == (0.0, 1.0)
     assert case.gains.attitude.k_q_per_s == pytest.approx(14.8)
     assert case.gains.position.k_x_per_s == 0.9

@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
+from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.inputs import PitchInputs
-from benchtool.simulate.pitch.result import PlateVisitMeasures
+from benchtool.simulate.pitch.result import PlateVisitMeasures, measure_plate_visit
 from benchtool.simulate.pitch.setup import pitch_setup
 
 SETS = {
@@ -36,7 +36,7 @@ def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> Pla
     found = []
     for seed in range(5):
         run = pitch_study(setup, seed).runs[0]
-        found.append(visit_numbers(run, setup.schedule.plate[0], setup.schedule.duration_s))
+        found.append(measure_plate_visit(run, setup.schedule.plate[0], setup.schedule.duration_s))
     return PlateVisitMeasures(
         **{
             field: float(np.median([getattr(each, field) for each in found]))
