@@ -10,7 +10,7 @@ from math import ceil, dist, isfinite
 import numpy as np
 
 from benchtool.core.array_type import Array
-from benchtool.core.channel import Channel
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
@@ -153,18 +153,10 @@ def controller_label(flown: FlownCase) -> str:
 
 def build_recording(flight: Flight) -> Recording:
     """Return a flight as a recording, marked as simulated."""
-    units = {"_s": "s", "_m": "m", "_m_s": "m/s", "_rad": "rad", "_rad_s": "rad/s"}
-    units |= {"_Nm": "N m", "_N": "N"}
-
-    def unit(name: str) -> str:
-        suffixes = [suffix for suffix in units if name.endswith(suffix)]
-        return units[max(suffixes, key=len)] if suffixes else "1"
-
-    finite = np.where(np.isinf(flight.log), np.nan, flight.log)
     case = flight.case
     return Recording(
-        tuple(Channel(name, unit(name)) for name in flight.names),
-        finite,
+        tuple(Channel(name, unit_from_name(name)) for name in flight.names),
+        np.where(np.isinf(flight.log), np.nan, flight.log),
         {
             "flight": case.name,
             "rig": case.vehicle.rig.name,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchtool.core.array_type import Array
-from benchtool.core.channel import Channel
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, PlateVisit
@@ -72,24 +72,23 @@ class PitchRun:
 
     def recording(self, rig: Rig, provenance: Mapping[str, str] | None = None) -> Recording:
         """Return the run as the recording that a pitch bench would have written."""
-        columns = [
-            (Channel("time_s", "s"), self.time_s),
-            (Channel("theta_ref_rad", "rad"), self.column("reference_rad")),
-            (Channel("theta_rad", "rad"), self.column("theta_rad")),
-            (Channel("gyro_rad_s", "rad/s"), self.column("gyro_rad_s")),
-        ]
-        discs = rig.disc_of_rotor
+        share, rotor_discs = self.column("plate_share"), list(enumerate(rig.disc_of_rotor, 1))
         pwm, rpm = self.pwm_us, self.speed_rad_s * 30.0 / np.pi
-        columns += [(Channel(f"pwm{i}_us", "pwm_us"), pwm[k]) for i, k in enumerate(discs, 1)]
-        columns += [(Channel(f"rpm{i}", "rpm"), rpm[k]) for i, k in enumerate(discs, 1)]
-        z_m = np.where(self.column("plate_share") > 0.0, self.column("plate_read_m"), PARKED_M)
-        columns += [
-            (Channel("plate_z_m", "m"), z_m),
-            (Channel("coverage1", "1"), self.column("plate_share")),
-            (Channel("torque_Nm", "N m"), self.column("torque_Nm")),
-            (Channel("disturbance_Nm", "N m"), self.column("estimate_Nm")),
-        ]
-        return Recording.from_columns(columns, provenance, simulated=True)
+        columns = {
+            "time_s": self.time_s,
+            "theta_ref_rad": self.column("reference_rad"),
+            "theta_rad": self.column("theta_rad"),
+            "gyro_rad_s": self.column("gyro_rad_s"),
+            **{f"pwm{i}_us": pwm[disc] for i, disc in rotor_discs},
+            **{f"rpm{i}": rpm[disc] for i, disc in rotor_discs},
+            "plate_z_m": np.where(share > 0.0, self.column("plate_read_m"), PARKED_M),
+            "coverage1": share,
+            "torque_Nm": self.column("torque_Nm"),
+            "disturbance_Nm": self.column("estimate_Nm"),
+        }
+        channels = (Channel(name, unit_from_name(name)) for name in columns)
+        pairs = list(zip(channels, columns.values(), strict=True))
+        return Recording.from_columns(pairs, provenance, simulated=True)
 
 
 @dataclass(frozen=True, slots=True)
