@@ -7,11 +7,13 @@ ticks are split into calls: runs are repeatable, and a long settling costs one c
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.schedule import due_ticks
 from benchtool.core.units import from_si
 from benchtool.physics.model import Model
 from benchtool.simulate.imperfections import (
@@ -141,11 +143,6 @@ class PlateBench:
         return self._time_s + self._tick / self._rate_Hz
 
     @property
-    def pwm_us(self) -> Array:
-        """Present pulse width of every motor (n,): us."""
-        return self._powertrain.pwm_us.copy()
-
-    @property
     def plate_moving(self) -> bool:
         """True while the plate moves."""
         return self._z.moving or self._x.moving or self._tilt.moving
@@ -205,7 +202,7 @@ class PlateBench:
         # One row of draws per tick, so that the noise does not depend on the split into calls.
         noise = self._rng.standard_normal((n, n_rotors + 6)).T
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
-        is_converted = self._cell.due(self._tick + 1, n, self._rate_Hz)
+        is_converted = self._due(self._cell.rate_Hz, n)
         zero_N = self._cell.drifting_zero_N(time_s, tick_s, noise[0])[is_converted]
         position = PlatePosition(*(part[is_converted] for part in positions))
         force_N = self._force_N(
@@ -252,16 +249,20 @@ class PlateBench:
         force_N: Array = thrust_N + self._vibration_N * vibration
         return force_N
 
+    def _due(self, rate_Hz: float, n: int) -> NDArray[np.bool_]:
+        """Return which of the next ticks (n,) have a new reading of a sensor."""
+        return due_ticks(self._tick + 1, n, rate_Hz, self._rate_Hz)
+
     def _rpm(self, speed_rad_s: Array, noise: Array) -> Array:
         """Return the speed readings (n, m): rpm; a rotor at rest reads zero."""
         reader = self._readers["rpm"]
         reading = np.maximum(reader.read(from_si(speed_rad_s, "rpm"), noise), 0.0)
         reading[speed_rad_s == 0.0] = 0.0
-        reading[:, ~reader.due(self._tick + 1, reading.shape[1], self._rate_Hz)] = np.nan
+        reading[:, ~self._due(reader.rate_Hz, reading.shape[1])] = np.nan
         return reading
 
     def _reading(self, name: str, true: Array, noise: Array) -> Array:
         reader = self._readers[name]
         reading = np.array(reader.read(true, noise))
-        reading[~reader.due(self._tick + 1, len(true), self._rate_Hz)] = np.nan
+        reading[~self._due(reader.rate_Hz, len(true))] = np.nan
         return reading
