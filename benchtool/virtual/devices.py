@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup
 from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
@@ -129,7 +131,7 @@ def pitch_plant(
     rate_Hz: float | None = None,  # stream rate; default: control rate
     user_controller: type[PitchController] | None = None,  # runs at the rate of the gains
     hidden: str = "",
-    change: Callable[[PitchJob], PitchJob] = lambda job: job,
+    settings: Mapping[str, float] = MappingProxyType({}),  # as of `PitchSetup.with_changes`
     permit: CodePermit = check_code_allowed,
 ) -> PitchBenchPlant:
     """Return the simulated pitch bench for a model, schedule, controller and gains by name."""
@@ -143,8 +145,17 @@ def pitch_plant(
     if hidden:
         model = with_hidden_effects(model, hidden)
     control = build_pitch_controller("pid" if user_controller else controller, load_gains(gains))
-    job = change(PitchJob(PitchBench.from_model(model), replace(control, name=controller)))
-    return PitchBenchPlant(job, load_schedule(schedule), seed, rate_Hz, user_controller)
+    if PLATE_DISTANCE in settings:
+        raise InputError(
+            f"{PLATE_DISTANCE} cannot be set here: the schedule moves the plate; remove it"
+        )
+    setup = PitchSetup(
+        bench=PitchBench.from_model(model),
+        controls=(replace(control, name=controller),),
+        schedule=load_schedule(schedule),
+    ).with_changes(settings)
+    job = PitchJob(setup.bench, setup.controls[0])
+    return PitchBenchPlant(job, setup.schedule, seed, rate_Hz, user_controller)
 
 
 def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:

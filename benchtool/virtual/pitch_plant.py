@@ -5,7 +5,7 @@ Pulses above idle arm the loop; lower pulses drive the motors, and a catch level
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,16 +61,9 @@ class PitchBenchPlant:
         sampled = held.sampled(self.control_rate_Hz, self.rig.propulsion.radius_m)
         self._hold = round(HOLD_S * self.control_rate_Hz)
         end = len(sampled) - self._hold
-        for track in (
-            sampled.reference_rad,
-            sampled.collective,
-            sampled.dither_us,
-            sampled.plate_z_m,
-            sampled.plate_share,
-            sampled.observer,
-            sampled.feedforward,
-        ):
-            track[end:] = track[end - 1]
+        for track in fields(sampled)[2:]:  # all after rate and time
+            values = getattr(sampled, track.name)
+            values[end:] = values[end - 1]
         self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
         self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
         self._user_controller = user_controller
@@ -262,10 +255,10 @@ class PitchBenchPlant:
             self._plate_m = self._target_m
         under = (position_m < PARKED_M).astype(float)
         block = slice(first, first + count)
-        aremaining_m = self.job.control.feedforward.height_error_m
+        map_error_m = self.job.control.feedforward.height_error_m
         for (z_field, share_field), (visit_m, visit), error_m in (
             (_VISIT, self._visits, 0.0),
-            (_NOMINAL_VISIT, self._nominal_visits, aremaining_m),
+            (_NOMINAL_VISIT, self._nominal_visits, map_error_m),
         ):
             visiting = (visit[block] > 0.0) & self._armed
             placed_m = np.where(visiting, visit_m[block], position_m + error_m)

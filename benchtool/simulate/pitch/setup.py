@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, groupby
@@ -103,12 +103,49 @@ class PitchSetup(Setup):
         """
         setup = self
         for name, value in values.items():
-            if name == PLATE_DISTANCE:
-                setup = replace(setup, schedule=_with_plate_at(setup.schedule, float(value)))
-            else:
-                bench, controls = _with_number(setup.bench, setup.controls, name, float(value))
-                setup = replace(setup, bench=bench, controls=controls)
+            setup = setup._with_number(name, float(value))
         return setup
+
+    def _with_number(self, name: str, value: float) -> Self:
+        if name == PLATE_DISTANCE:
+            return replace(self, schedule=_with_plate_at(self.schedule, value))
+        head, _, field = name.partition(".")
+        number: dict[str, Any] = {field: value}
+        if head == "gains" and field:
+            return self._with_controls(
+                lambda control: (
+                    control
+                    if control.gains is None
+                    else replace(control, gains=control.gains.with_values(**number))
+                )
+            )
+        if head == "feedforward":
+            if field not in FEEDFORWARD_NUMBERS:
+                raise UnknownChoice("number of the feedforward", field, FEEDFORWARD_NUMBERS)
+            check_range(name, value, *FEEDFORWARD_NUMBERS[field])
+            return self._with_controls(
+                lambda control: (
+                    replace(control, feedforward=replace(control.feedforward, **number))
+                    if control.feedforward.strength > 0.0
+                    else control
+                )
+            )
+        if head == "bench" and field != "inertia_kgm2":
+            if field not in BENCH_NUMBERS:
+                raise UnknownChoice("number of the bench", field, BENCH_NUMBERS)
+            if field == "plant_rate_Hz" and value > MAX_PLANT_HZ:
+                raise InputError(
+                    f"bench.plant_rate_Hz is {value:g}; allowed: up to {MAX_PLANT_HZ:g}"
+                )
+            if field in RANGES:
+                check_range(name, value, *RANGES[field])
+            return replace(self, bench=replace(self.bench, **number))
+        model = _with_parameter(self.bench.model, field if head == "bench" else name, value)
+        inertia_kgm2 = model.parameters["inertia_kgm2"].value
+        return replace(self, bench=replace(self.bench, model=model, inertia_kgm2=inertia_kgm2))
+
+    def _with_controls(self, change: Callable[[PitchControl], PitchControl]) -> Self:
+        return replace(self, controls=tuple(map(change, self.controls)))
 
     def check_point(self, point: Point, design: Design, controller: str) -> None:
         changed = self.with_changes(point)
@@ -183,51 +220,6 @@ def pitch_setup(
     return replace(setup, schedule=setup.schedule.with_duration(duration_s))
 
 
-def apply_job_changes(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
-    """Return a single job with some numbers changed, by the names of `PitchSetup.with_changes`."""
-    for name, value in values.items():
-        if name == PLATE_DISTANCE:
-            raise InputError(f"{name} cannot be set here: the schedule moves the plate; remove it")
-        bench, (control,) = _with_number(job.bench, (job.control,), name, float(value))
-        job = replace(job, bench=bench, control=control)
-    return job
-
-
-def _with_number(
-    bench: PitchBench, controls: tuple[PitchControl, ...], name: str, value: float
-) -> tuple[PitchBench, tuple[PitchControl, ...]]:
-    head, _, field = name.partition(".")
-    number: dict[str, Any] = {field: value}
-    if head == "gains" and field:
-        return bench, tuple(
-            control
-            if control.gains is None
-            else replace(control, gains=control.gains.with_values(**number))
-            for control in controls
-        )
-    if head == "feedforward":
-        if field not in FEEDFORWARD_NUMBERS:
-            raise UnknownChoice("number of the feedforward", field, FEEDFORWARD_NUMBERS)
-        check_range(name, value, *FEEDFORWARD_NUMBERS[field])
-        return bench, tuple(
-            replace(control, feedforward=replace(control.feedforward, **number))
-            if control.feedforward.strength > 0.0
-            else control
-            for control in controls
-        )
-    if head == "bench" and field != "inertia_kgm2":
-        if field not in BENCH_NUMBERS:
-            raise UnknownChoice("number of the bench", field, BENCH_NUMBERS)
-        if field == "plant_rate_Hz" and value > MAX_PLANT_HZ:
-            raise InputError(f"bench.plant_rate_Hz is {value:g}; allowed: up to {MAX_PLANT_HZ:g}")
-        if field in RANGES:
-            check_range(name, value, *RANGES[field])
-        return replace(bench, **number), controls
-    model = _with_parameter(bench.model, field if head == "bench" else name, value)
-    inertia_kgm2 = model.parameters["inertia_kgm2"].value
-    return replace(bench, model=model, inertia_kgm2=inertia_kgm2), controls
-
-
 def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
     if not schedule.plate:
         raise InputError(
@@ -243,7 +235,15 @@ def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
 
 
 def _with_parameter(model: Model, name: str, value: float) -> Model:
-    full_name = _full_name(model, name)
+    """Return the model with a number changed; a missing effect of the catalogue is added."""
+    effect_parameters = (
+        f"{effect.name}.{parameter.name}"
+        for effect in EFFECTS.values()
+        for parameter in effect.parameters
+    )
+    names = dict.fromkeys((*model.parameters, *effect_parameters))
+    tables = (*(f"gains.{table}" for table in GAIN_TABLES), PLATE_DISTANCE)
+    full_name = resolve_name(name, names, "number to set or vary", tables)
     if full_name in RANGES:
         check_range(full_name, value, *RANGES[full_name])
     effect = EFFECTS.get(full_name.partition(".")[0])
@@ -256,15 +256,3 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
     if full_name not in model.parameters:
         model = model.with_effect(full_name.partition(".")[0])
     return model.with_fixed(full_name, value)
-
-
-def _full_name(model: Model, name: str) -> str:
-    """Return the full name of a parameter of the model or of an effect in the catalogue."""
-    effect_parameters = (
-        f"{effect.name}.{parameter.name}"
-        for effect in EFFECTS.values()
-        for parameter in effect.parameters
-    )
-    names = dict.fromkeys((*model.parameters, *effect_parameters))
-    gains = [f"gains.{table}" for table in GAIN_TABLES]
-    return resolve_name(name, names, "number to set or vary", (*gains, PLATE_DISTANCE))
