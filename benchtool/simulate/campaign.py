@@ -1,4 +1,4 @@
-"""Campaign: one simulation at many points of a design, in threads or on a cluster.
+"""Campaign: one simulation at many points, in a grid or at random, in threads or on a cluster.
 
 A block is a range of successive runs and is stored when it is complete. A cluster worker builds the
 campaign from its inputs. Rows depend only on run and seed, not on where a block is run.
@@ -8,26 +8,158 @@ from __future__ import annotations
 
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
+from math import isfinite, prod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.campaign import write_campaign
-from benchtool.simulate.design import Design
 from benchtool.simulate.flight.setup import OGE, flight_setup
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.simulate.pitch.setup import pitch_setup
 from benchtool.simulate.setup import Row, Setup
 from benchtool.tasks import TaskStore, Work, run_tasks
 
+MAX_RUNS = 10_000_000  # about an hour of pitch runs; larger designs are typing errors; assumed
 MAX_BLOCKS = 400
 MIN_BLOCK_RUNS = 50  # about 0.1 s of pitch runs; a task costs 1 ms
 
 Block = tuple[int, int]  # first run and end (exclusive)
+
+
+@dataclass(frozen=True, slots=True)
+class VariedParameter:
+    """Parameter varied from `lower` to `upper`, with `count` values in a grid."""
+
+    name: str
+    lower: float
+    upper: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.lower > self.upper or (self.lower == self.upper) != (self.count == 1):
+            raise InputError(
+                f"range of {self.name} is invalid: {self.lower:g} to {self.upper:g}, {self.count} "
+                f"values; allowed: FROM below TO and COUNT from 2, or FROM equal to TO and COUNT 1"
+            )
+
+    @classmethod
+    def read(cls, text: str) -> VariedParameter:
+        """Return the varied parameter in the text `NAME=FROM:TO:COUNT`."""
+        name, _, numbers = text.partition("=")
+        parts = numbers.split(":")
+        try:
+            lower, upper, count = float(parts[0]), float(parts[1]), int(parts[2])
+        except (ValueError, IndexError):
+            count = 0
+            lower = upper = float("nan")
+        if len(parts) != 3 or not name or not (isfinite(lower) and isfinite(upper)) or count < 1:
+            raise InputError(f"--vary got {text!r}; write NAME=FROM:TO:COUNT, such as K_b=1:2:11")
+        return cls(name.strip(), lower, upper, count)
+
+    def values(self) -> list[float]:
+        """Return the values of the grid."""
+        return [float(value) for value in np.linspace(self.lower, self.upper, self.count)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """Points of a campaign.
+
+    Attributes:
+        samples: number of random points within the ranges; 0 means the grid.
+        seeds: number of noise seeds per point.
+    """
+
+    varied: tuple[VariedParameter, ...]
+    samples: int = 0
+    seeds: int = 1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        names = [parameter.name for parameter in self.varied]
+        if not names:
+            raise InputError("a campaign needs a varied parameter; add --vary NAME=FROM:TO:COUNT")
+        if len(set(names)) != len(names):
+            raise InputError("a parameter occurs twice in --vary; give it once")
+        if self.seeds < 1 or self.samples < 0:
+            raise InputError(
+                f"{self.seeds} seeds and {self.samples} samples are out of range; allowed: seeds "
+                f"from 1, samples from 0 (a grid)"
+            )
+        if self.n_points * self.seeds > MAX_RUNS:
+            raise InputError(
+                f"{pluralize(self.n_points, 'point')} with {pluralize(self.seeds, 'seed')} are "
+                f"{self.n_points * self.seeds} runs; allowed: up to {MAX_RUNS}"
+            )
+
+    @classmethod
+    def read(
+        cls,
+        texts: Sequence[str],
+        *,
+        samples: int = 0,
+        seeds: int = 1,
+        seed: int = 0,
+        full_name: Callable[[str], str] = str,
+    ) -> Design:
+        """Return the design of `NAME=FROM:TO:COUNT` texts; `full_name` completes each name."""
+        parameters = [VariedParameter.read(text) for text in texts]
+        varied = tuple(replace(v, name=full_name(v.name)) for v in parameters)
+        return cls(varied=varied, samples=samples, seeds=seeds, seed=seed)
+
+    @property
+    def n_points(self) -> int:
+        """Number of points."""
+        return self.samples or prod(parameter.count for parameter in self.varied)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the varied parameters."""
+        return [parameter.name for parameter in self.varied]
+
+    def points(self) -> Iterator[dict[str, float]]:
+        """Yield the points: the full grid, or random ones."""
+        if not self.samples:
+            for values in product(*(parameter.values() for parameter in self.varied)):
+                yield dict(zip(self.names, values, strict=True))
+            return
+        rng = np.random.default_rng(self.seed)
+        for _ in range(self.samples):
+            yield {v.name: float(rng.uniform(v.lower, v.upper)) for v in self.varied}
+
+    def probes(self) -> Iterator[dict[str, float]]:
+        """Yield the points that are checked before a campaign: corners, and every single value."""
+        ends = [sorted({parameter.lower, parameter.upper}) for parameter in self.varied]
+        for values in product(*ends):
+            yield dict(zip(self.names, values, strict=True))
+        lowest = {parameter.name: parameter.lower for parameter in self.varied}
+        for parameter in self.varied:
+            for value in parameter.values()[1:-1]:
+                yield lowest | {parameter.name: value}
+
+    def to_metadata(self) -> dict[str, str]:
+        """Return the design as metadata of the table file."""
+        ranges = {f"vary.{v.name}": f"{v.lower:g}:{v.upper:g}:{v.count}" for v in self.varied}
+        return ranges | {
+            "samples": str(self.samples), "seeds": str(self.seeds), "seed": str(self.seed),
+        }  # fmt: skip
+
+    def describe(self) -> str:
+        """Return the number of points as text."""
+        if self.samples:
+            points = f"{self.samples} random points of {' and '.join(self.names)}"
+        else:
+            points = " x ".join(f"{parameter.count} {parameter.name}" for parameter in self.varied)
+        return points + (f", {self.seeds} seeds" if self.seeds > 1 else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +184,7 @@ class Campaign:
         """Raise if a point of the design cannot be run, before the first run."""
         for setup in self.setups.values():
             for point in design.probes():
-                setup.check_point(point, design, self.controllers[0])
+                setup.check_point(point, design.names, design.seeds, self.controllers[0])
 
     def rows(
         self, design: Design, threads: int | None = None, start: int = 0, stop: int | None = None

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 from benchtool.core.errors import InputError
-from benchtool.simulate.design import Design
 
 Row = Mapping[str, float | str]
 Point = Mapping[str, float]
@@ -38,8 +37,8 @@ class Setup(ABC):
         """Return the set-up with some numbers changed, by name."""
 
     @abstractmethod
-    def check_point(self, point: Point, design: Design, controller: str) -> None:
-        """Raise for a point of a design that cannot be run."""
+    def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
+        """Raise for a point of a campaign that cannot be run."""
 
     @abstractmethod
     def build_run(self, controller: str, point: Point) -> Any:

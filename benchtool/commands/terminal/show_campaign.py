@@ -18,8 +18,7 @@ from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.input_text import format_arguments
 from benchtool.core.plural import pluralize
 from benchtool.data.run.campaign import campaign_means
-from benchtool.simulate.campaign import build_campaign, run_campaign
-from benchtool.simulate.design import Design
+from benchtool.simulate.campaign import Design, build_campaign, run_campaign
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, Self
@@ -12,7 +12,6 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import MAX_DURATION_S
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import FLIGHTS, GYRO_NOISE_RAD_S, FlightCase, Goal, flight_case
 from benchtool.simulate.flight.environment import Environment, read_map
 from benchtool.simulate.flight.flight import fly
@@ -177,12 +176,12 @@ class FlightSetup(Setup):
             return replace(self, map_offset_m=tuple(offset_m))
         return replace(self, **numbers)
 
-    def check_point(self, point: Point, design: Design, controller: str) -> None:
+    def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
         """Fly the first two control periods of a point; raise InputError if it cannot start."""
-        has_noise = self.gyro_noise_rad_s > 0.0 or "gyro_noise_rad_s" in design.names
-        if design.seeds > 1 and not has_noise:
+        has_noise = self.gyro_noise_rad_s > 0.0 or "gyro_noise_rad_s" in varied
+        if seeds > 1 and not has_noise:
             raise InputError(
-                f"{design.seeds} seeds give identical flights without gyro noise; "
+                f"{seeds} seeds give identical flights without gyro noise; "
                 f"set --gyro-noise-rad-s (paper: 0.015) or remove --seeds"
             )
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, groupby
@@ -21,7 +21,6 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
 from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS, build_pitch_controller
 from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.design import Design
 from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -147,7 +146,7 @@ class PitchSetup(Setup):
     def _with_controls(self, change: Callable[[PitchControl], PitchControl]) -> Self:
         return replace(self, controls=tuple(map(change, self.controls)))
 
-    def check_point(self, point: Point, design: Design, controller: str) -> None:
+    def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
         changed = self.with_changes(point)
         if changed.rate_Hz != self.rate_Hz:
             raise InputError("control_rate_Hz cannot be varied; run one campaign per rate")

@@ -18,8 +18,7 @@ from pathlib import Path
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.campaign import write_campaign
-from benchtool.simulate.campaign import Campaign
-from benchtool.simulate.design import Design
+from benchtool.simulate.campaign import Campaign, Design
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains

@@ -14,8 +14,7 @@ import pytest
 
 from benchtool.core.errors import WouldOverwrite
 from benchtool.data.run.campaign import write_campaign
-from benchtool.simulate.campaign import Campaign
-from benchtool.simulate.design import Design
+from benchtool.simulate.campaign import Campaign, Design
 from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
 from benchtool.simulate.setup import Row

@@ -9,8 +9,7 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.simulate.campaign import Campaign
-from benchtool.simulate.design import Design, VariedParameter
+from benchtool.simulate.campaign import Campaign, Design, VariedParameter
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.setup import OGE, FlightSetup
