@@ -23,7 +23,7 @@ from benchtool.simulate.controllers.controller import (
 from benchtool.simulate.controllers.laws import find_law
 from benchtool.simulate.flight import records as r
 from benchtool.simulate.flight.cases import FlightCase, Goal
-from benchtool.simulate.flight.ground import Below, DiscBelow
+from benchtool.simulate.flight.ground import SCRATCH_ROWS, Below
 from benchtool.simulate.flight.loops import flight_loops
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.hooks import loop_effects, loop_numbers
@@ -168,7 +168,7 @@ class FlightLoop(Loop):
             ),
             noise=noise,
             gusts=gusts.reshape(-1, 5).T.copy(),
-            scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
+            scratch=np.zeros((SCRATCH_ROWS, rig.n_discs)),
             geometry=np.array(flat_values(geometry), float),
             below=below,
             map=case.expected_environment().tables(radius_m) if map_use.is_used else below,
