@@ -251,14 +251,15 @@ def run_campaign(
     blocks = {
         str(first): (first, min(first + block_size, total)) for first in range(0, total, block_size)
     }
+    cluster = inputs.study.campaign.cluster
+    study = replace(inputs.study, out=None, campaign=replace(inputs.study.campaign, cluster=None))
     task_metadata = {
         **metadata,
         "runs": str(total),
         "runs of a block": str(block_size),
-        "inputs": _describe_inputs(inputs),
+        "inputs": str(replace(inputs, study=study)),
     }
-    cluster = inputs.study.campaign.cluster
-    work: Work[Block] = partial(_run_block, campaign, design)
+    work: Work[Block] = lambda block: list(campaign.rows(design, None, *block))  # noqa: E731
     if cluster is not None:
         work = partial(_run_block_in_worker, pickle.dumps(inputs), design)
     done = 0
@@ -269,16 +270,6 @@ def run_campaign(
         write_campaign((row for block in blocks for row in store[block]), table, metadata)
     store.path.unlink()
     return done
-
-
-def _describe_inputs(inputs: PitchInputs | FlightInputs) -> str:
-    """Return the inputs as text, without output folder and cluster."""
-    study = replace(inputs.study, out=None, campaign=replace(inputs.study.campaign, cluster=None))
-    return str(replace(inputs, study=study))
-
-
-def _run_block(campaign: Campaign, design: Design, block: Block) -> list[Row]:
-    return list(campaign.rows(design, None, *block))
 
 
 def _run_block_in_worker(inputs: bytes, design: Design, block: Block) -> list[Row]:

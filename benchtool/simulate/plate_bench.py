@@ -24,7 +24,7 @@ from benchtool.simulate.imperfections import (
     LoadCell,
     Reader,
 )
-from benchtool.simulate.powertrain import Battery, MotorTicks, Powertrain
+from benchtool.simulate.powertrain import Battery, Powertrain
 from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, motor_lag_s, speed_change
 
 SLOW_HZ = 10.0  # rate of ESC temperature readings, as telemetry of hobby ESCs; assumed
@@ -205,9 +205,12 @@ class PlateBench:
         is_converted = self._due(self._cell.rate_Hz, n)
         zero_N = self._cell.drifting_zero_N(time_s, tick_s, noise[0])[is_converted]
         position = PlatePosition(*(part[is_converted] for part in positions))
-        force_N = self._force_N(
-            MotorTicks(*(part[..., is_converted] for part in run)), position, time_s[is_converted]
-        )
+        speed, angle_rad, _, voltage_V, *_ = (part[..., is_converted] for part in run)
+        at_s = time_s[is_converted]
+        force_N = self._thrust.thrust_N(speed, position, voltage_V, at_s - self._tared_s, at_s)
+        relative_speed = speed / self._powertrain.top_speed_rad_s
+        vibration = np.sum(relative_speed**2 * np.sin(angle_rad), axis=0)
+        force_N = force_N + self._vibration_N * vibration
         thrust_N, thrust_raw = np.full(n, np.nan), np.full(n, np.nan)
         thrust_N[is_converted], thrust_raw[is_converted] = self._cell.convert(
             force_N + zero_N, noise[1][is_converted]
@@ -238,16 +241,6 @@ class PlateBench:
         )
         self._tick += n
         return rows
-
-    def _force_N(self, run: MotorTicks, position: PlatePosition, time_s: Array) -> Array:
-        """Return thrust plus vibration on the load cell (m,): N."""
-        speed = run.speed_rad_s
-        since_tare_s = time_s - self._tared_s
-        thrust_N = self._thrust.thrust_N(speed, position, run.voltage_V, since_tare_s, time_s)
-        relative_speed = speed / self._powertrain.top_speed_rad_s
-        vibration = np.sum(relative_speed**2 * np.sin(run.angle_rad), axis=0)
-        force_N: Array = thrust_N + self._vibration_N * vibration
-        return force_N
 
     def _due(self, rate_Hz: float, n: int) -> NDArray[np.bool_]:
         """Return which of the next ticks (n,) have a new reading of a sensor."""

@@ -23,6 +23,7 @@ from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
 from benchtool.simulate.flight.cases import FlightCase
+from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
@@ -32,7 +33,6 @@ from benchtool.simulate.flight.study import (
     fly_and_measure,
     measure,
     obstacle_extent,
-    out_of_ground_effect,
     summarize_flight,
 )
 from benchtool.simulate.loop import results_in_order
@@ -137,7 +137,7 @@ def fly_each(
     user_controllers: Sequence[tuple[str, type[Any]]] = (),
 ) -> list[FlownCase]:
     """Simulate a case out of ground effect with PID, then under each controller."""
-    free = replace(out_of_ground_effect(case), control="pid")
+    free = replace(case, below=Environment(), gyro_noise_rad_s=0.0, control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]
     flights = list(results_in_order(partial(fly_and_measure, item) for item in cases))
     for name, kind in user_controllers:

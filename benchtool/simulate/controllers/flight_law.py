@@ -240,7 +240,7 @@ def flight_numbers(case: Any, body: Body) -> FlightNumbers:
         gains.altitude.k_iz_per_s3,
         gains.altitude.limit_m_s2,
         gains.observer.rate_per_s,
-        float(case.observes),
+        float(case.control in ("observer", "both")),
         case.compensation_from_s,
         float(case.ramp),
         body.mass_kg,

@@ -115,11 +115,6 @@ class FlightCase:
             )
 
     @property
-    def observes(self) -> bool:
-        """True if the disturbance observer is active."""
-        return self.control in ("observer", "both")
-
-    @property
     def feeds_forward(self) -> bool:
         """True if thrusts are divided by the factors from the map."""
         return self.control == "both" or "feedforward" in self.control.split("+")
@@ -127,12 +122,6 @@ class FlightCase:
     def path_m(self) -> Array:
         """Return start and goals in plan (n, 2): m."""
         return np.array([self.start_m[:2], *((goal.x_m, goal.y_m) for goal in self.goals)])
-
-    def expected_environment(self) -> Environment:
-        """Return the map of the feedforward."""
-        if not any(self.map_offset_m):
-            return self.below
-        return self.below.moved(*self.map_offset_m)
 
 
 def obstacle() -> Environment:

@@ -154,7 +154,9 @@ class FlightLoop(Loop):
         if case.gyro_noise_rad_s:
             rng = np.random.default_rng(case.seed)
             noise = rng.normal(0.0, case.gyro_noise_rad_s, (self.n_ticks, 3)).T.copy()
-        below = case.below.tables(radius_m)
+        below = map_tables = case.below.tables(radius_m)
+        if map_use.is_used and any(case.map_offset_m):
+            map_tables = case.below.moved(*case.map_offset_m).tables(radius_m)
         arrays = r.FlightArrays(
             w=w,
             states=lane_states(case.seed, [0]),
@@ -171,7 +173,7 @@ class FlightLoop(Loop):
             scratch=np.zeros((SCRATCH_ROWS, rig.n_discs)),
             geometry=np.array(flat_values(geometry), float),
             below=below,
-            map=case.expected_environment().tables(radius_m) if map_use.is_used else below,
+            map=map_tables,
         )  # fmt: skip
         driver = CALLER if external else BUILT_IN
         self.use(arrays, LoopPlan(substeps, driver, is_delayed, self.log_every))

@@ -261,12 +261,6 @@ def sense_vehicle(
     write_record(w, slots.measured, 0, 1, measured)
 
 
-@inlined_expression
-def is_flying(arrays: Any, slots: Any) -> Any:
-    """Return True until the flight has ended."""
-    return read_record(arrays.w, slots.outcome, 0, 1).ending == GOING
-
-
 @lru_cache(maxsize=64)
 def flight_loops(
     effects: tuple[Effect, ...],
@@ -300,7 +294,9 @@ def flight_loops(
     sense = inlined_expression(
         lambda arrays, now: sense_vehicle(arrays, now, slots, hooks(), look_below, rotor_disc, ones)
     )
-    is_running = inlined_expression(lambda arrays: is_flying(arrays, slots))
+    is_running = inlined_expression(
+        lambda arrays: read_record(arrays.w, slots.outcome, 0, 1).ending == GOING
+    )
     phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
     key = repr(
         (rotor_disc, rules, source_key(step), layout.key, geometry_type, identities(effects))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, dist, isfinite
 
@@ -15,7 +15,7 @@ from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.simulate.flight.cases import FlightCase
-from benchtool.simulate.flight.environment import Block, Environment
+from benchtool.simulate.flight.environment import Block
 from benchtool.simulate.flight.flight import Ending, Flight, fly
 
 ARRIVAL_RADIUS_M = 0.05  # arrived: stays within this distance of the goal (notes, section 3.3)
@@ -139,11 +139,6 @@ def fly_and_measure(case: FlightCase) -> FlownCase:
     """Fly a case and return the flight with its measures."""
     flight = fly(case)
     return FlownCase(flight, measure(flight))
-
-
-def out_of_ground_effect(case: FlightCase) -> FlightCase:
-    """Return the same case without surfaces and gyro noise."""
-    return replace(case, below=Environment(), gyro_noise_rad_s=0.0)
 
 
 def controller_label(flown: FlownCase) -> str:

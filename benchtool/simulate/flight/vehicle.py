@@ -70,8 +70,12 @@ class FlightVehicle:
         if rig.plate.surface != "below":  # of its bench; in flight surfaces are below
             rig = replace(rig, plate=replace(rig.plate, surface="below"))
         model = with_rig_blades(Model.single(rig))
-        default_effects = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
-        for effect in default_effects:
+        for effect in EFFECTS.values():
+            acts = any(
+                item.neutral is not None and not item.is_neutral for item in effect.parameters
+            )
+            if effect.distance_law is not None or effect.rig_values is not None or not acts:
+                continue  # defined by model or rig, or absent by default
             if all(effect.name != present.name for present in model.effects):
                 model = model.with_effect(effect)
         return cls(model=model).with_numbers(**numbers)
@@ -208,9 +212,3 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
     lower, upper = min(parameter.lower, low), max(parameter.upper, high)
     changed = replace(model.parameters[full_name], value=value, lower=lower, upper=upper)
     return model.with_values(model.parameters.with_replaced(full_name, changed))
-
-
-def _acts_by_default(effect: Effect) -> bool:
-    if effect.distance_law is not None or effect.rig_values is not None:  # defined by model or rig
-        return False
-    return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)

@@ -14,7 +14,6 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule, due_ticks
 from benchtool.physics.body_lift import BodyImages
-from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
@@ -65,13 +64,6 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
         (feedforward.strength > 0.0, feedforward.height_error_m, feedforward.late_s),
         tuple((sensor.rate_Hz, sensor.delay_s) for sensor in bench.loop_sensors),
     )
-
-
-def build_image_rules(model: Model) -> ImageRules:
-    """Return the image rules of a model for a plate that tilts only about the hinge."""
-    x_m, _, arm_m = (part.tolist() for part in model.body_images)
-    sources = list(zip(x_m, arm_m, strict=True))
-    return model.image_rules._replace(body_like=tuple(map(sources.index, sources)))
 
 
 def build_geometry(model: Model, dt_s: float) -> r.Geometry:
@@ -197,16 +189,13 @@ class PitchLoop(Loop):
         driver, delays = CALLER if external else BUILT_IN, sensor_delays(bench, schedule.rate_Hz)
         self.use(arrays, LoopPlan(substeps, driver, is_delayed, 1, 0, 0, *delays))
         self._readings, self._command = self.view("readings")[:, 0], self.view("command")[:, 0]
-        self._set_initial_state(schedule.collective[0] * bench.hover_N)
-
-    def _set_initial_state(self, start_N: float) -> None:
-        """Set the initial state: at rest, level, rotors at the first collective, sensors read."""
-        speed_rad_s = np.sqrt(start_N / self.view("body.k"))
+        # At rest, level, rotors at the first collective, sensors read.
+        speed_rad_s = np.sqrt(schedule.collective[0] * bench.hover_N / self.view("body.k"))
         self.set_speeds(speed_rad_s)
         self.view("readings.speed_rad_s")[:] = speed_rad_s
         for field in ("setpoint.plate_z_m", "delayed.plate_z_m", "readings.plate_z_m"):
-            self.view(field)[:] = self.schedule.plate_z_m[0]
-        self.arrays.past[2] = self.schedule.plate_z_m[0]
+            self.view(field)[:] = schedule.plate_z_m[0]
+        arrays.past[2] = schedule.plate_z_m[0]
 
     def schedule_view(self, field: str) -> Array:
         """Return a view of a field of `Tick` in the schedule (n, n_ticks)."""
@@ -293,7 +282,10 @@ def prepare_loop(
     records = {job: lane_records(job, effects) for job in jobs}
     layout = Layout(**records[jobs[0]])
     geometry = build_geometry(bench.model, 1.0 / bench.plant_rate_Hz)
-    rules, law = build_image_rules(bench.model), jobs[0].control.law
+    x_m, _, arm_m = geometry.body
+    sources = list(zip(x_m, arm_m, strict=True))  # the plate tilts only about the hinge
+    rules = bench.model.image_rules._replace(body_like=tuple(map(sources.index, sources)))
+    law = jobs[0].control.law
     loops = pitch_loops(effects, layout, zero_record(geometry), lanes, rules, law)
     columns = {
         job: np.array(flat_values(tuple(lane.values())), float) for job, lane in records.items()
