@@ -20,6 +20,7 @@ from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
+from benchtool.report.flight.warnings import collect_warnings
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
 from benchtool.simulate.flight.cases import FlightCase
@@ -28,15 +29,33 @@ from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
     build_recording,
-    collect_warnings,
     controller_label,
     fly_and_measure,
     measure,
-    obstacle_extent,
-    summarize_flight,
 )
 from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.user_controller import make_controller
+
+
+def summarize_flight(flown: FlownCase) -> str:
+    """Return the result of a flight in one line."""
+    measures, goal = flown.measures, flown.case.goals[-1]
+    if measures.ending == "struck":
+        return f"strikes the obstacle at {flown.flight.end_s:.1f} s"
+    if measures.arrives:
+        return f"arrives at {measures.arrives_s:.1f} s"
+    if measures.swing_m > 0.05:
+        return f"never arrives: swings {measures.range_m[0]:.2f} to {measures.range_m[1]:.2f} m"
+    return f"stays {abs(goal.x_m - measures.range_m[0]):.2f} m short"
+
+
+def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
+    """Return the extent of the fixed obstacles along x; None if it is infinite or empty."""
+    fixed_blocks = [block for block in case.below.blocks if not any(block.slide_m)]
+    ends = [end for block in fixed_blocks for end in block.x_m]
+    if not ends or not np.all(np.isfinite(ends)):
+        return None
+    return min(ends), max(ends)
 
 
 def _position(
