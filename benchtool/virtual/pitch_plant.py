@@ -212,35 +212,24 @@ class PitchBenchPlant:
         )
 
     def _sample(self, first: int, count: int) -> tuple[Array, NDArray[np.bool_]]:
-        loop, n = self._loop, self._loop.n_discs
+        """Return the values of control ticks in the order of `channels`, and a mask of new ones."""
+        loop, n, discs = self._loop, self._loop.n_discs, self.rig.disc_of_rotor
         log = loop.log[first : first + count, :, 0]
-        discs = self.rig.disc_of_rotor
         rpm = log[:, 10 + n + discs] * 30.0 / np.pi
-        values = np.column_stack(
-            [
-                log[:, [0, 1, 2]],
-                log[:, 10 + discs],
-                np.where(rpm < MIN_RPM, 0.0, rpm),
-                log[:, 4],
-                log[:, [6, 7]],
-            ]
-        )
         flags = r.Fresh(*loop.arrays.fresh[:, first : first + count].astype(bool))
-        closed = np.full(count, self._armed)
-        rotors = np.ones((1, self.rig.n_rotors), bool)
-        fresh = np.column_stack(
-            [
-                closed,
-                flags.theta,
-                flags.gyro,
-                np.ones(count, bool)[:, None] & rotors,
-                flags.speed[:, None] & rotors,
-                flags.plate,
-                closed,
-                closed,
-            ]
+        closed, rotors = np.full(count, self._armed), np.ones((count, len(discs)), bool)
+        columns = (
+            (log[:, 0], closed),
+            (log[:, 1], flags.theta),
+            (log[:, 2], flags.gyro),
+            (log[:, 10 + discs], rotors),
+            (np.where(rpm < MIN_RPM, 0.0, rpm), flags.speed[:, None] & rotors),
+            (log[:, 4], flags.plate),
+            (log[:, 6], closed),
+            (log[:, 7], closed),
         )
-        return values, fresh
+        values, fresh = zip(*columns, strict=True)
+        return np.column_stack(values), np.column_stack(fresh)
 
     def _place_plate(self, first: int, count: int) -> None:
         """Write the plate distance over the next ticks: of the visit, else of the last command."""
