@@ -46,9 +46,7 @@ def virtual_plant(
     return PlateBench(rig, truth, np.random.default_rng(seed), imperfections, rate_Hz)
 
 
-def _hello(
-    plant: PlateBench | PitchBenchPlant, name: str, seed: int, idle_us: float, **more: Any
-) -> Hello:
+def _hello(plant: PlateBench | PitchBenchPlant, name: str, seed: int, **more: Any) -> Hello:
     rig = plant.rig
     return Hello(
         device_id=f"virtual-{name.replace(' ', '-')}{rig.name}-{seed}",
@@ -58,7 +56,7 @@ def _hello(
         channel_rates_Hz=plant.channel_rates_Hz,
         rate_Hz=plant.rate_Hz,
         pwm_stop_us=rig.propulsion.pwm_stop_us,
-        pwm_idle_us=idle_us,
+        pwm_idle_us=idle_us(rig),
         # The virtual device moves the plate, for every stage the rig file names.
         moves_plate=True,
         simulated=True,
@@ -75,7 +73,7 @@ def build_hello(plant: PlateBench, truth: Model, seed: int) -> Hello:
         "seed": str(seed),
         "thrust_raw_N_per_count": f"{plant.count_N:.9g}",
     }
-    return _hello(plant, "", seed, idle_us(rig), limits=device_limits(rig), facts=facts)
+    return _hello(plant, "", seed, limits=device_limits(rig), facts=facts)
 
 
 def device_limits(rig: Rig) -> dict[str, float]:
@@ -178,8 +176,9 @@ def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
     }
     # Sequence, time and checksum, then about thirteen characters for each value.
     size = 26 + 13 * len(plant.channels)
-    more: dict[str, Any] = {"has_loop": True, "frame_bytes": size}
-    return _hello(plant, "pitch ", seed, plant.idle_us, limits=limits, facts=facts, **more)
+    return _hello(
+        plant, "pitch ", seed, limits=limits, facts=facts, has_loop=True, frame_bytes=size
+    )
 
 
 def standard_truth(rig: Rig) -> str:
