@@ -259,7 +259,7 @@ def run_campaign(
         "runs of a block": str(block_size),
         "inputs": str(replace(inputs, study=study)),
     }
-    work: Work[Block] = lambda block: list(campaign.rows(design, None, *block))  # noqa: E731
+    work: Work[Block] = partial(_run_block, campaign, design)
     if cluster is not None:
         work = partial(_run_block_in_worker, pickle.dumps(inputs), design)
     done = 0
@@ -272,9 +272,15 @@ def run_campaign(
     return done
 
 
+def _run_block(
+    campaign: Campaign, design: Design, block: Block, threads: int | None = None
+) -> list[Row]:
+    return list(campaign.rows(design, threads, *block))
+
+
 def _run_block_in_worker(inputs: bytes, design: Design, block: Block) -> list[Row]:
     """Return the rows of a block; a worker has one thread for it."""
-    return list(_load_campaign(inputs).rows(design, 1, *block))
+    return _run_block(_load_campaign(inputs), design, block, 1)
 
 
 @lru_cache(maxsize=4)

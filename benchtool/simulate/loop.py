@@ -94,9 +94,7 @@ class Loop(ABC):
         Raises:
             InputError: the controller raised, or returned an invalid command.
         """
-        step, measure, write, advance = (
-            controller.step, self.measure, self.write_command, self.advance,
-        )  # fmt: skip
+        step, measure, advance = controller.step, self.measure, self.advance
         rate_Hz, dt_s = self.rate_Hz, 1.0 / self.rate_Hz
         for number, reference in enumerate(self.references(first, last)):
             time_s = (ticks_before + number) / rate_Hz
@@ -105,7 +103,7 @@ class Loop(ABC):
             except (Exception, SystemExit) as error:
                 raise controller_error(controller, error, time_s) from error
             try:
-                write(command)
+                self.write_command(command)
             except (TypeError, ValueError):
                 field, value, remedy = self.invalid_field(command)
                 raise invalid_command_error(controller, field, value, time_s, remedy) from None
