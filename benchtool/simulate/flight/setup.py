@@ -88,7 +88,11 @@ class FlightSetup(Setup):
 
     def build_case(self, control: str, seed: int = 1) -> FlightCase:
         """Return the case of one controller and noise seed."""
+        if self.case not in FLIGHTS:
+            raise UnknownChoice("flight", self.case, FLIGHTS)
+        built_in = FLIGHTS[self.case]
         changes: dict[str, Any] = {
+            "title": built_in.title,
             "step_s": self._step_s(),
             "control": control,
             "seed": seed,
@@ -99,21 +103,18 @@ class FlightSetup(Setup):
         }
         if self.duration_s is not None:
             changes["duration_s"] = self.duration_s
-        title = FLIGHTS[self.case].title if self.case in FLIGHTS else ""
         if self.below is not None:
-            changes["below"] = self.below
-            title = f"Flying over {self.below.name}"
-        if self.goal_m is not None and self.case in FLIGHTS:
+            changes |= {"below": self.below, "title": f"Flying over {self.below.name}"}
+        if self.goal_m is not None:
             x_m, y_m = self.goal_m
             z_m = self.z_over_R * self.vehicle.rig.propulsion.radius_m
-            speed_m_s = FLIGHTS[self.case].speed_m_s if self.speed_m_s is None else self.speed_m_s
-            title += f", to x {x_m:g} m, y {y_m:g} m"
+            speed_m_s = built_in.speed_m_s if self.speed_m_s is None else self.speed_m_s
+            changes["title"] += f", to x {x_m:g} m, y {y_m:g} m"
             changes["goals"] = (Goal(x_m=x_m, y_m=y_m, z_m=z_m, speed_m_s=speed_m_s),)
         case = flight_case(
             self.case, self.vehicle, self.gains,
             z_over_R=self.z_over_R, speed_m_s=self.speed_m_s, **changes,
         )  # fmt: skip
-        case = replace(case, title=title)
         if self.drag_N_s_m is None:
             return case
         return replace(case, vehicle=replace(case.vehicle, drag_N_s_m=self.drag_N_s_m))
