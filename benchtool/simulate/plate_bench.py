@@ -6,6 +6,8 @@ ticks are split into calls: runs are repeatable, and a long settling costs one c
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,8 +26,8 @@ from benchtool.simulate.imperfections import (
     LoadCell,
     Reader,
 )
-from benchtool.simulate.powertrain import Battery, Powertrain
-from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, motor_lag_s, speed_change
+from benchtool.simulate.powertrain import Powertrain
+from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, speed_change
 
 SLOW_HZ = 10.0  # rate of ESC temperature readings, as telemetry of hobby ESCs; assumed
 
@@ -66,20 +68,9 @@ class PlateBench:
         self.channels = list_channels(rig.n_rotors)
         resolved = (Imperfections() if imperfections is None else imperfections).resolve(rig)
         self._rng = rng
-        self._powertrain = Powertrain(
-            rig.propulsion,
-            rig.n_rotors,
-            Battery(
-                rig.propulsion.voltage_nominal_V + resolved.battery_excess_V,
-                resolved.battery_drop_V_per_Ah,
-                resolved.battery_resistance_ohm,
-            ),
-            motor_lag_s(truth, resolved.motor_lag_s),
-            resolved.esc_heating_K,
-            resolved.esc_time_s,
-            speed_change(truth),
-            rig.motor,
-        )
+        if any(effect.hooks.lag_s is not None for effect in truth.effects):
+            resolved = replace(resolved, motor_lag_s=truth.lag_s)
+        self._powertrain = Powertrain(rig, resolved, speed_change(truth))
         self._supply_loss = sum(
             truth.parameters[f"{effect.name}.{effect.supply_loss}"].value
             for effect in truth.effects

@@ -129,12 +129,6 @@ class TrueThrust:
         return lifted, int(np.count_nonzero(is_clamped))
 
 
-def motor_lag_s(truth: Model, otherwise_s: float) -> float:
-    """Return the motor lag of the model, or `otherwise_s` if it has none."""
-    has_lag = any(effect.hooks.lag_s is not None for effect in truth.effects)
-    return truth.lag_s if has_lag else otherwise_s
-
-
 def speed_change(truth: Model) -> SpeedChange | None:
     """Return the speed change by the effects of the model; None if there is none."""
     hooks = bound_hooks(truth.present_effects, "speed")
