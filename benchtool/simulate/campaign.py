@@ -164,12 +164,9 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """One simulation at many points.
+    """Simulations of set-ups by gain set, all of one kind, at many points.
 
     All points have the same noise: seed k of one point is seed k of any other.
-
-    Attributes:
-        setups: by gain set, all of one kind; each is run at every point.
     """
 
     setups: Mapping[str, Setup]

@@ -18,12 +18,9 @@ from benchtool.physics.expression import Slot, flat_values
 
 
 class Layout:
-    """Layout of records: `slots` for a loop, rows by name for Python.
+    """Layout of records in order: `slots` for a loop, rows by name for Python.
 
-    Layouts of records of the same types are equal.
-
-    Args:
-        records: each record by name, in order; only their types matter.
+    Only the types of the records matter; layouts of the same types are equal.
     """
 
     def __init__(self, **records: Any) -> None:

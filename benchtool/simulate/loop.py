@@ -22,10 +22,8 @@ T = TypeVar("T")
 
 
 def command_ring(layout: Layout, w: Array, substeps: int) -> tuple[int, bool]:
-    """Return the length of the ring buffer of commands, and True if commands act late.
-
-    Args:
-        w: records of all lanes (n_rows, n_lanes).
+    """Return the length of the ring buffer of commands for records (n_rows, n_lanes), and True if
+    commands act late.
     """
     steps = w[layout.rows("motion.delay_steps")]
     late = [w[layout.rows(f"motion.{half}.old")].any() for half in ("first", "second")]
@@ -73,11 +71,7 @@ class Loop(ABC):
 
     @abstractmethod
     def write_command(self, command: Any) -> None:
-        """Write the command of a user-defined controller.
-
-        Raises:
-            TypeError, ValueError: the command is invalid.
-        """
+        """Write the command of a user-defined controller; TypeError or ValueError if invalid."""
 
     @abstractmethod
     def invalid_field(self, command: Any) -> tuple[str, Any, str]:

@@ -15,13 +15,9 @@ CONTROL_HZ = (1.0, 1e5)  # range of control rates: up to 1000 times that of an a
 
 
 class Setup(ABC):
-    """Set-up of a simulation by names and numbers.
+    """Set-up of a simulation by names and numbers."""
 
-    Attributes:
-        measures: of every run: label with unit by column; the main measure first.
-    """
-
-    measures: ClassVar[Mapping[str, str]]
+    measures: ClassVar[Mapping[str, str]]  # label with unit by column; the main measure first
 
     @property
     @abstractmethod
@@ -49,12 +45,7 @@ class Setup(ABC):
     def measure_runs(
         runs: Iterator[tuple[Any, int]], seed: int, threads: int | None
     ) -> Iterator[Row]:
-        """Yield the measures of pairs of run and seed number, in order.
-
-        Args:
-            seed: first seed.
-            threads: number of parallel runs; None means all cores.
-        """
+        """Yield the measures of pairs of run and seed number, counted from `seed`, in order."""
 
 
 def check_range(name: str, value: float, low: float, high: float) -> None:

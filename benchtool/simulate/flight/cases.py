@@ -131,11 +131,7 @@ def obstacle() -> Environment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuiltInCase:
-    """Built-in flight.
-
-    Attributes:
-        build: build(vehicle, z_m, speed_m_s) -> fields of its `FlightCase`.
-    """
+    """Built-in flight; build(vehicle, z_m, speed_m_s) returns fields of its `FlightCase`."""
 
     title: str
     build: Callable[[FlightVehicle, float, float], dict[str, Any]]

@@ -230,11 +230,7 @@ def _extend_by_one(height: Array, is_covered: NDArray[np.bool_]) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Environment:
-    """Environment of a flight.
-
-    Attributes:
-        floor_m: height of the floor; -inf means no floor.
-    """
+    """Environment of a flight; a floor at -inf means no floor."""
 
     blocks: tuple[Block, ...] = ()
     grid: HeightGrid | None = None

@@ -85,11 +85,7 @@ class Flight:
 
 
 def fly(case: FlightCase) -> Flight:
-    """Fly a case.
-
-    Raises:
-        InputError: the map does not cover the path, or the start touches a surface.
-    """
+    """Fly a case; its map must cover the path, and its start must not touch a surface."""
     loop = FlightLoop(case)
     loop.ended = loop.advance(-1, loop.n_ticks)
     return loop.flight()
@@ -111,11 +107,7 @@ def fly_user_controller(case: FlightCase, controller: FlightController, name: st
 
 
 class FlightLoop(Loop):
-    """Loop of one flight.
-
-    Args:
-        external: the caller is the controller, tick by tick; it gets the map.
-    """
+    """Loop of one flight; with `external` the caller is the controller and gets the map."""
 
     def __init__(self, case: FlightCase, external: bool = False) -> None:
         vehicle, rate_Hz = case.vehicle, case.gains.control_rate_Hz
@@ -214,11 +206,7 @@ class FlightLoop(Loop):
         return "divide_by", command[4], remedy
 
     def flight(self, user_controller: str = "") -> Flight:
-        """Return the flight so far; `user_controller` is the name of a user-defined controller.
-
-        Raises:
-            InputError: the start touches a surface.
-        """
+        """Return the flight so far; raise InputError if the start touches a surface."""
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
         ending, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()

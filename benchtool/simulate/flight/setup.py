@@ -266,11 +266,7 @@ def flight_setup(
 
 
 def full_name(name: str) -> str:
-    """Return the full name of a number from its name with or without unit.
-
-    Raises:
-        UnknownChoice: the name is unknown or ambiguous.
-    """
+    """Return the full name of a number from its name with or without unit."""
     if name in CHANGEABLE or (name.startswith("gains.") and len(name) > len("gains.")):
         return name
     matches = [number_name for number_name in CHANGEABLE if number_name.startswith(f"{name}_")]

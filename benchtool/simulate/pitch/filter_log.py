@@ -137,8 +137,7 @@ def predict_windows(
 ) -> list[Predictions]:
     """Return the predictions of each bench in windows of a log, without corrections.
 
-    Args:
-        lead: number of rows before a window whose pulse widths are still in a delay.
+    Pulse widths of `lead` rows before a window are still in a delay.
     """
     windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
     free = replace(logged, mode=np.full(len(logged), float(FREE)))
@@ -154,11 +153,7 @@ def _filter_windows(
     seed: int | None,
     before: int = 0,
 ) -> list[Predictions]:
-    """Return the predictions of benches in windows of a log.
-
-    Args:
-        windows: first row of the commands, first row, and end (exclusive) of each window.
-    """
+    """Return the predictions in windows: first row of the commands, first row, end (exclusive)."""
     parts = []
     for k in range(0, len(benches), LANES[-1]):
         group = benches[k : k + LANES[-1]]

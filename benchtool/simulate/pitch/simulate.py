@@ -40,11 +40,7 @@ LANES = 32
 def simulate_pitch(
     job: PitchJob, schedule: SampledSchedule, seed: int = 0, run: int = 0
 ) -> PitchRun:
-    """Return one run with a built-in controller.
-
-    Args:
-        run: number of the run under that seed; run 3 of seed 7 is the same in any batch.
-    """
+    """Return one run with a built-in controller; run 3 of seed 7 is the same in any batch."""
     loop = PitchLoop([job], schedule, seed, [run])
     loop.run()
     return extract_run(loop, 0, job.control.name)
