@@ -28,6 +28,7 @@ from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
+    Measures,
     build_recording,
     controller_label,
     fly_and_measure,
@@ -165,6 +166,12 @@ def fly_each(
     return flights
 
 
+def _arrival_text(measures: Measures) -> str:
+    if measures.ending == "flown":
+        return f"{measures.arrives_s:.1f}" if measures.arrives else "never"
+    return "hits the obstacle" if measures.ending == "struck" else "lost"
+
+
 def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     """Return the table of measures; the first flight is out of ground effect."""
     names = [controller_label(flown) for flown in flights]
@@ -181,7 +188,7 @@ def table_lines(flights: Sequence[FlownCase]) -> list[str]:
         low, high = measures.range_m
         rows.append(
             (
-                name, measures.arrival_text(), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
+                name, _arrival_text(measures), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
                 f"{measures.max_pitch_deg:.1f}", f"{measures.rms_pitch_deg:.2f}",
                 f"{measures.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
                 f"{low:.3f}..{high:.3f}",

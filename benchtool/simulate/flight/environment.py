@@ -324,12 +324,7 @@ class _MapFile(FileTable):
 
 
 def read_map(path: Path) -> Environment:
-    """Return the environment of a TOML file, or the height grid of a CSV file.
-
-    Raises:
-        FileFormatError: the file cannot be read or is incomplete.
-        UnknownChoice: unknown key.
-    """
+    """Return the environment of a TOML file, or the height grid of a CSV file."""
     if path.suffix.lower() == ".csv":
         return Environment(grid=read_grid(path), name=path.stem)
     where = str(path)

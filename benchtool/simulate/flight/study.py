@@ -55,14 +55,6 @@ class Measures:
         """Range of x over the last 20 s."""
         return self.range_m[1] - self.range_m[0]
 
-    def arrival_text(self) -> str:
-        """Return the time of arrival or the ending as text."""
-        if self.ending == "struck":
-            return "hits the obstacle"
-        if self.ending == "lost":
-            return "lost"
-        return f"{self.arrives_s:.1f}" if self.arrives else "never"
-
 
 def measure(flight: Flight) -> Measures:
     """Return the measures of a flight."""
