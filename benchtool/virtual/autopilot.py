@@ -44,6 +44,7 @@ class VirtualAutopilot(ServedDevice):
     ) -> None:
         super().__init__(firmware)
         self.kind, hello = kind, firmware.hello
+        self._beat_s, self._plate_us = -HEARTBEAT_INTERVAL_S, 0
         self._dialect = dialect()
         self._system = system
         self._key, self._since_1970_s, self._hover_us = key, now_s, hover_us

@@ -172,9 +172,11 @@ class FlightSetup(Setup):
         if name in VEHICLE_NUMBERS:
             return replace(self, vehicle=self.vehicle.with_numbers(**numbers))
         if name in MAP_OFFSETS:
-            offset_m = list(self.map_offset_m)
-            offset_m[MAP_OFFSETS.index(name)] = value
-            return replace(self, map_offset_m=tuple(offset_m))
+            x_m, y_m, z_m = (
+                value if offset_name == name else offset_m
+                for offset_name, offset_m in zip(MAP_OFFSETS, self.map_offset_m, strict=True)
+            )
+            return replace(self, map_offset_m=(x_m, y_m, z_m))
         return replace(self, **numbers)
 
     def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:

@@ -143,12 +143,10 @@ class FlightVehicle:
     def geometry(self, dt_s: float) -> FlightGeometry:
         """Return the geometry for plant steps."""
         x, y = (tuple(part.tolist()) for part in self.turned(*self.rig.disc_positions_m.T))
-        body = self.model.body_images
-        sources = (tuple(part.tolist()) for part in self.turned(body.x_m, body.y_m))
-        distances_m = tuple(map(tuple, self.rig.disc_distances_m.tolist()))
-        return FlightGeometry(
-            dt_s, x, y, distances_m, BodyImages(*sources, tuple(body.arm_m.tolist()))
-        )
+        body, distances_m = self.model.body_images, self.rig.disc_distances_m.tolist()
+        sources = (*self.turned(body.x_m, body.y_m), body.arm_m)
+        images = BodyImages(*(tuple(part.tolist()) for part in sources))
+        return FlightGeometry(dt_s, x, y, tuple(map(tuple, distances_m)), images)
 
     def craft(self) -> Craft:
         """Return the numbers of the vehicle, with the mixer weights of each rotor."""
