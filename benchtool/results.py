@@ -33,11 +33,10 @@ from benchtool.report.result import (
     probabilities_frame,
 )
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
-from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.inputs import build_setup as flight_setup_of
+from benchtool.simulate.flight.setup import flight_setup
 from benchtool.simulate.flight.study import FlownCase, build_recording, controller_label
-from benchtool.simulate.pitch.inputs import PitchInputs
-from benchtool.simulate.pitch.inputs import build_setup as pitch_setup_of
+from benchtool.simulate.inputs import FlightInputs, PitchInputs
+from benchtool.simulate.pitch.setup import pitch_setup
 from benchtool.simulate.user_controller import Controllers, split_controllers
 
 
@@ -161,7 +160,7 @@ def pitch_result(
     )
     inputs.study.check_no_campaign()
     inputs = replace(inputs, controllers=names or ("pid",))
-    setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
+    setup = pitch_setup(inputs, inputs.study.gain_set(), permit)
     study = pitch_report.pitch_study(
         setup, inputs.study.seed, user_controllers, only_user_controllers=not names
     )
@@ -195,7 +194,7 @@ def flight_result(
         default if controllers is None else controllers, FLIGHT_CONTROLLERS, permit
     )
     inputs.study.check_no_campaign()
-    setup = flight_setup_of(inputs, inputs.study.gain_set(), permit)
+    setup = flight_setup(inputs, inputs.study.gain_set(), permit)
     flights = flight_report.fly_each(
         setup.build_case("pid", inputs.study.seed), names, user_controllers
     )

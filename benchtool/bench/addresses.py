@@ -32,8 +32,6 @@ Scale = Annotated[float, Ge(-1e6), Le(1e6), Input("Factor on thrust.", option="t
 Millimetres = Annotated[float, Ge(-1e5), Le(1e5), Input("Plate coordinate at machine position 0.")]
 StageAxis = Literal["X", "Y", "Z"]
 MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
-BenchMode = Literal["plate", "pitch"]  # load cell under a plate, or pitch hinge
-ArmedBy = Literal["operator", "host"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -159,7 +159,6 @@ def _build_pitch_server(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], wrap: WrapFirmware
 ) -> tuple[BenchServer, str]:
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.pitch.setup import apply_job_changes
     from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant
 
     controller = inputs.controller
@@ -176,7 +175,7 @@ def _build_pitch_server(
             if controller in PITCH_CONTROLLERS
             else load_controller_class(controller, PITCH_CONTROLLERS, announce_code)
         ),
-        change=lambda job: apply_job_changes(job, inputs.settings),
+        settings=inputs.settings,
         permit=announce_code,
     )
     server = device_server(

@@ -121,9 +121,11 @@ class Gains(FiniteTable):
             table, _, name = key.rpartition(".")
             if key in tables:
                 owner = getattr(changed, key)
-                names = (item.name for item in fields(owner))
-                gains = [gain for gain in names if gain.startswith("k_") or gain == "rate_per_s"]
-                scaled = {f"{key}.{gain}": value * getattr(owner, gain) for gain in gains}
+                scaled = {
+                    f"{key}.{item.name}": value * getattr(owner, item.name)
+                    for item in fields(owner)
+                    if item.name.startswith("k_") or item.name == "rate_per_s"
+                }
                 changed = changed.with_values(**scaled)
                 continue
             if table not in tables and key != "control_rate_Hz":
@@ -161,12 +163,7 @@ def load_gains(name_or_path: str | Path) -> Gains:
 
 
 def parse_gains(text: str, where: str) -> Gains:
-    """Return the gain set in TOML text.
-
-    Raises:
-        UnknownChoice: unknown key.
-        FileFormatError: a number without a source, of the wrong type, or out of range.
-    """
+    """Return the gain set in TOML text; every number needs a source."""
     value_sources = ValueSources()
     data = unwrap_quantities(parse_toml(text, where), value_sources)
     require_sources(value_sources, where)

@@ -143,11 +143,7 @@ def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
 
 
 def identities(effects: Sequence[Effect]) -> list[Any]:
-    """Return the identities of the hooks of effects, as key of a compiled loop.
-
-    Raises:
-        InputError: a hook is not identified by its name and file.
-    """
+    """Return the identities of the hooks of effects by name and file, as key of a compiled loop."""
     hooks = [[getattr(effect.hooks, name) for name in HOOKS] for effect in effects]
     for hook in (hook for effect_hooks in hooks for hook in effect_hooks if hook is not None):
         if "." in hook.__qualname__ or "<" in hook.__qualname__:

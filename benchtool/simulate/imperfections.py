@@ -8,11 +8,9 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge
-from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.core.schedule import due_ticks
 from benchtool.core.toml_text import FiniteTable
 from benchtool.core.units import Array
 
@@ -129,16 +127,8 @@ class Reader:
 
     def read(self, true: Array, draws: Array) -> Array:
         """Return the readings of `true`, given standard normal draws of its shape."""
-        return quantised(true + self.noise * draws if self.noise else true, self.quantum)
-
-    def due(self, first_tick: int, ticks: int, stream_Hz: float) -> NDArray[np.bool_]:
-        """Return which of `ticks` stream ticks from `first_tick` on have a new reading."""
-        return due_ticks(first_tick, ticks, self.rate_Hz, stream_Hz)
-
-
-def quantised(values: Array, quantum: float) -> Array:
-    """Return `values` rounded to whole quanta; a zero quantum means no rounding."""
-    return np.round(values / quantum) * quantum if quantum else values
+        noisy = true + self.noise * draws if self.noise else true
+        return np.round(noisy / self.quantum) * self.quantum if self.quantum else noisy
 
 
 MAX_COUNT = 2**23  # end of a 24-bit two's complement converter (HX711 data sheet)
@@ -162,10 +152,6 @@ class LoadCell:
     def has_read(self) -> bool:
         """True if there is a conversion for a tare."""
         return len(self._recent_N) > 0
-
-    def due(self, first_tick: int, ticks: int, stream_Hz: float) -> NDArray[np.bool_]:
-        """Return which stream ticks end a conversion (ticks,)."""
-        return due_ticks(first_tick, ticks, self.rate_Hz, stream_Hz)
 
     def drifting_zero_N(self, time_s: Array, tick_s: float, draws: Array) -> Array:
         """Return the zero at every tick (m,): N; offset, steady drift and random walk."""

@@ -6,33 +6,38 @@ twenty of them cost more than a control tick. A table of their addresses costs o
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.units import Array
 from benchtool.physics.expression import Slot, flat_values
 
 
 class Layout:
-    """Layout of records: `slots` for a loop, rows by name for Python.
+    """Layout of records in order: `slots` for a loop, rows by name for Python.
 
-    Args:
-        slots_type: named tuple of the slots.
-        records: an example of each record, in order.
+    Only the types of the records matter; layouts of the same types are equal.
     """
 
-    def __init__(self, slots_type: Callable[..., Any], **records: Any) -> None:
-        self.records = records
-        first, slots = 0, {}
-        for name, like in records.items():
-            slots[name] = Slot(first, like)
+    def __init__(self, **records: Any) -> None:
+        examples = {name: zero_record(record) for name, record in records.items()}
+        self.key = repr(examples)
+        first, slots = 0, []
+        for like in examples.values():
+            slots.append(Slot(first, like))
             first += len(flat_values(like))
-        self.slots, self.n_rows = slots_type(**slots), first
+        self.slots, self.n_rows = _slots_type(" ".join(examples))(*slots), first
         self._rows: dict[str, slice] = {}
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Layout) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
 
     def rows(self, path: str) -> slice:
         """Return the rows of a record or of one of its fields, for example "hinge.theta_rad"."""
@@ -54,9 +59,11 @@ class Layout:
             numbers += range(self.n_rows)[rows]
         return np.array(numbers, np.int64)
 
-    def column(self, **records: Any) -> Array:
-        """Return the block of one lane (n_rows,) with these records, by default the examples."""
-        return np.array(flat_values(tuple({**self.records, **records}.values())), float)
+
+@cache
+def _slots_type(names: str) -> Any:
+    """Return the named tuple of the slots of records."""
+    return namedtuple("Slots", names)
 
 
 def rows_in(slot: Slot, path: str) -> slice:
@@ -68,7 +75,6 @@ def rows_in(slot: Slot, path: str) -> slice:
     return slice(first, first + len(flat_values(like)))
 
 
-@lru_cache(maxsize=256)
 def zero_record(record: Any) -> Any:
     """Return a record of the same type with zeros for numbers."""
     if not isinstance(record, tuple):

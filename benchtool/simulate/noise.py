@@ -45,12 +45,6 @@ def bits(state: Quantity) -> Quantity:
 
 
 @expression
-def uniform(state: Quantity) -> Quantity:
-    """Return a number in [0, 1) from one state."""
-    return bits(state) * (1.0 / 4294967296.0)
-
-
-@expression
 def normal(first: Quantity, second: Quantity) -> Quantity:
     """Return a standard normal number from two successive states.
 

@@ -6,11 +6,15 @@ ticks are split into calls: runs are repeatable, and a long settling costs one c
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.schedule import due_ticks
 from benchtool.core.units import Array, from_si
 from benchtool.physics.model import Model
 from benchtool.simulate.imperfections import (
@@ -21,8 +25,8 @@ from benchtool.simulate.imperfections import (
     LoadCell,
     Reader,
 )
-from benchtool.simulate.powertrain import Battery, MotorTicks, Powertrain
-from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, motor_lag_s, speed_change
+from benchtool.simulate.powertrain import Powertrain
+from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, speed_change
 
 SLOW_HZ = 10.0  # rate of ESC temperature readings, as telemetry of hobby ESCs; assumed
 
@@ -63,20 +67,9 @@ class PlateBench:
         self.channels = list_channels(rig.n_rotors)
         resolved = (Imperfections() if imperfections is None else imperfections).resolve(rig)
         self._rng = rng
-        self._powertrain = Powertrain(
-            rig.propulsion,
-            rig.n_rotors,
-            Battery(
-                rig.propulsion.voltage_nominal_V + resolved.battery_excess_V,
-                resolved.battery_drop_V_per_Ah,
-                resolved.battery_resistance_ohm,
-            ),
-            motor_lag_s(truth, resolved.motor_lag_s),
-            resolved.esc_heating_K,
-            resolved.esc_time_s,
-            speed_change(truth),
-            rig.motor,
-        )
+        if any(effect.hooks.lag_s is not None for effect in truth.effects):
+            resolved = replace(resolved, motor_lag_s=truth.lag_s)
+        self._powertrain = Powertrain(rig, resolved, speed_change(truth))
         self._supply_loss = sum(
             truth.parameters[f"{effect.name}.{effect.supply_loss}"].value
             for effect in truth.effects
@@ -140,11 +133,6 @@ class PlateBench:
         return self._time_s + self._tick / self._rate_Hz
 
     @property
-    def pwm_us(self) -> Array:
-        """Present pulse width of every motor (n,): us."""
-        return self._powertrain.pwm_us.copy()
-
-    @property
     def plate_moving(self) -> bool:
         """True while the plate moves."""
         return self._z.moving or self._x.moving or self._tilt.moving
@@ -204,12 +192,15 @@ class PlateBench:
         # One row of draws per tick, so that the noise does not depend on the split into calls.
         noise = self._rng.standard_normal((n, n_rotors + 6)).T
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
-        is_converted = self._cell.due(self._tick + 1, n, self._rate_Hz)
+        is_converted = self._due(self._cell.rate_Hz, n)
         zero_N = self._cell.drifting_zero_N(time_s, tick_s, noise[0])[is_converted]
         position = PlatePosition(*(part[is_converted] for part in positions))
-        force_N = self._force_N(
-            MotorTicks(*(part[..., is_converted] for part in run)), position, time_s[is_converted]
-        )
+        speed, angle_rad, _, voltage_V, *_ = (part[..., is_converted] for part in run)
+        at_s = time_s[is_converted]
+        force_N = self._thrust.thrust_N(speed, position, voltage_V, at_s - self._tared_s, at_s)
+        relative_speed = speed / self._powertrain.top_speed_rad_s
+        vibration = np.sum(relative_speed**2 * np.sin(angle_rad), axis=0)
+        force_N = force_N + self._vibration_N * vibration
         thrust_N, thrust_raw = np.full(n, np.nan), np.full(n, np.nan)
         thrust_N[is_converted], thrust_raw[is_converted] = self._cell.convert(
             force_N + zero_N, noise[1][is_converted]
@@ -241,26 +232,20 @@ class PlateBench:
         self._tick += n
         return rows
 
-    def _force_N(self, run: MotorTicks, position: PlatePosition, time_s: Array) -> Array:
-        """Return thrust plus vibration on the load cell (m,): N."""
-        speed = run.speed_rad_s
-        since_tare_s = time_s - self._tared_s
-        thrust_N = self._thrust.thrust_N(speed, position, run.voltage_V, since_tare_s, time_s)
-        relative_speed = speed / self._powertrain.top_speed_rad_s
-        vibration = np.sum(relative_speed**2 * np.sin(run.angle_rad), axis=0)
-        force_N: Array = thrust_N + self._vibration_N * vibration
-        return force_N
+    def _due(self, rate_Hz: float, n: int) -> NDArray[np.bool_]:
+        """Return which of the next ticks (n,) have a new reading of a sensor."""
+        return due_ticks(self._tick + 1, n, rate_Hz, self._rate_Hz)
 
     def _rpm(self, speed_rad_s: Array, noise: Array) -> Array:
         """Return the speed readings (n, m): rpm; a rotor at rest reads zero."""
         reader = self._readers["rpm"]
         reading = np.maximum(reader.read(from_si(speed_rad_s, "rpm"), noise), 0.0)
         reading[speed_rad_s == 0.0] = 0.0
-        reading[:, ~reader.due(self._tick + 1, reading.shape[1], self._rate_Hz)] = np.nan
+        reading[:, ~self._due(reader.rate_Hz, reading.shape[1])] = np.nan
         return reading
 
     def _reading(self, name: str, true: Array, noise: Array) -> Array:
         reader = self._readers[name]
         reading = np.array(reader.read(true, noise))
-        reading[~reader.due(self._tick + 1, len(true), self._rate_Hz)] = np.nan
+        reading[~self._due(reader.rate_Hz, len(true))] = np.nan
         return reading

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.core.rig import Motor, Propulsion
+from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.physics.motor import electrical_power_W, speed_near_plate, torque_per_speed
+from benchtool.simulate.imperfections import Imperfections
 
 HOLD_S = 0.05  # holding time of the voltage: short against battery dynamics, many ticks
 STICTION_RAD_S = 1.0  # an undriven motor is at rest below it; far below idle; assumed
@@ -39,43 +40,33 @@ class Powertrain:
     """Motors and battery, exact in time: first-order lag, power, charge, temperature.
 
     Args:
-        heating_K, heating_s: temperature rise of the ESC at full throttle, and its time constant.
+        flaws: resolved, with lag of the motors, battery, and heating of the ESC.
         change: further change of the speed at a pulse width.
-        motor: None if unknown: speed then does not depend on torque, and the electrical power is
-            the shaft power over the efficiency.
+
+    For a rig without motor data speed does not depend on torque, and the electrical power is the
+    shaft power over the efficiency.
     """
 
-    def __init__(
-        self,
-        propulsion: Propulsion,
-        n_rotors: int,
-        battery: Battery,
-        lag_s: float,
-        heating_K: float,
-        heating_s: float,
-        change: SpeedChange | None = None,
-        motor: Motor | None = None,
-    ) -> None:
-        self._propulsion = propulsion
-        self._battery = battery
-        self._lag_s = lag_s
-        self._heating_K = heating_K
-        self._heating_s = heating_s
-        self.pwm_us: Array = np.full(n_rotors, propulsion.pwm_stop_us)
-        self._speed: Array = np.zeros(n_rotors)
-        self._angle: Array = np.zeros(n_rotors)
-        self._drawn_C = 0.0
-        self._warmth_K = 0.0
-        self._change = change
-        self._motor, self._slope_Nm_s = motor, torque_per_speed(motor)
-        self._drag: Array = np.ones(n_rotors)
+    def __init__(self, rig: Rig, flaws: Imperfections, change: SpeedChange | None = None) -> None:
+        self._propulsion, self._motor, self._flaws = rig.propulsion, rig.motor, flaws
+        self._battery = Battery(
+            rig.propulsion.voltage_nominal_V + flaws.battery_excess_V,
+            flaws.battery_drop_V_per_Ah,
+            flaws.battery_resistance_ohm,
+        )
+        n, propulsion = rig.n_rotors, rig.propulsion
+        self.pwm_us: Array = np.full(n, propulsion.pwm_stop_us)
+        self._speed: Array = np.zeros(n)
+        self._angle: Array = np.zeros(n)
+        self._drag: Array = np.ones(n)
+        self._drawn_C = self._warmth_K = self._power_W = 0.0
+        self._change, self._slope_Nm_s = change, torque_per_speed(rig.motor)
         self._time_s = self._held_since_s = 0.0
         self._ticks_held = 0
-        self._power_W = 0.0
-        self._voltage_V = battery.open_circuit_V(0.0)
+        self._voltage_V = self._battery.open_circuit_V(0.0)
         full_pulse = propulsion.pwm_max_us - propulsion.pwm_start_us
         self.top_speed_rad_s = propulsion.speed_per_us_rad_s * full_pulse
-        self._full_power_W = self._electrical_W(np.full(n_rotors, self.top_speed_rad_s))
+        self._full_power_W = self._electrical_W(np.full(n, self.top_speed_rad_s))
 
     def _electrical_W(self, speed_rad_s: Array) -> float:
         """Return the electrical power of all turning motors."""
@@ -111,9 +102,9 @@ class Powertrain:
         n = len(self._speed)
         motors = MotorTicks(*np.empty((3, n, ticks)), *np.empty((3, ticks)))
         steps = np.arange(1, per_hold + 1)
-        speed_decay = np.exp(-steps * tick_s / self._lag_s) if self._lag_s else np.zeros(per_hold)
-        heat_decay = (
-            np.exp(-steps * tick_s / self._heating_s) if self._heating_s else np.zeros(per_hold)
+        speed_decay, heat_decay = (
+            np.exp(-steps * tick_s / constant_s) if constant_s else np.zeros(per_hold)
+            for constant_s in (self._flaws.motor_lag_s, self._flaws.esc_time_s)
         )
         done = 0
         while done < ticks:
@@ -129,7 +120,7 @@ class Powertrain:
             speed = target + (self._speed[:, None] - target) * speed_decay[:count]
             speed[(target == 0.0) & (speed < STICTION_RAD_S)] = 0.0
             current_A = self._power_W / self._voltage_V
-            steady_K = self._power_W / self._full_power_W * self._heating_K
+            steady_K = self._power_W / self._full_power_W * self._flaws.esc_heating_K
             warmth_K = steady_K + (self._warmth_K - steady_K) * heat_decay[:count]
             motors.speed_rad_s[:, span] = speed
             motors.drag[:, span] = self._drag[:, None]

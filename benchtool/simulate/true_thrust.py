@@ -40,7 +40,11 @@ class TrueThrust:
         self._truth = truth
         self._values = truth.parameters.values_array()
         self._covered: tuple[float, Array] | None = None
-        self._bare, self._play = _split_hysteresis(truth)
+        half_N = truth.play_N
+        for effect in truth.present_effects:
+            if effect.hooks.play_N is not None:
+                truth = truth.without(effect.name)
+        self._bare, self._play = truth, BacklashState(half_N) if half_N > 0.0 else None
 
     def thrust_N(
         self,
@@ -54,8 +58,8 @@ class TrueThrust:
 
         Samples must be in order, because hysteresis has a state.
         """
-        true_conditions = self._conditions(speed_rad_s, position, voltage_V, elapsed_s, time_s)
-        conditions, n_clamped = self._clamp_distance(true_conditions)
+        conditions = self._conditions(speed_rad_s, position, voltage_V, elapsed_s, time_s)
+        conditions, n_clamped = self._clamp_distance(conditions)
         self.clamped += n_clamped
         if self._play is not None:
             bare_N = self._bare.thrust_N(conditions)
@@ -119,28 +123,10 @@ class TrueThrust:
         is_clamped = missing_z_over_R > 0.0
         if not is_clamped.any():
             return conditions, 0
-        lift_m = (
-            np.where(is_clamped, missing_z_over_R, 0.0)
-            * radius_m
-            / np.cos(conditions.plate_tilt_rad)
-        )
+        missing_m = np.where(is_clamped, missing_z_over_R, 0.0) * radius_m
+        lift_m = missing_m / np.cos(conditions.plate_tilt_rad)
         lifted = replace(conditions, plate_z_m=conditions.plate_z_m + lift_m)
         return lifted, int(np.count_nonzero(is_clamped))
-
-
-def _split_hysteresis(truth: Model) -> tuple[Model, BacklashState | None]:
-    """Return the model without hysteresis, and the state of its play (None without)."""
-    half_N = truth.play_N
-    for effect in truth.present_effects:
-        if effect.hooks.play_N is not None:
-            truth = truth.without(effect.name)
-    return truth, BacklashState(half_N) if half_N > 0.0 else None
-
-
-def motor_lag_s(truth: Model, otherwise_s: float) -> float:
-    """Return the motor lag of the model, or `otherwise_s` if it has none."""
-    has_lag = any(effect.hooks.lag_s is not None for effect in truth.effects)
-    return truth.lag_s if has_lag else otherwise_s
 
 
 def speed_change(truth: Model) -> SpeedChange | None:
@@ -153,11 +139,9 @@ def speed_change(truth: Model) -> SpeedChange | None:
 
     def change_speeds(speed_rad_s: Array, voltage_V: float, time_s: float) -> Array:
         flow = NO_FLOW._replace(
-            position_x_m=positions_m[:, 0],
-            position_y_m=positions_m[:, 1],
-            voltage_V=voltage_V,
-            time_s=time_s,
-        )
+            position_x_m=positions_m[:, 0], position_y_m=positions_m[:, 1],
+            voltage_V=voltage_V, time_s=time_s,
+        )  # fmt: skip
         return np.array([change(i, speed, flow, p) for i, speed in enumerate(speed_rad_s)])
 
     return change_speeds

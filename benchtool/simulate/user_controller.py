@@ -18,11 +18,7 @@ def split_controllers(
     builtin_names: Collection[Any],
     permit: CodePermit = check_code_allowed,
 ) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
-    """Return the names of built-in controllers, and name and class of each user-defined one.
-
-    Raises:
-        InputError: no controller, a duplicate, or a class that cannot be loaded.
-    """
+    """Return the names of built-in controllers, and name and class of each user-defined one."""
     entries = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
     names = [entry if isinstance(entry, str) else entry.__name__ for entry in entries]
     if len(set(names)) < len(names) or not names:
@@ -41,11 +37,7 @@ def split_controllers(
 
 
 def make_controller(controller: type[Any], name: str) -> Any:
-    """Return a new controller, for one run.
-
-    Raises:
-        InputError: it cannot be constructed without arguments.
-    """
+    """Return a new controller, constructed without arguments, for one run."""
     try:
         return controller()
     except (Exception, SystemExit) as error:
@@ -102,11 +94,7 @@ def _code(controller: type[Any], method: str) -> Any:
 def load_controller_class(
     name: str, builtin_names: Iterable[str], permit: CodePermit = check_code_allowed
 ) -> type[Any]:
-    """Return the class `module:Class`; modules are also looked up in the current folder.
-
-    Raises:
-        InputError: the module cannot be imported, or has no such class with a method `step`.
-    """
+    """Return the class `module:Class`; modules are also looked up in the current folder."""
     module_name, _, class_name = name.partition(":")
     if not module_name or not class_name:
         raise UnknownChoice("controller (and not of the form module:Class)", name, builtin_names)

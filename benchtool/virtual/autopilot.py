@@ -51,14 +51,13 @@ class VirtualAutopilot(ServedDevice):
         super().__init__(firmware)
         self.kind, hello = kind, firmware.hello
         self._beat_s, self._plate_us = -HEARTBEAT_INTERVAL_S, 0
-        self._dialect = mavlink = dialect()
+        self._dialect = dialect()
         self._system = system
         self._key, self._since_1970_s, self._hover_us = key, now_s, hover_us
         self._booted_s: float | None = None
         self._boot_us = 0
         self._forget()
-        silent = (mavlink.MAVLINK_MSG_ID_RPM,)
-        self._streams = Streams(hello.channels, self._orders.outputs, silent)
+        self._streams = Streams(hello.channels, self._orders.outputs)
         self._shows_armed = False
         self._host_s = 0.0
         self._plate_pose = {"plate_x": 0.0, "plate_tilt": 0.0}

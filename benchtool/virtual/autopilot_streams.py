@@ -13,18 +13,15 @@ from benchtool.core.channel import Channel
 class Streams:
     """Newest readings of a bench and the messages built from them."""
 
-    def __init__(
-        self, channels: Sequence[Channel], order: Sequence[int], silent: Sequence[int] = ()
-    ) -> None:
+    def __init__(self, channels: Sequence[Channel], order: Sequence[int]) -> None:
         self._dialect = w = dialect()
         self._index = {channel.name: index for index, channel in enumerate(channels)}
         self._last = [nan] * len(channels)
         self._order = tuple(order)
         self.outputs_us = [0] * 16  # 0: no pulse
         self._count = 0
-        self._silent = set(silent)
         read = self._reading
-        self._makers: dict[int, Callable[[int], Message]] = {
+        self._makers: dict[int, Callable[[int], Message | None]] = {
             w.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo,
             w.MAVLINK_MSG_ID_ATTITUDE: lambda us: w.MAVLink_attitude_message(
                 _ms(us), 0.0, -read("theta_rad"), 0.0, 0.0, -read("gyro_rad_s"), 0.0
@@ -47,7 +44,7 @@ class Streams:
                 0, 0, 0, 0, self._mV(), self._cA(), -1, 0, 0, 0, 0, 0, 0
             ),
             w.MAVLINK_MSG_ID_SYSTEM_TIME: lambda us: w.MAVLink_system_time_message(0, _ms(us)),
-            w.MAVLINK_MSG_ID_RPM: lambda us: w.MAVLink_rpm_message(-1.0, -1.0),
+            w.MAVLINK_MSG_ID_RPM: lambda us: None,  # known, but without a sensor
             ESC_STATUS: self._esc_status,
         }
         self.known = frozenset(self._makers)
@@ -58,7 +55,7 @@ class Streams:
 
     def message(self, number: int, time_us: int) -> Message | None:
         """Return a message at a time since boot; None for a sensor that is not connected."""
-        return None if number in self._silent else self._makers[number](time_us)
+        return self._makers[number](time_us)
 
     def value(self, name: str) -> float:
         """Return the last reading of a channel, nan before the first."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup
 from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
@@ -44,9 +46,7 @@ def virtual_plant(
     return PlateBench(rig, truth, np.random.default_rng(seed), imperfections, rate_Hz)
 
 
-def _hello(
-    plant: PlateBench | PitchBenchPlant, name: str, seed: int, idle_us: float, **more: Any
-) -> Hello:
+def _hello(plant: PlateBench | PitchBenchPlant, name: str, seed: int, **more: Any) -> Hello:
     rig = plant.rig
     return Hello(
         device_id=f"virtual-{name.replace(' ', '-')}{rig.name}-{seed}",
@@ -56,7 +56,7 @@ def _hello(
         channel_rates_Hz=plant.channel_rates_Hz,
         rate_Hz=plant.rate_Hz,
         pwm_stop_us=rig.propulsion.pwm_stop_us,
-        pwm_idle_us=idle_us,
+        pwm_idle_us=idle_us(rig),
         # The virtual device moves the plate, for every stage the rig file names.
         moves_plate=True,
         simulated=True,
@@ -73,7 +73,7 @@ def build_hello(plant: PlateBench, truth: Model, seed: int) -> Hello:
         "seed": str(seed),
         "thrust_raw_N_per_count": f"{plant.count_N:.9g}",
     }
-    return _hello(plant, "", seed, idle_us(rig), limits=device_limits(rig), facts=facts)
+    return _hello(plant, "", seed, limits=device_limits(rig), facts=facts)
 
 
 def device_limits(rig: Rig) -> dict[str, float]:
@@ -129,7 +129,7 @@ def pitch_plant(
     rate_Hz: float | None = None,  # stream rate; default: control rate
     user_controller: type[PitchController] | None = None,  # runs at the rate of the gains
     hidden: str = "",
-    change: Callable[[PitchJob], PitchJob] = lambda job: job,
+    settings: Mapping[str, float] = MappingProxyType({}),  # as of `PitchSetup.with_changes`
     permit: CodePermit = check_code_allowed,
 ) -> PitchBenchPlant:
     """Return the simulated pitch bench for a model, schedule, controller and gains by name."""
@@ -143,8 +143,17 @@ def pitch_plant(
     if hidden:
         model = with_hidden_effects(model, hidden)
     control = build_pitch_controller("pid" if user_controller else controller, load_gains(gains))
-    job = change(PitchJob(PitchBench.from_model(model), replace(control, name=controller)))
-    return PitchBenchPlant(job, load_schedule(schedule), seed, rate_Hz, user_controller)
+    if PLATE_DISTANCE in settings:
+        raise InputError(
+            f"{PLATE_DISTANCE} cannot be set here: the schedule moves the plate; remove it"
+        )
+    setup = PitchSetup(
+        bench=PitchBench.from_model(model),
+        controls=(replace(control, name=controller),),
+        schedule=load_schedule(schedule),
+    ).with_changes(settings)
+    job = PitchJob(setup.bench, setup.controls[0])
+    return PitchBenchPlant(job, setup.schedule, seed, rate_Hz, user_controller)
 
 
 def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
@@ -167,8 +176,9 @@ def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
     }
     # Sequence, time and checksum, then about thirteen characters for each value.
     size = 26 + 13 * len(plant.channels)
-    more: dict[str, Any] = {"has_loop": True, "frame_bytes": size}
-    return _hello(plant, "pitch ", seed, plant.idle_us, limits=limits, facts=facts, **more)
+    return _hello(
+        plant, "pitch ", seed, limits=limits, facts=facts, has_loop=True, frame_bytes=size
+    )
 
 
 def standard_truth(rig: Rig) -> str:

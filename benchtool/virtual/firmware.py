@@ -5,8 +5,7 @@ Device time counts ticks and is scaled by the speed; only the watchdog uses wall
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +55,7 @@ class Plant(Protocol):
         """Return the next n ticks (n, c), nan where a channel has no new value."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TickRows:
+class TickRows(NamedTuple):
     """Consecutive ticks: device time (n,): us, not wrapped; values (n, c)."""
 
     device_time_us: NDArray[np.int64]

@@ -5,7 +5,7 @@ Pulses above idle arm the loop; lower pulses drive the motors, and a catch level
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-from benchtool.simulate.pitch.simulate import PitchController, user_controller_ticks
+from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.user_controller import make_controller
 
 HOLD_S = 2.0  # block length of the last values of a schedule; assumed
@@ -28,7 +28,7 @@ MAX_CATCH_RATE_RAD_S = 0.5  # levelling rate of the catch; assumed
 IDLE_FRACTION = 0.05  # of the pulse range; motors turn slowly or not at all; assumed
 MIN_RPM = 60.0  # tachometer reads 0 below; five times the noise; assumed
 IDLE_RUN = 2**31  # run number of the noise before the first arming
-_CONTROLLER = ("law_state", "command.torque_Nm", "command.difference_us")  # new per arming
+_CONTROLLER = ("law_state", "command")  # new per arming
 _VISIT = ("setpoint.plate_z_m", "setpoint.plate_share")
 _NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")  # in a schedule
 
@@ -61,16 +61,9 @@ class PitchBenchPlant:
         sampled = held.sampled(self.control_rate_Hz, self.rig.propulsion.radius_m)
         self._hold = round(HOLD_S * self.control_rate_Hz)
         end = len(sampled) - self._hold
-        for track in (
-            sampled.reference_rad,
-            sampled.collective,
-            sampled.dither_us,
-            sampled.plate_z_m,
-            sampled.plate_share,
-            sampled.observer,
-            sampled.feedforward,
-        ):
-            track[end:] = track[end - 1]
+        for track in fields(sampled)[2:]:  # all after rate and time
+            values = getattr(sampled, track.name)
+            values[end:] = values[end - 1]
         self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
         self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
         self._user_controller = user_controller
@@ -79,7 +72,6 @@ class PitchBenchPlant:
             if user_controller is None
             else make_controller(user_controller, job.control.name)
         )
-        self._user_ticks = None if user_controller is None else user_controller_ticks(self._loop)
         self._ticks_armed = 0
         self._visits, self._nominal_visits = (
             [self._loop.schedule_view(field)[0].copy() for field in fields]
@@ -95,8 +87,8 @@ class PitchBenchPlant:
         self.command_pwm(np.full(self.rig.n_rotors, self.rig.propulsion.pwm_stop_us))
         # Compile before the host waits for a reply.
         self._run(1)
-        if self._user_ticks is not None:
-            self._user_ticks(_NoController(), self._tick, self._tick + 1, 0)
+        if user_controller is not None:
+            self._loop.run_controller(_NoController(), self._tick, self._tick + 1)
         if rate_Hz is not None:
             self.set_rate(rate_Hz)
 
@@ -154,9 +146,8 @@ class PitchBenchPlant:
         if mean_us > self.idle_us:
             if not self._armed:
                 self._arm()
-            nominal = self.job.nominal_model
             speed_rad_s = pulse.speed_per_us_rad_s * (mean_us - pulse.pwm_start_us)
-            thrust_N = nominal.parameters["k"].value * speed_rad_s**2
+            thrust_N = self.job.bench.model.parameters["k"].value * speed_rad_s**2
             loop.schedule_view("setpoint.collective_N")[0] = loop.schedule.collective * thrust_N
             return
         if self._armed:
@@ -205,11 +196,11 @@ class PitchBenchPlant:
             max_count = ticks if self._armed and not self.plate_moving else 10
             count = min(ticks, end - first, max_count)
             self._place_plate(first, count)
-            if self._armed and self._user_ticks is not None:
-                self._user_ticks(self._controller, first, first + count, self._ticks_armed)
+            if self._armed and self._user_controller is not None:
+                loop.run_controller(self._controller, first, first + count, self._ticks_armed)
                 self._ticks_armed += count
             else:
-                loop.run(first, first + count)
+                loop.advance(first, first + count)
             self._tick = first + count
             blocks.append(self._sample(first, count))
             if not self._armed:
@@ -221,35 +212,24 @@ class PitchBenchPlant:
         )
 
     def _sample(self, first: int, count: int) -> tuple[Array, NDArray[np.bool_]]:
-        loop, n = self._loop, self._loop.n_discs
+        """Return the values of control ticks in the order of `channels`, and a mask of new ones."""
+        loop, n, discs = self._loop, self._loop.n_discs, self.rig.disc_of_rotor
         log = loop.log[first : first + count, :, 0]
-        discs = self.rig.disc_of_rotor
         rpm = log[:, 10 + n + discs] * 30.0 / np.pi
-        values = np.column_stack(
-            [
-                log[:, [0, 1, 2]],
-                log[:, 10 + discs],
-                np.where(rpm < MIN_RPM, 0.0, rpm),
-                log[:, 4],
-                log[:, [6, 7]],
-            ]
+        flags = r.Fresh(*loop.arrays.fresh[:, first : first + count].astype(bool))
+        closed, rotors = np.full(count, self._armed), np.ones((count, len(discs)), bool)
+        columns = (
+            (log[:, 0], closed),
+            (log[:, 1], flags.theta),
+            (log[:, 2], flags.gyro),
+            (log[:, 10 + discs], rotors),
+            (np.where(rpm < MIN_RPM, 0.0, rpm), flags.speed[:, None] & rotors),
+            (log[:, 4], flags.plate),
+            (log[:, 6], closed),
+            (log[:, 7], closed),
         )
-        flags = r.Fresh(*loop.fresh[:, first : first + count].astype(bool))
-        closed = np.full(count, self._armed)
-        rotors = np.ones((1, self.rig.n_rotors), bool)
-        fresh = np.column_stack(
-            [
-                closed,
-                flags.theta,
-                flags.gyro,
-                np.ones(count, bool)[:, None] & rotors,
-                flags.speed[:, None] & rotors,
-                flags.plate,
-                closed,
-                closed,
-            ]
-        )
-        return values, fresh
+        values, fresh = zip(*columns, strict=True)
+        return np.column_stack(values), np.column_stack(fresh)
 
     def _place_plate(self, first: int, count: int) -> None:
         """Write the plate distance over the next ticks: of the visit, else of the last command."""
@@ -264,10 +244,10 @@ class PitchBenchPlant:
             self._plate_m = self._target_m
         under = (position_m < PARKED_M).astype(float)
         block = slice(first, first + count)
-        aremaining_m = self.job.control.feedforward.height_error_m
+        map_error_m = self.job.control.feedforward.height_error_m
         for (z_field, share_field), (visit_m, visit), error_m in (
             (_VISIT, self._visits, 0.0),
-            (_NOMINAL_VISIT, self._nominal_visits, aremaining_m),
+            (_NOMINAL_VISIT, self._nominal_visits, map_error_m),
         ):
             visiting = (visit[block] > 0.0) & self._armed
             placed_m = np.where(visiting, visit_m[block], position_m + error_m)
@@ -279,7 +259,7 @@ class PitchBenchPlant:
     def _arm(self) -> None:
         """Close the loop at the start of the schedule, with new noise at every arming."""
         loop = self._loop
-        loop.states[:] = lane_states(self._seed, [self._armings])
+        loop.arrays.states[:] = lane_states(self._seed, [self._armings])
         self._armings += 1
         self._restart_controller()
         loop.set_driver(BUILT_IN)
@@ -305,8 +285,8 @@ class PitchBenchPlant:
         """Continue at another tick of the schedule; delayed values keep their order."""
         loop, shift = self._loop, tick - self._tick
         if shift:
-            loop.sent[:] = np.roll(loop.sent, shift, axis=1)
-            loop.past[:] = np.roll(loop.past, shift, axis=1)
+            for ring in (loop.arrays.sent, loop.arrays.past):
+                ring[:] = np.roll(ring, shift, axis=1)
         self._tick = tick
 
 

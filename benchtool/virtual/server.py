@@ -27,9 +27,9 @@ class ServedDevice(ABC):
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         """Run n ticks; return bytes that must be sent, and frames that may be dropped."""
 
+    @abstractmethod
     def report(self, kind: str, text: str) -> bytes:
         """Return an event for the host."""
-        return b""
 
 
 POLL_INTERVAL_S = 0.004

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from benchtool.physics.expression import expression
+from benchtool.simulate.controllers.blocks import clip, integrate_clamped
 from benchtool.simulate.controllers.controller import ControlLaw, PitchCommand, PitchPlant
-from benchtool.simulate.controllers.limits import clip, integrate_clamped
 
 WEIGHTS = (40.0, 30.0, 1.0)  # of integral, error and rate, relative to 1 for (rad/s2)^2; assumed
 MAX_INTEGRAL_RAD_S = 0.2  # assumed

@@ -12,7 +12,8 @@ import pytest
 
 from benchtool.data.run.recording_file import write_recording
 from benchtool.report.flight.pitch_study import pitch_study
-from benchtool.simulate.pitch.setup import pitch_setup, with_changes
+from benchtool.simulate.inputs import PitchInputs
+from benchtool.simulate.pitch.setup import pitch_setup
 from tests.browser.conftest import expect, serving
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ MODEL = str(Path(__file__).parents[2] / "datasets/pitch_bench/model.toml")
 
 def write_example(path: Path, duration_s: float, seed: int) -> None:
     """Write a recording of a bench with hinge friction, which its model lacks."""
-    setup = pitch_setup(model=MODEL, gains="stiff", controllers=("pid",), schedule="identify")
-    setup = with_changes(setup, {"coulomb_friction.torque_Nm": 0.012})
+    inputs = PitchInputs(model=MODEL, controllers=("pid",), schedule="identify")
+    setup = pitch_setup(inputs, "stiff").with_changes({"coulomb_friction.torque_Nm": 0.012})
     setup = replace(setup, schedule=setup.schedule.with_duration(duration_s))
     run = pitch_study(setup, seed).runs[0]
     write_recording(path, run.recording(setup.bench.model.rig), {})

@@ -35,6 +35,7 @@ from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.study import FlownCase, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
+from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.setup import pitch_setup
 from tests.unit.explain.found_made import LAWS, shown
 from tests.unit.explain.hand_made import answer
@@ -100,7 +101,7 @@ def calibration() -> dict[str, Any]:
 @cache
 def study() -> PitchStudy:
     """Run the pitch bench for two seconds, the plate under one rotor from the first on."""
-    setup = pitch_setup(gains="s3", controllers=("pid",))
+    setup = pitch_setup(PitchInputs(controllers=("pid",)))
     visit = PlateVisit(z_over_R=2.0, in_s=0.5, out_s=1.5, move_s=0.1)
     schedule = replace(setup.schedule, duration_s=2.0, plate=(visit,))
     return pitch_study(replace(setup, schedule=schedule), 1)

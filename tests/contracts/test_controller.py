@@ -30,9 +30,8 @@ from benchtool.simulate.controllers.laws import (
     build_pitch_controller,
     find_law,
 )
-from benchtool.simulate.flight.cases import flight_case
-from benchtool.simulate.flight.flight import FlightCase, Goal, fly
-from benchtool.simulate.flight.user_controller import fly_user_controller
+from benchtool.simulate.flight.cases import FlightCase, Goal, flight_case
+from benchtool.simulate.flight.flight import fly, fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.pitch.run import PitchJob, torque_limit_Nm
@@ -55,7 +54,7 @@ def over(name: str) -> FlightCase:
 def plant() -> PitchPlant:
     bench = noisy_bench()
     inertia_kgm2 = bench.model.rig.body.inertia_yy_kgm2
-    return PitchPlant(inertia_kgm2, torque_limit_Nm(bench, bench.model))
+    return PitchPlant(inertia_kgm2, torque_limit_Nm(bench))
 
 
 class LawController:

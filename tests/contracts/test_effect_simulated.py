@@ -16,8 +16,9 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.tilt import TILT_RULES, height_over, plate_plane
 from benchtool.simulate.controllers.laws import build_pitch_controller
+from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.environment import Block, Environment
-from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, Goal, fly
+from benchtool.simulate.flight.flight import Flight, FlightLoop, fly
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
@@ -69,7 +70,7 @@ def hinged(model: Model) -> np.ndarray:
     )  # without the rig's lag
     loop = PitchLoop([PitchJob(bench, control)], schedule(), 4, [0])
     loop.view("hinge.theta_rad")[:] = 0.15
-    loop.loops.run.py_func(loop.arrays(), loop.plan, 0, len(loop.schedule))
+    loop.loops.run.py_func(loop.arrays, loop.plan, 0, len(loop.schedule))
     return loop.log[:, :, 0]
 
 

@@ -17,10 +17,8 @@ from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.text import format_arguments, pluralize
 from benchtool.data.parquet import campaign_means
-from benchtool.simulate.campaign_run import build_campaign, run_campaign
-from benchtool.simulate.design import Design
-from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.campaign import Design, build_campaign, run_campaign
+from benchtool.simulate.inputs import FlightInputs, PitchInputs
 
 
 def show_campaign(
@@ -42,9 +40,10 @@ def show_campaign(
         seed=study.seed,
         **options,
     )
-    measure = campaign_inputs.measure or next(iter(campaign.measures))
-    if measure not in campaign.measures:
-        raise UnknownChoice("measure", measure, campaign.measures)
+    setup = campaign.first
+    measure = campaign_inputs.measure or next(iter(setup.measures))
+    if measure not in setup.measures:
+        raise UnknownChoice("measure", measure, setup.measures)
     if out is None:
         raise InputError("a campaign needs a folder for its results; add --out FOLDER")
     table = out / "campaign.parquet"
@@ -55,11 +54,13 @@ def show_campaign(
     series = list(product(campaign.setups, campaign.controllers))
     total = design.n_points * design.seeds * len(series)
     print(
-        f"SIMULATED campaign: {campaign.title}; {design.describe()}; {pluralize(total, 'run')}",
+        f"SIMULATED campaign: {setup.campaign_title}; {design.describe()}; "
+        f"{pluralize(total, 'run')}",
         flush=True,
     )
     metadata = {
-        "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.to_metadata(),
+        "simulated": "true", "benchtool": __version__, **setup.to_metadata(),
+        **design.to_metadata(),
         "set": " ".join(format_arguments(study.settings, commas=False)),
     }  # fmt: skip
     start_s = monotonic()
@@ -80,7 +81,7 @@ def show_campaign(
     means = campaign_means(table, measure)
     if not means:
         raise InputError(f"{measure} has no value in any run; use another with --measure")
-    print(f"{campaign.measures[measure]}, mean of all runs:")
+    print(f"{setup.measures[measure]}, mean of all runs:")
     for gains, controller in series:
         name = f"{gains}, {controller}" if len(campaign.setups) > 1 else controller
         print(f"  {name}: {means.get((gains, controller), nan):.3g}")

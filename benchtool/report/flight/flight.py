@@ -20,23 +20,43 @@ from benchtool.core.units import Array
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
+from benchtool.report.flight.warnings import collect_warnings
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
-from benchtool.simulate.campaign import results_in_order
-from benchtool.simulate.flight.flight import FlightCase
-from benchtool.simulate.flight.measures import measure
+from benchtool.simulate.flight.cases import FlightCase
+from benchtool.simulate.flight.environment import Environment
+from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
+    Measures,
     build_recording,
     controller_label,
     fly_and_measure,
-    obstacle_extent,
-    out_of_ground_effect,
-    summarize_flight,
+    measure,
 )
-from benchtool.simulate.flight.user_controller import fly_user_controller
-from benchtool.simulate.flight.warnings import collect_warnings
+from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.user_controller import make_controller
+
+
+def summarize_flight(flown: FlownCase) -> str:
+    """Return the result of a flight in one line."""
+    measures, goal = flown.measures, flown.case.goals[-1]
+    if measures.ending == "struck":
+        return f"strikes the obstacle at {flown.flight.end_s:.1f} s"
+    if measures.arrives:
+        return f"arrives at {measures.arrives_s:.1f} s"
+    if measures.swing_m > 0.05:
+        return f"never arrives: swings {measures.range_m[0]:.2f} to {measures.range_m[1]:.2f} m"
+    return f"stays {abs(goal.x_m - measures.range_m[0]):.2f} m short"
+
+
+def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
+    """Return the extent of the fixed obstacles along x; None if it is infinite or empty."""
+    fixed_blocks = [block for block in case.below.blocks if not any(block.slide_m)]
+    ends = [end for block in fixed_blocks for end in block.x_m]
+    if not ends or not np.all(np.isfinite(ends)):
+        return None
+    return min(ends), max(ends)
 
 
 def _position(
@@ -137,13 +157,19 @@ def fly_each(
     user_controllers: Sequence[tuple[str, type[Any]]] = (),
 ) -> list[FlownCase]:
     """Simulate a case out of ground effect with PID, then under each controller."""
-    free = replace(out_of_ground_effect(case), control="pid")
+    free = replace(case, below=Environment(), gyro_noise_rad_s=0.0, control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]
     flights = list(results_in_order(partial(fly_and_measure, item) for item in cases))
     for name, kind in user_controllers:
         flight = fly_user_controller(case, make_controller(kind, name), name)
         flights.append(FlownCase(flight, measure(flight)))
     return flights
+
+
+def _arrival_text(measures: Measures) -> str:
+    if measures.ending == "flown":
+        return f"{measures.arrives_s:.1f}" if measures.arrives else "never"
+    return "hits the obstacle" if measures.ending == "struck" else "lost"
 
 
 def table_lines(flights: Sequence[FlownCase]) -> list[str]:
@@ -162,7 +188,7 @@ def table_lines(flights: Sequence[FlownCase]) -> list[str]:
         low, high = measures.range_m
         rows.append(
             (
-                name, measures.arrival_text(), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
+                name, _arrival_text(measures), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
                 f"{measures.max_pitch_deg:.1f}", f"{measures.rms_pitch_deg:.2f}",
                 f"{measures.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
                 f"{low:.3f}..{high:.3f}",

@@ -13,17 +13,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool import __version__
-from benchtool.core.schedule import PlateVisit
 from benchtool.core.text import pluralize
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, shade, spans, stack_panels
-from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
-from benchtool.simulate.pitch.result import PitchRun, PlateVisitMeasures, measure_plate_visit
+from benchtool.simulate.loop import results_in_order
+from benchtool.simulate.pitch.result import PitchRun, measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
@@ -54,7 +53,7 @@ def pitch_study(
     near = setup.schedule.sampled(rate_Hz, radius_m)
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
     jobs = [
-        PitchJob(setup.bench, control, setup.nominal)
+        PitchJob(setup.bench, control)
         for control in (() if only_user_controllers else setup.controls)
     ]
     results = list(
@@ -64,16 +63,11 @@ def pitch_study(
     )
     runs, away = results[: len(jobs)], results[len(jobs) :]
     for name, kind in user_controllers:
-        job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
+        job = PitchJob(setup.bench, setup.controls[0])
         for schedule, runs_of_schedule in zip((near, far), (runs, away), strict=True):
             run = simulate_controller(make_controller(kind, name), job, schedule, seed, name=name)
             runs_of_schedule.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
-
-
-def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateVisitMeasures:
-    """Return the measures of a run for one plate interval."""
-    return measure_plate_visit(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
 
 
 def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
@@ -81,7 +75,7 @@ def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
     schedule = study.setup.schedule
     return [
         {"controller": run.controller, "z_over_R": visit.z_over_R}
-        | asdict(visit_numbers(run, visit, schedule.duration_s))
+        | asdict(measure_plate_visit(run, visit, schedule.duration_s))
         for run in study.runs
         for visit in schedule.plate
         if visit.in_s < schedule.duration_s

@@ -16,15 +16,18 @@ import numpy as np
 from benchtool.core.rig import Body
 from benchtool.physics.expression import Quantity, expression, inlined_expression
 from benchtool.physics.fold import unrolled
-from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
-from benchtool.simulate.controllers.limits import clip, integrate_clamped, limit_slew_rate
-from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
-from benchtool.simulate.controllers.pid import (
+from benchtool.simulate.controllers.blocks import (
     AttitudePid,
     PidState,
     attitude_torque,
+    clip,
+    estimate_disturbance,
+    integrate_clamped,
+    limit_slew_rate,
+    next_explained_momentum,
     next_pid_state,
 )
+from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.gain_file import Gains
 
@@ -66,33 +69,11 @@ class PositionLoop(NamedTuple):
 
 @expression
 def velocity_command(
-    error_m: Quantity,
-    present_m_s: Quantity,
-    speed_limit_m_s: Quantity,
-    p: PositionLoop,
-    dt_s: Quantity,
+    error_m: Quantity, present_m_s: Quantity, limit_m_s: Quantity, p: PositionLoop, dt_s: Quantity
 ) -> Quantity:
     """Return the next velocity command: k_x times the error, clipped and rate limited: m/s."""
-    requested_m_s = clip(p.k_x_per_s * error_m, speed_limit_m_s)
+    requested_m_s = clip(p.k_x_per_s * error_m, limit_m_s)
     return limit_slew_rate(requested_m_s, present_m_s, p.slew_limit_m_s2, dt_s)
-
-
-@expression
-def next_velocity_integral(
-    velocity_error_m_s: Quantity, integral_m_s2: Quantity, p: PositionLoop, dt_s: Quantity
-) -> Quantity:
-    """Return the velocity integral after one period, clipped to its limit: m/s2."""
-    return integrate_clamped(
-        integral_m_s2, p.k_iv_per_s2 * velocity_error_m_s, p.integral_limit_m_s2, dt_s
-    )
-
-
-@expression
-def acceleration_command(
-    velocity_error_m_s: Quantity, integral_m_s2: Quantity, p: PositionLoop
-) -> Quantity:
-    """Return the horizontal acceleration command: m/s2."""
-    return p.k_v_per_s * velocity_error_m_s + integral_m_s2
 
 
 @expression
@@ -150,14 +131,16 @@ _estimate_all, _explain_all = unrolled(6, _estimate), unrolled(6, _explain)
 
 
 @inlined_expression
-def _horizontal_step(
+def horizontal_step(
     error_m: Any, speed_limit_m_s: Any, velocity_m_s: Any, axis: Any, p: PositionLoop, dt_s: Any
 ) -> Any:
-    """Return the next state of one horizontal axis and its acceleration command."""
+    """Return the next state of one horizontal axis and its acceleration command (m/s2)."""
     command = velocity_command(error_m, axis.velocity_m_s, speed_limit_m_s, p, dt_s)
     error = command - velocity_m_s
-    integral = next_velocity_integral(error, axis.integral_m_s2, p, dt_s)
-    return HorizontalState(command, integral), acceleration_command(error, integral, p)
+    integral = integrate_clamped(
+        axis.integral_m_s2, p.k_iv_per_s2 * error, p.integral_limit_m_s2, dt_s
+    )
+    return HorizontalState(command, integral), p.k_v_per_s * error + integral
 
 
 @inlined_expression
@@ -181,8 +164,8 @@ def flight_step(
     limit_x, limit_y = speed_limit, speed_limit
     if distance_m > 0.0:
         limit_x, limit_y = speed_limit * abs(ex) / distance_m, speed_limit * abs(ey) / distance_m
-    x, ax = _horizontal_step(ex, limit_x, measured.vx_m_s, state.x, p.position, dt_s)
-    y, ay = _horizontal_step(ey, limit_y, measured.vy_m_s, state.y, p.position, dt_s)
+    x, ax = horizontal_step(ex, limit_x, measured.vx_m_s, state.x, p.position, dt_s)
+    y, ay = horizontal_step(ey, limit_y, measured.vy_m_s, state.y, p.position, dt_s)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     forward_m_s2, left_m_s2 = cosine * ax + sine * ay, cosine * ay - sine * ax
     pitch_reference = pitch_command(forward_m_s2, p.gravity_m_s2, p.position)
@@ -257,7 +240,7 @@ def flight_numbers(case: Any, body: Body) -> FlightNumbers:
         gains.altitude.k_iz_per_s3,
         gains.altitude.limit_m_s2,
         gains.observer.rate_per_s,
-        float(case.observes),
+        float(case.control in ("observer", "both")),
         case.compensation_from_s,
         float(case.ramp),
         body.mass_kg,

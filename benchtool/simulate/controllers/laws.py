@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from benchtool.core.errors import UnknownChoice
-from benchtool.simulate.controllers import flight_law, pitch_law
+from benchtool.simulate.controllers import flight_law, pitch
 from benchtool.simulate.controllers.controller import ControlLaw
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.gain_file import Gains
 
-LAWS: tuple[ControlLaw, ...] = (pitch_law.LAW, flight_law.LAW)  # built-in laws; add a new one here
+LAWS: tuple[ControlLaw, ...] = (pitch.LAW, flight_law.LAW)  # built-in laws; add a new one here
 
 _HINGED, _FREE = (
     {law.name: law.title for law in LAWS if law.body == body and law.name != "pid"}
     for body in ("hinged", "free")
 )
 PITCH_CONTROLLERS = {  # built-in controllers of the pitch bench with their titles
-    "pid": pitch_law.LAW.title,
+    "pid": pitch.LAW.title,
     "observer": "PID with the disturbance observer of eq. (12)",
     "feedforward": "PID with each rotor's thrust divided by the expected factor",
     "observer+feedforward": "PID with both",

@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import Array
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
-from benchtool.simulate.controllers.controller import FlightReference
-from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, find_law
+from benchtool.simulate.controllers.controller import (
+    ControlLaw,
+    FlightCommand,
+    FlightController,
+    FlightMeasurement,
+    FlightReference,
+)
+from benchtool.simulate.controllers.laws import find_law
 from benchtool.simulate.flight import records as r
-from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.ground import DiscBelow
+from benchtool.simulate.flight.cases import FlightCase, Goal
+from benchtool.simulate.flight.ground import SCRATCH_ROWS, Below
 from benchtool.simulate.flight.loops import flight_loops
 from benchtool.simulate.flight.rigid_body import at_rest
-from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
-from benchtool.simulate.layout import lend_rows, zero_record
-from benchtool.simulate.motors import Rotors, build_motion
+from benchtool.simulate.layout import Layout, rows_in, zero_record
+from benchtool.simulate.loop import Loop, command_ring
+from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
 
 Ending = Literal["flown", "struck", "lost"]
+
+COMMAND_REMEDY = "a FlightCommand(thrust_N, roll_Nm, pitch_Nm, yaw_Nm) of finite numbers"
 
 # First columns of a log with their record fields; then coverage, height and factor per disc and
 # speed per rotor.
@@ -47,113 +55,6 @@ LOGGED = {
     "x_goal_m": "scheduled.goal_x_m", "y_goal_m": "scheduled.goal_y_m",
     "z_goal_m": "scheduled.goal_z_m",
 }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Goal:
-    """Target position (x, y, z in m) from a time on, with a speed."""
-
-    x_m: float
-    y_m: float = 0.0
-    z_m: float = 0.0
-    speed_m_s: float = 0.2
-    from_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gust:
-    """Gust of 1 - cos shape: peak velocity (m/s) along x, y, z from a time on."""
-
-    from_s: float
-    length_s: float
-    wind_m_s: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightCase:
-    """Case of one flight.
-
-    Attributes:
-        control: one of `FLIGHT_CONTROLLERS`.
-        start_m: x, y, z of the initial hover.
-        gyro_noise_rad_s: standard deviation of white noise per control sample.
-        map_offset_m: displacement of the feedforward's map along x, y, z; -0.05 along x is an
-            edge that is 5 cm early in the map.
-        map_strength: share of the effect that the model of the map predicts.
-        whole_discs: a disc of the map is covered as a whole or not at all, by its centre.
-        ramp: move the reference at the speed instead of limiting the speed.
-        compensation_from_s: start time of observer and feedforward.
-        gusts: wind; without effect for a vehicle without drag.
-    """
-
-    name: str
-    vehicle: FlightVehicle
-    gains: Gains
-    below: Environment = field(default_factory=Environment)
-    title: str = ""
-    control: str = "pid"
-    start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    goals: tuple[Goal, ...] = ()
-    duration_s: float = 60.0
-    yaw_rad: float = 0.0
-    gyro_noise_rad_s: float = 0.0
-    seed: int = 1
-    map_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    map_strength: float = 1.0
-    whole_discs: bool = False
-    ramp: bool = False
-    compensation_from_s: float = 0.0
-    gusts: tuple[Gust, ...] = ()
-    step_s: float = 0.001
-    log_Hz: float = 50.0
-
-    def __post_init__(self) -> None:
-        if self.control not in FLIGHT_CONTROLLERS:
-            raise UnknownChoice("flight control", self.control, FLIGHT_CONTROLLERS)
-        period_s = 1.0 / self.gains.control_rate_Hz
-        numbers = {
-            "duration_s": (self.duration_s, period_s, 1e5),
-            "step_s": (self.step_s, 1e-6, period_s),
-            "gyro_noise_rad_s": (self.gyro_noise_rad_s, 0.0, 10.0),
-            "map_strength": (self.map_strength, 0.0, 10.0),
-            "log_Hz": (self.log_Hz, 1e-3, self.gains.control_rate_Hz),
-            "yaw_rad": (self.yaw_rad, -7.0, 7.0),
-        }
-        for goal in self.goals:
-            numbers["goal speed_m_s"] = (goal.speed_m_s, 1e-3, 50.0)
-        for name, (value, low, high) in numbers.items():
-            if not low <= value <= high:
-                raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
-        coordinates = [*self.start_m, *self.map_offset_m]
-        coordinates += [value for goal in self.goals for value in (goal.x_m, goal.y_m, goal.z_m)]
-        if not all(map(isfinite, coordinates)):
-            raise InputError(f"start, goals and map offset must be finite, but are {coordinates}")
-        lag_s = self.vehicle.model.lag_s
-        if 0.0 < lag_s < 2.0 * self.step_s:
-            raise InputError(
-                f"step_s is {self.step_s:g}; allowed for a motor lag of {lag_s:g} s: "
-                f"up to {lag_s / 2.0:g}"
-            )
-
-    @property
-    def observes(self) -> bool:
-        """True if the disturbance observer is active."""
-        return self.control in ("observer", "both")
-
-    @property
-    def feeds_forward(self) -> bool:
-        """True if thrusts are divided by the factors from the map."""
-        return self.control == "both" or "feedforward" in self.control.split("+")
-
-    def path_m(self) -> Array:
-        """Return start and goals in plan (n, 2): m."""
-        return np.array([self.start_m[:2], *((goal.x_m, goal.y_m) for goal in self.goals)])
-
-    def expected_environment(self) -> Environment:
-        """Return the map of the feedforward."""
-        if not any(self.map_offset_m):
-            return self.below
-        return self.below.moved(*self.map_offset_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,42 +85,41 @@ class Flight:
 
 
 def fly(case: FlightCase) -> Flight:
-    """Fly a case.
-
-    Raises:
-        InputError: the map does not cover the path, or the start touches a surface.
-    """
+    """Fly a case; its map must cover the path, and its start must not touch a surface."""
     loop = FlightLoop(case)
-    loop.run()
+    loop.ended = loop.advance(-1, loop.n_ticks)
     return loop.flight()
 
 
-class FlightLoop:
-    """Compiled loop of one flight with its arrays.
+def fly_user_controller(case: FlightCase, controller: FlightController, name: str) -> Flight:
+    """Fly a case with a user-defined controller.
 
-    Args:
-        external: the caller is the controller, tick by tick; it gets the map.
+    It gets the map of the case, with its errors. Of gains and control of the case, only the control
+    rate of the gains has an effect.
+
+    Raises:
+        InputError: as `fly`; or the controller raised, or returned an invalid command.
     """
+    loop = FlightLoop(case, external=True)
+    loop.advance(-1, 0)
+    loop.ended = loop.run_controller(controller, 0, loop.n_ticks)
+    return loop.flight(name)
+
+
+class FlightLoop(Loop):
+    """Loop of one flight; with `external` the caller is the controller and gets the map."""
 
     def __init__(self, case: FlightCase, external: bool = False) -> None:
-        vehicle, gains = case.vehicle, case.gains
+        vehicle, rate_Hz = case.vehicle, case.gains.control_rate_Hz
         model, rig, radius_m = vehicle.model, vehicle.rig, vehicle.rig.propulsion.radius_m
-        self.case = case
-        case.below.check_coverage(case.path_m(), vehicle.reach_m, "the path")
-        period_s = 1.0 / gains.control_rate_Hz
-        self.n_ticks = round(case.duration_s * gains.control_rate_Hz)
-        substeps = max(1, int(np.ceil(period_s / case.step_s - 1e-9)))
-        self.log_every = max(1, round(gains.control_rate_Hz / case.log_Hz))
-        dt_s = period_s / substeps
-        effects, craft = loop_effects(model, in_flight=True), vehicle.craft()
-        law = find_law(case.control, "free")
-        law_numbers = law.numbers(case, rig.body)
-        n_numbers = sum(len(effect.parameters) for effect in effects)
-        rotor_disc = tuple(int(disc) for disc in rig.disc_of_rotor)
-        self.layout = r.flight_layout(
-            rig.n_discs, rig.n_rotors, n_numbers, zero_record(law_numbers), law.state
-        )
-        self.loops = flight_loops(effects, self.layout, rotor_disc, model.image_rules, law.step)
+        self.case, self.rate_Hz = case, rate_Hz
+        if case.below.grid is not None:
+            case.below.grid.check_coverage(case.path_m(), vehicle.reach_m, "the path")
+        self.n_ticks = round(case.duration_s * rate_Hz)
+        substeps = max(1, int(np.ceil(1.0 / rate_Hz / case.step_s - 1e-9)))
+        self.log_every = max(1, round(rate_Hz / case.log_Hz))
+        dt_s = 1.0 / rate_Hz / substeps
+        effects, law = loop_effects(model, in_flight=True), find_law(case.control, "free")
         feeds_forward = case.feeds_forward
         map_use = r.MapUse(
             case.map_strength if feeds_forward and not external else 0.0,
@@ -227,18 +127,14 @@ class FlightLoop:
             float(case.whole_discs),
             float(external or (feeds_forward and case.map_strength > 0.0)),
         )
-        hover_rad_s = (vehicle.hover_thrust_N / craft.k_N_s2) ** 0.5
-        motion = build_motion(model, dt_s)
-        w = self.layout.column(
-            body=at_rest(case.start_m, case.yaw_rad),
-            rotors=Rotors((hover_rad_s,) * rig.n_rotors),
-            outcome=r.FlightOutcome(),
-            craft=craft,
-            map_use=map_use,
-            motion=motion,
-            law=law_numbers,
-            effects=loop_numbers(model, effects),
+        records = flight_records(case, law, effects, dt_s) | {"map_use": map_use}
+        self.layout, geometry = Layout(**records), vehicle.geometry(dt_s)
+        rotor_disc = tuple(rig.disc_of_rotor.tolist())
+        self.loops = flight_loops(
+            effects, self.layout, rotor_disc, zero_record(geometry), model.image_rules, law.step
         )
+        w = np.array(flat_values(tuple(records.values())), float)
+        ring, is_delayed = command_ring(self.layout, w, substeps)
         rows = (self.n_ticks + self.log_every - 1) // self.log_every
         fields = [*LOGGED.values(), "below.coverage", "below.height_m", "below.factor"]
         fields.append("rotors.speed_rad_s")
@@ -250,49 +146,70 @@ class FlightLoop:
         if case.gyro_noise_rad_s:
             rng = np.random.default_rng(case.seed)
             noise = rng.normal(0.0, case.gyro_noise_rad_s, (self.n_ticks, 3)).T.copy()
-        below = case.below.tables(radius_m)
-        self.arrays = r.FlightArrays(
+        below = map_tables = case.below.tables(radius_m)
+        if map_use.is_used and any(case.map_offset_m):
+            map_tables = case.below.moved(*case.map_offset_m).tables(radius_m)
+        arrays = r.FlightArrays(
             w=w,
             states=lane_states(case.seed, [0]),
-            sent=np.zeros((rig.n_rotors, int(motion.delay_steps) // substeps + 3, 1)),
+            sent=np.zeros((rig.n_rotors, ring, 1)),
             log=np.zeros((rows, len(logged), 1)),
             logged=logged,
             schedule=build_schedule(
                 (Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2]), *case.goals),
-                self.n_ticks, gains.control_rate_Hz, case.ramp, float(case.yaw_rad),
+                self.n_ticks, rate_Hz, case.ramp, float(case.yaw_rad),
                 vehicle.hover_thrust_N * rig.n_rotors,
             ),
             noise=noise,
             gusts=gusts.reshape(-1, 5).T.copy(),
-            scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
-            geometry=vehicle.geometry(dt_s),
+            scratch=np.zeros((SCRATCH_ROWS, rig.n_discs)),
+            geometry=np.array(flat_values(geometry), float),
             below=below,
-            map=case.expected_environment().tables(radius_m) if map_use.is_used else below,
+            map=map_tables,
         )  # fmt: skip
-        is_delayed = bool(motion.delay_steps or motion.first.old or motion.second.old)
         driver = CALLER if external else BUILT_IN
-        self.plan = np.array(LoopPlan(substeps, driver, is_delayed, self.log_every), np.int64)
+        self.use(arrays, LoopPlan(substeps, driver, is_delayed, self.log_every))
         self.ended = self.n_ticks
+        self._measured, self._command = self.view("measured")[:, 0], self.view("command")[:, 0]
 
-    def view(self, field: str) -> Array:
-        """Return a view of a record or field, for example "body.x_m" (n,)."""
-        view: Array = self.arrays.w[self.layout.rows(field)]
-        return view
+    def measure(self, time_s: float) -> FlightMeasurement:
+        numbers, n = self._measured.tolist(), self.case.vehicle.rig.n_discs
+        heights_m, coverages = tuple(numbers[-2 * n : -n]), tuple(numbers[-n:])
+        readings = (time_s, *numbers[1 : -2 * n], heights_m, coverages)
+        return tuple.__new__(FlightMeasurement, readings)  # faster than the constructor
 
-    def run(self) -> None:
-        """Fly with the controller of the case."""
-        run = self.loops.run
-        self.ended = run(lend_rows(run, self.arrays), self.plan, -1, self.n_ticks)
+    def references(self, first: int, last: int) -> list[FlightReference]:
+        rows = self.arrays.schedule[rows_in(r.TICK, "reference"), first:last].T.tolist()
+        return [tuple.__new__(FlightReference, row) for row in rows]
+
+    def write_command(self, command: FlightCommand) -> None:
+        values = self._command
+        thrust, roll, pitch, yaw, *extra = command
+        values[0], values[1], values[2], values[3] = thrust, roll, pitch, yaw
+        if not isfinite(thrust + roll + pitch + yaw):
+            raise ValueError
+        values[4:] = 1.0
+        if extra and extra != [()]:
+            (divide_by,) = extra
+            values[4:] = divide_by
+            if len(divide_by) != len(values) - 4 or not all(0.0 < x < inf for x in divide_by):
+                raise ValueError
+
+    def invalid_field(self, command: Any) -> tuple[str, Any, str]:
+        if not isinstance(command, tuple | list) or not 4 <= len(command) <= 5:
+            return "a command", command, COMMAND_REMEDY
+        for name, value in zip(FlightCommand._fields, command[:4], strict=False):
+            if not isinstance(value, int | float | np.number) or not isfinite(value):
+                return name, value, COMMAND_REMEDY
+        n_discs = self.case.vehicle.rig.n_discs
+        remedy = f"{n_discs} finite factors above 0, one per disc, or ()"
+        return "divide_by", command[4], remedy
 
     def flight(self, user_controller: str = "") -> Flight:
-        """Return the flight so far; `user_controller` is the name of a user-defined controller.
-
-        Raises:
-            InputError: the start touches a surface.
-        """
+        """Return the flight so far; raise InputError if the start touches a surface."""
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
-        ending, clamped_steps, nearest_m = self.view("outcome").tolist()
+        ending, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
         if rows <= 1 and ending == r.STRUCK:
             raise InputError(
                 f"the vehicle touches a surface at its start {case.start_m} m; change the start"
@@ -306,6 +223,33 @@ class FlightLoop:
             case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
             nearest_m, user_controller,
         )  # fmt: skip
+
+
+def flight_records(
+    case: FlightCase, law: ControlLaw, effects: tuple[Effect, ...], dt_s: float
+) -> dict[str, Any]:
+    """Return the records of a flight, without the use of its map."""
+    vehicle, rig, craft = case.vehicle, case.vehicle.rig, case.vehicle.craft()
+    discs, rotors = (0.0,) * rig.n_discs, (0.0,) * rig.n_rotors
+    hover_rad_s = (vehicle.hover_thrust_N / craft.k_N_s2) ** 0.5
+    return {
+        "body": at_rest(case.start_m, case.yaw_rad),
+        "rotors": Rotors((hover_rad_s,) * rig.n_rotors),
+        "targets": Targets(rotors, rotors, rotors),
+        "measured": FlightMeasurement._make([*[0.0] * 13, discs, discs]),
+        "scheduled": r.FlightTick(),
+        "command": FlightCommand(0.0, 0.0, 0.0, 0.0, (1.0,) * rig.n_discs),
+        "law_state": law.state,
+        "below": Below(discs, discs, discs, discs),
+        "expected": Below(discs, discs, discs, discs),
+        "ground": r.GroundTorque(),
+        "outcome": r.FlightOutcome(),
+        "craft": craft,
+        "motion": build_motion(vehicle.model, dt_s),
+        "law": law.numbers(case, rig.body),
+        "effects": loop_numbers(vehicle.model, effects),
+        "nothing": float("nan"),
+    }
 
 
 @lru_cache(maxsize=4)

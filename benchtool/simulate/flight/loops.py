@@ -12,6 +12,7 @@ import numpy as np
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
+    Slot,
     compiled_closure,
     expression,
     inlined_expression,
@@ -23,8 +24,8 @@ from benchtool.physics.expression import (
 from benchtool.physics.fold import chain_hooks, source_key, unrolled
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
+from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
-from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.flight.ground import build_look_below
 from benchtool.simulate.flight.records import (
     GOING,
@@ -34,9 +35,9 @@ from benchtool.simulate.flight.records import (
     STRUCK,
     TICK,
     FlightArrays,
+    FlightGeometry,
     FlightOutcome,
     GroundTorque,
-    geometry_slot,
 )
 from benchtool.simulate.flight.rigid_body import (
     apply_impulse,
@@ -260,25 +261,20 @@ def sense_vehicle(
     write_record(w, slots.measured, 0, 1, measured)
 
 
-@inlined_expression
-def is_flying(arrays: Any, slots: Any) -> Any:
-    """Return True until the flight has ended."""
-    return read_record(arrays.w, slots.outcome, 0, 1).ending == GOING
-
-
 @lru_cache(maxsize=64)
 def flight_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
     rotor_disc: tuple[int, ...],
+    geometry_type: FlightGeometry,
     rules: ImageRules,
     step: Any,
 ) -> FlightLoops:
-    """Return the loops for these effects and this law."""
-    n, slots = max(rotor_disc) + 1, layout.slots
+    """Return the loops for these effects and this law; `geometry_type` contains zeros."""
+    n, slots = len(geometry_type.x_m), layout.slots
     ones, n_rotors, like = (1.0,) * n, len(rotor_disc), FlightArrays()
     hooks = joined_hooks(effects, n, rules)
-    slot, build = geometry_slot(n, rules.n_body), Build((0,), slots)
+    slot, build = Slot(0, geometry_type), Build((0,), slots)
     look_below = build_look_below(n, hooks)
     change_speed = chain_hooks(bound_hooks(effects, "speed"))
     rotor_speeds = unrolled(
@@ -298,9 +294,13 @@ def flight_loops(
     sense = inlined_expression(
         lambda arrays, now: sense_vehicle(arrays, now, slots, hooks(), look_below, rotor_disc, ones)
     )
-    is_running = inlined_expression(lambda arrays: is_flying(arrays, slots))
+    is_running = inlined_expression(
+        lambda arrays: read_record(arrays.w, slots.outcome, 0, 1).ending == GOING
+    )
     phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
-    key = repr((rotor_disc, rules, source_key(step), layout.records, identities(effects)))
+    key = repr(
+        (rotor_disc, rules, source_key(step), layout.key, geometry_type, identities(effects))
+    )
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from collections import namedtuple
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.expression import Slot
-from benchtool.simulate.controllers.controller import (
-    FlightCommand,
-    FlightMeasurement,
-    FlightReference,
-)
+from benchtool.simulate.controllers.controller import FlightReference
 from benchtool.simulate.flight.environment import Tables
-from benchtool.simulate.flight.ground import Below
-from benchtool.simulate.flight.rigid_body import FreeBody
-from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout, rows_in
-from benchtool.simulate.motors import Motion, Rotors, Targets
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID
 
 GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # flying; touched a surface; state not finite
 
@@ -76,24 +68,17 @@ GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0
 TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
 
 
-FlightSlots = namedtuple(  # slots of all records in the block
-    "FlightSlots",
-    "body rotors targets measured scheduled command law_state below expected ground outcome craft "
-    "map_use motion law effects nothing",
-)
-
-
 class FlightArrays(NamedTuple):
     """Arrays of a flight.
 
     Attributes:
-        w: the records (`FlightSlots`).
+        w: the records.
         sent: ring buffer of commanded speeds (n_rotors, n_ring, 1).
         log: (n_rows, n_logged, 1), the rows `logged` of `w`.
         schedule: (n_numbers, n_ticks), a `FlightTick` per column.
         noise: (3, n_ticks), a `GyroNoise` per column; or one column for all ticks.
         gusts: (n_numbers, n_gusts), a `GustRow` per column.
-        scratch: a column of `ground.DISC` per disc.
+        scratch: (`ground.SCRATCH_ROWS`, n_discs).
         geometry: a `FlightGeometry` (n_numbers,).
         below, map: tables of the environment, and of its map.
     """
@@ -110,45 +95,3 @@ class FlightArrays(NamedTuple):
     geometry: Any = LINE
     below: Tables = Tables()
     map: Tables = Tables()
-
-
-def geometry_slot(n_discs: int, n_body: int) -> Slot:
-    """Return the slot of a geometry."""
-    discs = (0.0,) * n_discs
-    return Slot(
-        0,
-        FlightGeometry(0.0, discs, discs, (discs,) * n_discs, BodyImages(*((0.0,) * n_body,) * 3)),
-    )
-
-
-@lru_cache(maxsize=64)
-def flight_layout(n_discs: int, n_rotors: int, n_numbers: int, law: Any, law_state: Any) -> Layout:
-    """Return the layout; `law` and `law_state` are example records of a law."""
-    discs, rotors = (0.0,) * n_discs, (0.0,) * n_rotors
-    below = Below(discs, discs, discs, discs)
-    scalars = len(Craft._fields) - 8
-    return Layout(
-        FlightSlots,
-        body=FreeBody(),
-        rotors=Rotors(rotors),
-        targets=Targets(rotors, rotors, rotors),
-        measured=FlightMeasurement._make([*[0.0] * 13, discs, discs]),
-        scheduled=FlightTick(),
-        command=FlightCommand(0.0, 0.0, 0.0, 0.0, (1.0,) * n_discs),
-        law_state=law_state,
-        below=below,
-        expected=below,
-        ground=GroundTorque(),
-        outcome=FlightOutcome(),
-        craft=Craft(0.0, (0.0, 0.0, 0.0), *[0.0] * (scalars - 1), *[rotors] * 7),
-        map_use=MapUse(),
-        motion=Motion(),
-        law=law,
-        effects=(0.0,) * max(n_numbers, 1),
-        nothing=float("nan"),
-    )
-
-
-def tick_rows(field: str) -> slice:
-    """Return the rows of a field of `FlightTick` in a schedule."""
-    return rows_in(TICK, field)

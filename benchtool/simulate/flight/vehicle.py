@@ -13,14 +13,15 @@ from benchtool.core.parameter import Parameter, resolve_name
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.physics.bases import with_rig_blades
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
 from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
-from benchtool.simulate.flight.records import Craft
+from benchtool.simulate.flight.records import Craft, FlightGeometry
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-from benchtool.simulate.ranges import check_range
+from benchtool.simulate.setup import check_range
 
 # Short names of effect parameters, with their own names.
 SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
@@ -69,8 +70,12 @@ class FlightVehicle:
         if rig.plate.surface != "below":  # of its bench; in flight surfaces are below
             rig = replace(rig, plate=replace(rig.plate, surface="below"))
         model = with_rig_blades(Model.single(rig))
-        default_effects = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
-        for effect in default_effects:
+        for effect in EFFECTS.values():
+            acts = any(
+                item.neutral is not None and not item.is_neutral for item in effect.parameters
+            )
+            if effect.distance_law is not None or effect.rig_values is not None or not acts:
+                continue  # defined by model or rig, or absent by default
             if all(effect.name != present.name for present in model.effects):
                 model = model.with_effect(effect)
         return cls(model=model).with_numbers(**numbers)
@@ -111,15 +116,6 @@ class FlightVehicle:
         return self.model.rig
 
     @property
-    def identity(self) -> tuple[Any, ...]:
-        """Comparable identity of the vehicle."""
-        parameter_values = {name: item.value for name, item in self.model.parameters.items()}
-        positions = self.rig.disc_positions_m.tolist()
-        field_values = [getattr(self, item.name) for item in fields(self)[1:]]
-        rules = [getattr(self.model, name) for name in RULES]
-        return (self.rig.name, positions, rules, parameter_values, field_values)
-
-    @property
     def idle_effects(self) -> tuple[Effect, ...]:
         """Effects of the model without influence in flight: of hinge, load cell or stage."""
         present = self.model.present_effects
@@ -144,14 +140,13 @@ class FlightVehicle:
         c, s = cos(radians(self.turned_deg)), sin(radians(self.turned_deg))
         return c * x_m - s * y_m, s * x_m + c * y_m
 
-    def geometry(self, dt_s: float) -> Array:
-        """Return a `FlightGeometry` as a flat array."""
-        positions_m = self.rig.disc_positions_m
-        x, y = self.turned(positions_m[:, 0], positions_m[:, 1])
-        body = self.model.body_images
-        sources = [*self.turned(body.x_m, body.y_m), body.arm_m]
-        parts: list[Any] = [dt_s, x, y, self.rig.disc_distances_m, *sources]
-        return np.concatenate([np.ravel(part) for part in parts])
+    def geometry(self, dt_s: float) -> FlightGeometry:
+        """Return the geometry for plant steps."""
+        x, y = (tuple(part.tolist()) for part in self.turned(*self.rig.disc_positions_m.T))
+        body, distances_m = self.model.body_images, self.rig.disc_distances_m.tolist()
+        sources = (*self.turned(body.x_m, body.y_m), body.arm_m)
+        images = BodyImages(*(tuple(part.tolist()) for part in sources))
+        return FlightGeometry(dt_s, x, y, tuple(map(tuple, distances_m)), images)
 
     def craft(self) -> Craft:
         """Return the numbers of the vehicle, with the mixer weights of each rotor."""
@@ -215,9 +210,3 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
     lower, upper = min(parameter.lower, low), max(parameter.upper, high)
     changed = replace(model.parameters[full_name], value=value, lower=lower, upper=upper)
     return model.with_values(model.parameters.with_replaced(full_name, changed))
-
-
-def _acts_by_default(effect: Effect) -> bool:
-    if effect.distance_law is not None or effect.rig_values is not None:  # defined by model or rig
-        return False
-    return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)

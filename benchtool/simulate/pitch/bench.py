@@ -111,6 +111,11 @@ class PitchBench:
             )
 
     @property
+    def loop_sensors(self) -> tuple[PitchSensor, ...]:
+        """Sensors in the order of `SENSOR_NAMES`, perfect ones where missing."""
+        return tuple(self.sensors.get(name, PitchSensor()) for name in SENSOR_NAMES)
+
+    @property
     def hover_N(self) -> float:
         """Thrust of one rotor at hover: weight over the number of rotors."""
         return self.model.rig.body.mass_kg * GRAVITY_M_S2 / self.model.rig.n_rotors

@@ -58,19 +58,6 @@ class LoggedPitch:
         """Number of driven discs."""
         return len(self.pwm_us)
 
-    def __post_init__(self) -> None:
-        n, discs = len(self), len(self.pwm_us)
-        for name, shape in (
-            ("pwm_us", (discs, n)), ("speed_rad_s", (discs, n)), ("theta_rad", (n,)),
-            ("gyro_rad_s", (n,)), ("mode", (n,)),
-            ("plate_share", (n,)),
-        ):  # fmt: skip
-            if getattr(self, name).shape != shape:
-                raise InputError(
-                    f"{name} has shape {getattr(self, name).shape}; {discs} discs and {n} plate "
-                    f"distances need {shape}"
-                )
-
     def between(self, first: int, last: int) -> LoggedPitch:
         """Return the rows from `first` up to `last`."""
         columns = {item.name: getattr(self, item.name) for item in fields(self)}
@@ -150,8 +137,7 @@ def predict_windows(
 ) -> list[Predictions]:
     """Return the predictions of each bench in windows of a log, without corrections.
 
-    Args:
-        lead: number of rows before a window whose pulse widths are still in a delay.
+    Pulse widths of `lead` rows before a window are still in a delay.
     """
     windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
     free = replace(logged, mode=np.full(len(logged), float(FREE)))
@@ -167,11 +153,7 @@ def _filter_windows(
     seed: int | None,
     before: int = 0,
 ) -> list[Predictions]:
-    """Return the predictions of benches in windows of a log.
-
-    Args:
-        windows: first row of the commands, first row, and end (exclusive) of each window.
-    """
+    """Return the predictions in windows: first row of the commands, first row, end (exclusive)."""
     parts = []
     for k in range(0, len(benches), LANES[-1]):
         group = benches[k : k + LANES[-1]]

@@ -21,7 +21,7 @@ from benchtool.physics.expression import (
 )
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.physics.tilt import Plane, height_over
-from benchtool.simulate.controllers.limits import clip
+from benchtool.simulate.controllers.blocks import clip
 from benchtool.simulate.motors import Rotors, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 from benchtool.simulate.pitch.records import Hinge, SensorReadings

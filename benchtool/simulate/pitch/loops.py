@@ -11,6 +11,7 @@ import numpy as np
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
+    Slot,
     compiled_closure,
     expression,
     inlined_expression,
@@ -22,8 +23,8 @@ from benchtool.physics.expression import (
 from benchtool.physics.fold import source_key
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
+from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
-from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import PULSES, Build, Phases, always_true, no_phase, run_ticks
 from benchtool.simulate.layout import Layout
@@ -41,10 +42,9 @@ from benchtool.simulate.pitch.lane import (
 from benchtool.simulate.pitch.records import (
     FRESH,
     PAST,
-    Command,
     Delayed,
+    Geometry,
     PitchArrays,
-    geometry_slot,
     tick_slot,
 )
 
@@ -59,92 +59,69 @@ PitchLoops = namedtuple("PitchLoops", "run filter")
 def control_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, law: Any) -> None:
     """Run one step of the built-in law of one lane, with its state in the records of the lane."""
     readings, scheduled = read_record(w, slots.readings, lane, lanes), now.scheduled
-    previous, setpoint = read_record(w, slots.command, lane, lanes), scheduled.setpoint
     theta_rad, gyro_rad_s, plate_z_m, speed_rad_s = readings
     state, command = law(
         read_record(w, slots.law, lane, lanes),
         read_record(w, slots.law_state, lane, lanes),
         PitchMeasurement(now.time_s, theta_rad, gyro_rad_s, plate_z_m, speed_rad_s),
-        PitchReference(setpoint.reference_rad, setpoint.collective_N, scheduled.observer),
+        PitchReference(
+            scheduled.setpoint.reference_rad, scheduled.setpoint.collective_N, scheduled.observer
+        ),
         now.plan.substeps * now.geometry.dt_s,
     )
     write_record(w, slots.law_state, lane, lanes, state)
-    factor, pwm_us = previous.factor, previous.pwm_us
-    next_command = Command(command.torque_Nm, command.difference_us, factor, pwm_us)
-    write_record(w, slots.command, lane, lanes, next_command)
-
-
-@inlined_expression
-def divide_lane(w: Any, lane: Any, lanes: Any, factor: Any, slots: Any) -> None:
-    """Write the factors by which the mixer of one lane divides the thrusts."""
-    command = read_record(w, slots.command, lane, lanes)
-    compensated = Command(command.torque_Nm, command.difference_us, factor, command.pwm_us)
-    write_record(w, slots.command, lane, lanes, compensated)
-
-
-@inlined_expression
-def drive_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
-    """Write the setpoint of one lane, and the scheduled pulse widths as its command."""
-    write_record(w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
-    command = read_record(w, slots.command, lane, lanes)
-    next_command = Command(
-        command.torque_Nm, command.difference_us, command.factor, now.scheduled.pwm_us
-    )
-    write_record(w, slots.command, lane, lanes, next_command)
+    write_record(w, slots.command, lane, lanes, command)
 
 
 @inlined_expression
 def expect_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
     """Write the expected factors for the feedforward of one lane."""
-    nominal, scheduled = read_record(w, slots.nominal, lane, lanes), now.scheduled
-    discs = now.geometry
+    discs, scheduled = now.geometry, now.scheduled
     body = read_record(w, slots.body, lane, lanes)
     readings = read_record(w, slots.readings, lane, lanes)
-    p = read_record(w, slots.nominal_effects, lane, lanes)
+    p = read_record(w, slots.effects, lane, lanes)
+    strength = read_record(w, slots.strength, lane, lanes)
     plane = plane_below(scheduled.nominal_plate_z_m, readings.theta_rad, hooks.tilt(p))
     heights = heights_over(plane, discs.x_m, discs.y_m)
     areas = scaled(body.covered, scheduled.nominal_share)
     flow = hooks.bare(
-        nominal.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
+        body.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
         readings.theta_rad,
     )  # fmt: skip
     factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
-        factor = with_fields(factor, i, expected_factor(factor[i], nominal.strength))
-    divide_lane(w, lane, lanes, factor, slots)
+        factor = with_fields(factor, i, expected_factor(factor[i], strength))
+    write_record(w, slots.factor, lane, lanes, factor)
 
 
 @inlined_expression
 def mix_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
-    """Write the setpoint of one lane; allocate torque and collective to clipped pulse widths."""
-    write_record(w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
+    """Allocate torque and collective of one lane to clipped pulse widths."""
     command = read_record(w, slots.command, lane, lanes)
-    nominal = read_record(w, slots.nominal, lane, lanes)
-    setpoint, limits = now.scheduled.setpoint, read_record(w, slots.limits, lane, lanes)
-    x, pulses, pwm_us = now.geometry.x_m, nominal.pulses, command.pwm_us
+    factor = read_record(w, slots.factor, lane, lanes)
+    pulses = read_record(w, slots.pulses, lane, lanes)
+    limits = read_record(w, slots.limits, lane, lanes)
+    k, x, pwm_us = read_record(w, slots.body, lane, lanes).k, now.geometry.x_m, factor
+    collective_N, span_m2 = now.scheduled.setpoint.collective_N, now.geometry.span_m2
     for i in range(len(x)):
-        thrust_N = setpoint.collective_N - x[i] / now.geometry.span_m2 * command.torque_Nm
-        compensated_N = compensated_thrust(thrust_N, command.factor[i])
-        speed = speed_from_thrust(compensated_N, nominal.k)
+        thrust_N = collective_N - x[i] / span_m2 * command.torque_Nm
+        speed = speed_from_thrust(compensated_thrust(thrust_N, factor[i]), k)
         pwm = pwm_from_speed(speed, pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)
         pwm = pwm - np.sign(x[i]) * (command.difference_us + now.scheduled.dither_us)
         pwm = np.minimum(np.maximum(pwm, limits.min_us), limits.max_us)
         pwm_us = with_fields(pwm_us, i, rounded(pwm, limits.quantum_us))
-    mixed = Command(command.torque_Nm, command.difference_us, command.factor, pwm_us)
-    write_record(w, slots.command, lane, lanes, mixed)
+    write_record(w, slots.pwm_us, lane, lanes, pwm_us)
 
 
 @inlined_expression
 def turn_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
     """Write the steady rotor speeds for the pulse widths of one lane as targets."""
     discs, time_s = now.geometry, now.time_s
-    command = read_record(w, slots.command, lane, lanes)
+    pwm_us = read_record(w, slots.pwm_us, lane, lanes)
     pulses = read_record(w, slots.pulses, lane, lanes)
-    targets = read_record(w, slots.targets, lane, lanes)
-    body = read_record(w, slots.body, lane, lanes)
-    slope, start, steady = pulses.slope_rad_s_per_us, pulses.start_us, targets.sent_rad_s
+    body, steady = read_record(w, slots.body, lane, lanes), pwm_us
     for i in range(len(steady)):
-        speed = speed_from_pwm(command.pwm_us[i], slope, start, 1.0, 1.0)
+        speed = speed_from_pwm(pwm_us[i], pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)
         steady = with_fields(steady, i, speed)
     flow = hooks.bare(body.radius_m, discs.x_m, discs.y_m, LEVEL, steady, steady, steady, time_s)
     target = hooks.speeds(flow, read_record(w, slots.effects, lane, lanes))
@@ -155,16 +132,16 @@ def turn_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any, hooks: Any) -
 def pitch_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
-    n_discs: int,
+    geometry_type: Geometry,
     lanes: int,
     rules: ImageRules,
     law: ControlLaw,
 ) -> PitchLoops:
-    """Return the loops for these effects and this law."""
-    slots, ones = layout.slots, (1.0,) * n_discs
-    build = Build(tuple(range(lanes)), slots)
+    """Return the loops for these effects and this law; `geometry_type` contains zeros."""
+    n_discs, slots = len(geometry_type.x_m), layout.slots
+    build, ones = Build(tuple(range(lanes)), slots), (1.0,) * n_discs
     entry, log_entry = tick_slot(n_discs), logged_slot(n_discs)
-    slot, like = geometry_slot(n_discs, rules.n_body), PitchArrays()
+    slot, like = Slot(0, geometry_type), PitchArrays()
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
     geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
     scheduled = inlined_expression(
@@ -187,25 +164,29 @@ def pitch_loops(
 
     @inlined_expression
     def mix(arrays: Any, now: Any) -> None:
+        w = arrays.w
+        for lane in range(lanes):
+            write_record(w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
         if now.scheduled.feedforward > 0.0:
             for lane in range(lanes):
-                expect_lane(arrays.w, lane, lanes, now, slots, hooks())
+                expect_lane(w, lane, lanes, now, slots, hooks())
         else:
             for lane in range(lanes):
-                divide_lane(arrays.w, lane, lanes, ones, slots)
+                write_record(w, slots.factor, lane, lanes, ones)
         if now.plan.driver == PULSES:
             for lane in range(lanes):
-                drive_lane(arrays.w, lane, lanes, now, slots)
+                write_record(w, slots.pwm_us, lane, lanes, now.scheduled.pwm_us)
         else:
             for lane in range(lanes):
-                mix_lane(arrays.w, lane, lanes, now, slots)
+                mix_lane(w, lane, lanes, now, slots)
         for lane in range(lanes):
-            turn_lane(arrays.w, lane, lanes, now, slots, hooks())
+            turn_lane(w, lane, lanes, now, slots, hooks())
 
     @inlined_expression
     def drive(arrays: Any, now: Any) -> None:
         for lane in range(lanes):
-            drive_lane(arrays.w, lane, lanes, now, slots)
+            write_record(arrays.w, slots.setpoint, lane, lanes, now.scheduled.setpoint)
+            write_record(arrays.w, slots.pwm_us, lane, lanes, now.scheduled.pwm_us)
         for lane in range(lanes):
             turn_lane(arrays.w, lane, lanes, now, slots, hooks())
 
@@ -246,7 +227,7 @@ def pitch_loops(
     filter_phases: Any = expression(
         lambda: Phases(geometry, logged, correct, drive, move, no_phase, always_true)
     )
-    key = repr((n_discs, lanes, rules, source_key(step), layout.records, identities(effects)))
+    key = repr((lanes, rules, source_key(step), layout.key, geometry_type, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(shared_view(arrays, like), plan, first, last, build, control_phases())

@@ -8,13 +8,11 @@ records that it needs and writes those that it changes.
 from __future__ import annotations
 
 from collections import namedtuple
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.expression import Slot
-from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
-from benchtool.simulate.motors import Motion, Rotors, Targets
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID
 
 PAST = 64  # longest sensor delay in control ticks; a power of two, see `PAST_MASK`
 
@@ -39,10 +37,6 @@ Setpoint = namedtuple(
     "Setpoint", "reference_rad collective_N plate_z_m plate_share", defaults=(0.0, 0.0, 0.0, 0.0)
 )
 
-# Motor command: torque for the mixer (N m), difference of pulse widths (us); per disc the factor of
-# the feedforward and the pulse width (us).
-Command = namedtuple("Command", "torque_Nm difference_us factor pwm_us")
-
 # Numbers of hinge and rotors: plant step over inertia (s/(kg m2)), weight (N), k (N/(rad/s)2),
 # effective radius (m), end stop (rad), and coverage of each disc by the fully inserted plate.
 HingedBody = namedtuple("HingedBody", "step_over_inertia weight_N k radius_m stop_rad covered")
@@ -61,10 +55,6 @@ Sensors = namedtuple(  # all sensors of a pitch bench
     defaults=(SensorErrors(), SensorErrors(), SensorErrors(), SensorErrors()),
 )
 
-# Nominal values for mixer and feedforward: k, effective radius, pulse map, and compensated share of
-# the expected ground effect.
-Nominal = namedtuple("Nominal", "k radius_m pulses strength", defaults=(0.0, 0.0, PulseMap(), 0.0))
-
 Tick = namedtuple(
     "Tick", "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us"
 )
@@ -78,45 +68,13 @@ Attributes:
 """
 
 Fresh = namedtuple("Fresh", "theta gyro plate speed", defaults=(0.0, 0.0, 0.0, 0.0))  # new readings
-PitchSlots = namedtuple(  # slots of all records in the block of a bench
-    "PitchSlots",
-    "hinge rotors targets delayed readings setpoint command law_state body pulses limits motion "
-    "sensors nominal law effects nominal_effects nothing",
-)
-
-
-@lru_cache(maxsize=64)
-def build_layout(n_discs: int, n_numbers: int, law: Any, law_state: Any) -> Layout:
-    """Return the layout; `law` and `law_state` are example records of a law."""
-    discs, numbers = (0.0,) * n_discs, (0.0,) * max(n_numbers, 1)
-    return Layout(
-        PitchSlots,
-        hinge=Hinge(),
-        rotors=Rotors(discs),
-        targets=Targets(discs, discs, discs),
-        delayed=Delayed(),
-        readings=SensorReadings(0.0, 0.0, 0.0, discs),
-        setpoint=Setpoint(),
-        command=Command(0.0, 0.0, discs, discs),
-        law_state=law_state,
-        body=HingedBody(0.0, 0.0, 0.0, 0.0, 0.0, discs),
-        pulses=PulseMap(),
-        limits=PulseLimits(),
-        motion=Motion(),
-        sensors=Sensors(),
-        nominal=Nominal(),
-        law=law,
-        effects=numbers,
-        nominal_effects=numbers,
-        nothing=0.0,
-    )
 
 
 class PitchArrays(NamedTuple):
     """Arrays of a run.
 
     Attributes:
-        w: records of all lanes, flat: row times lanes plus lane (`PitchSlots`).
+        w: records of all lanes, flat: row times lanes plus lane.
         states: random number state of each lane (n_lanes,).
         sent: ring buffer of commanded speeds (n_discs, n_ring, n_lanes).
         past: ring buffer of true pitch, rate and plate distance (3, n_past, n_lanes).
@@ -159,10 +117,3 @@ class Geometry(NamedTuple):
     roots: Any
     distances_m: Any
     body: BodyImages
-
-
-def geometry_slot(n_discs: int, n_body: int) -> Slot:
-    """Return the slot of a geometry."""
-    discs = (0.0,) * n_discs
-    body = BodyImages(*((0.0,) * n_body,) * 3)
-    return Slot(0, Geometry(0.0, 0.0, discs, discs, discs, (discs,) * n_discs, body))

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.channel import Channel
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.schedule import PARKED_M
+from benchtool.core.schedule import PARKED_M, PlateVisit
 from benchtool.core.units import Array
 
 COLUMNS = {  # first columns of a log with their record fields
@@ -26,7 +26,7 @@ COLUMNS = {  # first columns of a log with their record fields
     "true_rate_rad_s": "hinge.rate_rad_s",
 }
 
-LOGGED = (*COLUMNS.values(), "command.pwm_us", "readings.speed_rad_s")  # fields of a log
+LOGGED = (*COLUMNS.values(), "pwm_us", "readings.speed_rad_s")  # fields of a log
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -72,24 +72,23 @@ class PitchRun:
 
     def recording(self, rig: Rig, provenance: Mapping[str, str] | None = None) -> Recording:
         """Return the run as the recording that a pitch bench would have written."""
-        columns = [
-            (Channel("time_s", "s"), self.time_s),
-            (Channel("theta_ref_rad", "rad"), self.column("reference_rad")),
-            (Channel("theta_rad", "rad"), self.column("theta_rad")),
-            (Channel("gyro_rad_s", "rad/s"), self.column("gyro_rad_s")),
-        ]
-        discs = rig.disc_of_rotor
+        share, rotor_discs = self.column("plate_share"), list(enumerate(rig.disc_of_rotor, 1))
         pwm, rpm = self.pwm_us, self.speed_rad_s * 30.0 / np.pi
-        columns += [(Channel(f"pwm{i}_us", "pwm_us"), pwm[k]) for i, k in enumerate(discs, 1)]
-        columns += [(Channel(f"rpm{i}", "rpm"), rpm[k]) for i, k in enumerate(discs, 1)]
-        z_m = np.where(self.column("plate_share") > 0.0, self.column("plate_read_m"), PARKED_M)
-        columns += [
-            (Channel("plate_z_m", "m"), z_m),
-            (Channel("coverage1", "1"), self.column("plate_share")),
-            (Channel("torque_Nm", "N m"), self.column("torque_Nm")),
-            (Channel("disturbance_Nm", "N m"), self.column("estimate_Nm")),
-        ]
-        return Recording.from_columns(columns, provenance, simulated=True)
+        columns = {
+            "time_s": self.time_s,
+            "theta_ref_rad": self.column("reference_rad"),
+            "theta_rad": self.column("theta_rad"),
+            "gyro_rad_s": self.column("gyro_rad_s"),
+            **{f"pwm{i}_us": pwm[disc] for i, disc in rotor_discs},
+            **{f"rpm{i}": rpm[disc] for i, disc in rotor_discs},
+            "plate_z_m": np.where(share > 0.0, self.column("plate_read_m"), PARKED_M),
+            "coverage1": share,
+            "torque_Nm": self.column("torque_Nm"),
+            "disturbance_Nm": self.column("estimate_Nm"),
+        }
+        channels = (Channel(name, unit_from_name(name)) for name in columns)
+        pairs = list(zip(channels, columns.values(), strict=True))
+        return Recording.from_columns(pairs, provenance, simulated=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +115,9 @@ SETTLING_BAND = 0.2  # share of the peak
 MIN_PEAK_OVER_RMS = 5.0  # smaller peaks are noise; assumed
 
 
-def measure_plate_visit(
-    run: PitchRun, in_s: float, out_s: float, move_s: float
-) -> PlateVisitMeasures:
-    """Return the measures of a plate visit from `in_s` to `out_s`."""
-    time_s = run.time_s
+def measure_plate_visit(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateVisitMeasures:
+    """Return the measures of a plate visit in a run of that duration."""
+    time_s, in_s, out_s = run.time_s, visit.in_s, min(visit.out_s, duration_s)
     error = run.column("true_theta_rad") - run.column("reference_rad")
     before = (time_s < in_s) & (time_s >= 0.4 * in_s)
     during = (time_s >= in_s) & (time_s < out_s)
@@ -130,10 +127,10 @@ def measure_plate_visit(
     if not during.any():
         nan = float("nan")
         return PlateVisitMeasures(quiet_rms, nan, nan, nan, nan)
-    visit, times = error[during], time_s[during] - in_s
-    peak = float(visit[np.argmax(np.abs(visit))])
+    visit_error, times = error[during], time_s[during] - in_s
+    peak = float(visit_error[np.argmax(np.abs(visit_error))])
     residual = float(np.mean(error[last_quarter]))
-    outside = np.abs(visit - residual) > SETTLING_BAND * abs(peak)
+    outside = np.abs(visit_error - residual) > SETTLING_BAND * abs(peak)
     settling_s = float(times[np.flatnonzero(outside)[-1]]) if outside.any() else 0.0
     if abs(peak) < MIN_PEAK_OVER_RMS * quiet_rms:
         settling_s = float("nan")

@@ -2,133 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
+from math import isfinite
+from typing import Any
 
 import numpy as np
 
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule, due_ticks
 from benchtool.core.units import Array
-from benchtool.physics.disc_thrust import ImageRules
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
-from benchtool.simulate.controllers.controller import PitchPlant
+from benchtool.simulate.controllers.controller import (
+    PitchCommand,
+    PitchMeasurement,
+    PitchPlant,
+    PitchReference,
+)
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
 from benchtool.simulate.layout import Layout, lend_rows, rows_in, zero_record
-from benchtool.simulate.motors import build_motion
+from benchtool.simulate.loop import Loop, command_ring
+from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
-from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench, PitchSensor
+from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench
 from benchtool.simulate.pitch.filter_ticks import FilterGains
 from benchtool.simulate.pitch.loops import PitchLoops, pitch_loops
 from benchtool.simulate.pitch.result import LOGGED
 
 MAX_DISCS = 8  # of a loop: more would take minutes to compile
-
-
-def build_image_rules(model: Model) -> ImageRules:
-    """Return the image rules of a model for a plate that tilts only about the hinge."""
-    x_m, _, arm_m = (part.tolist() for part in model.body_images)
-    sources = list(zip(x_m, arm_m, strict=True))
-    return model.image_rules._replace(body_like=tuple(map(sources.index, sources)))
-
-
-def build_geometry(model: Model, dt_s: float) -> Array:
-    """Return a `Geometry` as a flat array."""
-    rig = model.rig
-    x_m, y_m = rig.disc_positions_m[:, 0], rig.disc_positions_m[:, 1]
-    counts = np.bincount(rig.disc_of_rotor, minlength=rig.n_discs)
-    if rig.n_discs > MAX_DISCS:
-        raise InputError(f"rig {rig.name!r} has {rig.n_discs} discs; maximum: {MAX_DISCS}")
-    if not np.any(x_m):
-        raise InputError(
-            f"rig {rig.name!r} has no rotor before or behind the hinge; use another rig"
-        )
-    roots = np.sqrt(counts)
-    span_m2 = sum(root * root * x * x for root, x in zip(roots, x_m, strict=True))
-    parts = [*(dt_s, span_m2, x_m, y_m, roots, rig.disc_distances_m), *model.body_images]
-    return np.concatenate([np.ravel(part) for part in parts])
-
-
-def build_lane_records(
-    bench: PitchBench,
-    control: PitchControl,
-    nominal: Model,
-    effects: Sequence[Effect],
-    layout: Layout,
-) -> Array:
-    """Return the records of one lane (n_rows,)."""
-    model, dt_s = bench.model, 1.0 / bench.plant_rate_Hz
-    zeros = (0.0,) * model.rig.n_discs
-    values, sensors = model.parameters, bench.sensors
-    sensor_errors = [
-        r.SensorErrors(sensor.noise, sensor.bias, sensor.quantum)
-        for sensor in (sensors.get(name, PitchSensor()) for name in SENSOR_NAMES)
-    ]
-    inertia_kgm2 = nominal.rig.body.inertia_yy_kgm2
-    plant = PitchPlant(inertia_kgm2, torque_limit_Nm(bench, nominal))
-    return layout.column(
-        command=r.Command(0.0, 0.0, tuple(1.0 for _ in zeros), zeros),
-        body=r.HingedBody(
-            dt_s / bench.inertia_kgm2, model.rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
-            values["R_m"].value, bench.stop_rad, tuple(bench.covered),
-        ),
-        pulses=_pulse_map(model),
-        limits=r.PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
-        motion=build_motion(model, dt_s),
-        sensors=r.Sensors(*sensor_errors),
-        nominal=r.Nominal(
-            nominal.parameters["k"].value, nominal.parameters["R_m"].value, _pulse_map(nominal),
-            control.feedforward.strength,
-        ),
-        law=control.law.numbers(control, plant),
-        effects=loop_numbers(model, effects),
-        nominal_effects=loop_numbers(nominal, effects),
-    )  # fmt: skip
-
-
-def _pulse_map(model: Model) -> r.PulseMap:
-    propulsion = model.rig.propulsion
-    return r.PulseMap(propulsion.speed_per_us_rad_s, propulsion.pwm_start_us)
-
-
-def torque_limit_Nm(bench: PitchBench, nominal: Model) -> float:
-    """Return the largest torque about hover before a rotor stops or saturates."""
-    rig = nominal.rig
-    p = rig.propulsion
-    x_m = rig.disc_positions_m[rig.disc_of_rotor, 0]
-    max_thrust_N = (
-        nominal.parameters["k"].value
-        * (p.speed_per_us_rad_s * (bench.pwm_max_us - p.pwm_start_us)) ** 2
-    )
-    margin_N = min(bench.hover_N, max(max_thrust_N - bench.hover_N, 0.0))
-    return float(margin_N * np.sum(x_m * x_m) / np.max(np.abs(x_m)))
+COMMAND_REMEDY = "a finite torque in N m, or a PitchCommand of finite numbers"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PitchJob:
-    """Job of one lane: bench, controller and nominal model."""
+    """Job of one lane: bench and controller."""
 
     bench: PitchBench
     control: PitchControl
-    nominal: Model | None = None
-
-    @property
-    def nominal_model(self) -> Model:
-        """Model for feedforward and mixer, that of the bench by default."""
-        return self.nominal if self.nominal is not None else self.bench.model
 
 
 def shared_key(job: PitchJob) -> tuple[object, ...]:
     """Return the comparable properties that all lanes of a loop share."""
     bench, control = job.bench, job.control
     feedforward = control.feedforward
-    sensors = [bench.sensors.get(name, PitchSensor()) for name in SENSOR_NAMES]
     model = bench.model
     return (
         model.rig.name,
@@ -139,8 +62,73 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
         control.law.name,
         control.observer,
         (feedforward.strength > 0.0, feedforward.height_error_m, feedforward.late_s),
-        tuple((sensor.rate_Hz, sensor.delay_s) for sensor in sensors),
+        tuple((sensor.rate_Hz, sensor.delay_s) for sensor in bench.loop_sensors),
     )
+
+
+def build_geometry(model: Model, dt_s: float) -> r.Geometry:
+    """Return the geometry of a model for plant steps."""
+    rig = model.rig
+    x_m, y_m = rig.disc_positions_m.T.tolist()
+    counts = np.bincount(rig.disc_of_rotor, minlength=rig.n_discs)
+    if rig.n_discs > MAX_DISCS:
+        raise InputError(f"rig {rig.name!r} has {rig.n_discs} discs; maximum: {MAX_DISCS}")
+    if not np.any(x_m):
+        raise InputError(
+            f"rig {rig.name!r} has no rotor before or behind the hinge; use another rig"
+        )
+    roots = np.sqrt(counts).tolist()
+    span_m2 = sum(root * root * x * x for root, x in zip(roots, x_m, strict=True))
+    distances_m = tuple(map(tuple, rig.disc_distances_m.tolist()))
+    body = BodyImages(*(tuple(part.tolist()) for part in model.body_images))
+    return r.Geometry(dt_s, span_m2, tuple(x_m), tuple(y_m), tuple(roots), distances_m, body)
+
+
+def lane_records(job: PitchJob, effects: Sequence[Effect]) -> dict[str, Any]:
+    """Return the records of one lane."""
+    bench, control, model = job.bench, job.control, job.bench.model
+    rig, values, dt_s = model.rig, model.parameters, 1.0 / bench.plant_rate_Hz
+    zeros, pulse = (0.0,) * rig.n_discs, rig.propulsion
+    plant = PitchPlant(rig.body.inertia_yy_kgm2, torque_limit_Nm(bench))
+    return {
+        "hinge": r.Hinge(),
+        "rotors": Rotors(zeros),
+        "targets": Targets(zeros, zeros, zeros),
+        "delayed": r.Delayed(),
+        "readings": r.SensorReadings(0.0, 0.0, 0.0, zeros),
+        "setpoint": r.Setpoint(),
+        "command": PitchCommand(0.0, 0.0),  # for the mixer
+        "factor": (1.0,) * rig.n_discs,  # of the feedforward
+        "pwm_us": zeros,
+        "law_state": control.law.state,
+        "body": r.HingedBody(
+            dt_s / bench.inertia_kgm2, rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
+            values["R_m"].value, bench.stop_rad, tuple(bench.covered),
+        ),
+        "pulses": r.PulseMap(pulse.speed_per_us_rad_s, pulse.pwm_start_us),
+        "limits": r.PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
+        "motion": build_motion(model, dt_s),
+        "sensors": r.Sensors(
+            *(r.SensorErrors(one.noise, one.bias, one.quantum) for one in bench.loop_sensors)
+        ),
+        "strength": control.feedforward.strength,
+        "law": control.law.numbers(control, plant),
+        "effects": loop_numbers(model, effects),
+        "nothing": 0.0,
+    }  # fmt: skip
+
+
+def torque_limit_Nm(bench: PitchBench) -> float:
+    """Return the largest torque about hover before a rotor stops or saturates."""
+    rig = bench.model.rig
+    p = rig.propulsion
+    x_m = rig.disc_positions_m[rig.disc_of_rotor, 0]
+    max_thrust_N = (
+        bench.model.parameters["k"].value
+        * (p.speed_per_us_rad_s * (bench.pwm_max_us - p.pwm_start_us)) ** 2
+    )
+    margin_N = min(bench.hover_N, max(max_thrust_N - bench.hover_N, 0.0))
+    return float(margin_N * np.sum(x_m * x_m) / np.max(np.abs(x_m)))
 
 
 FILTERED = (  # record fields from a filter, in the order of `Predictions`
@@ -149,8 +137,8 @@ FILTERED = (  # record fields from a filter, in the order of `Predictions`
 )  # fmt: skip
 
 
-class PitchLoop:
-    """Compiled loop with its arrays, for lanes that share schedule and structure.
+class PitchLoop(Loop):
+    """Loop of the pitch bench, for lanes that share schedule and structure.
 
     Args:
         seed, runs: of the noise; run number of each lane.
@@ -170,74 +158,59 @@ class PitchLoop:
         neutral_too: bool = False,
         log: Array | None = None,
     ) -> None:
-        first, distinct_jobs = jobs[0], tuple(dict.fromkeys(jobs))
-        bench, control = first.bench, first.control
-        self.lanes, self.schedule = len(jobs), schedule
+        bench, control = jobs[0].bench, jobs[0].control
+        self.lanes, self.schedule, self.rate_Hz = len(jobs), schedule, schedule.rate_Hz
         self.n_discs = bench.model.rig.n_discs
-        prepared = prepare_loop(distinct_jobs, self.lanes, neutral_too)
-        self.layout, self.loops, self.geometry, columns_by_job = prepared
-        columns = [columns_by_job[job] for job in jobs]
-        self.substeps = count_substeps(bench, schedule.rate_Hz)
-        ticks = len(schedule)
-        delays = np.concatenate(
-            [column[self.layout.rows("motion.delay_steps")] for column in columns]
+        distinct_jobs = tuple(dict.fromkeys(jobs))
+        self.layout, self.loops, geometry, columns = prepare_loop(
+            distinct_jobs, self.lanes, neutral_too
         )
-        self.ring = int(delays.max()) // self.substeps + 3
-        self.w = np.stack(columns, axis=1).reshape(-1)
-        self.states = lane_states(seed, runs)
-        self.sent = np.zeros((self.n_discs, self.ring, self.lanes))
-        self.past = np.zeros((3, r.PAST, self.lanes))
-        self.rows = self.layout.row_numbers(LOGGED)
-        shape = (ticks, len(self.rows), self.lanes)
+        w = np.stack([columns[job] for job in jobs], axis=1)
+        substeps = count_substeps(bench, schedule.rate_Hz)
+        ring, is_delayed = command_ring(self.layout, w, substeps)
+        rows = self.layout.row_numbers(LOGGED)
+        shape = (len(schedule), len(rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
-        self.table = schedule_rows(
-            schedule, control.feedforward, control.observer, bench.hover_N, self.n_discs
+        rates_Hz = tuple(sensor.rate_Hz for sensor in bench.loop_sensors)
+        arrays = r.PitchArrays(
+            w=w.reshape(-1),
+            states=lane_states(seed, runs),
+            sent=np.zeros((self.n_discs, ring, self.lanes)),
+            past=np.zeros((3, r.PAST, self.lanes)),
+            log=self.log,
+            logged=rows,
+            schedule=schedule_rows(
+                schedule, control.feedforward, control.observer, bench.hover_N, self.n_discs
+            ),
+            fresh=fresh_flags(rates_Hz, len(schedule), schedule.rate_Hz),
+            geometry=np.array(flat_values(geometry), float),
+            gains=np.zeros(len(FilterGains._fields)),
         )
-        rates_Hz = (bench.sensors.get(name, PitchSensor()).rate_Hz for name in SENSOR_NAMES)
-        self.fresh = fresh_flags(tuple(rates_Hz), len(schedule), schedule.rate_Hz)
-        sensor_delays = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
-        old_command_weights = [self.view(f"motion.{half}")[1] for half in ("first", "second")]
-        is_delayed = delays.any() or np.any(old_command_weights)
-        driver = CALLER if external else BUILT_IN
-        plan = LoopPlan(self.substeps, driver, bool(is_delayed), 1, 0, 0, *sensor_delays)
-        self.plan = np.array(plan, np.int64)
-        self._set_initial_state(first)
-
-    def _set_initial_state(self, job: PitchJob) -> None:
-        """Set the initial state: at rest, level, rotors at the first collective, sensors read."""
-        start_N = self.schedule.collective[0] * job.bench.hover_N
-        speed_rad_s = np.sqrt(start_N / self.view("body.k"))
+        driver, delays = CALLER if external else BUILT_IN, sensor_delays(bench, schedule.rate_Hz)
+        self.use(arrays, LoopPlan(substeps, driver, is_delayed, 1, 0, 0, *delays))
+        self._readings, self._command = self.view("readings")[:, 0], self.view("command")[:, 0]
+        # At rest, level, rotors at the first collective, sensors read.
+        speed_rad_s = np.sqrt(schedule.collective[0] * bench.hover_N / self.view("body.k"))
         self.set_speeds(speed_rad_s)
         self.view("readings.speed_rad_s")[:] = speed_rad_s
         for field in ("setpoint.plate_z_m", "delayed.plate_z_m", "readings.plate_z_m"):
-            self.view(field)[:] = self.schedule.plate_z_m[0]
-        self.past[2] = self.schedule.plate_z_m[0]
-
-    def view(self, field: str) -> Array:
-        """Return a view of a record or field, for example "hinge.theta_rad" (n, n_lanes)."""
-        return self.w.reshape(-1, self.lanes)[self.layout.rows(field)]
+            self.view(field)[:] = schedule.plate_z_m[0]
+        arrays.past[2] = schedule.plate_z_m[0]
 
     def schedule_view(self, field: str) -> Array:
         """Return a view of a field of `Tick` in the schedule (n, n_ticks)."""
-        return self.table[rows_in(r.tick_slot(self.n_discs), field)]
+        view: Array = self.arrays.schedule[rows_in(r.tick_slot(self.n_discs), field)]
+        return view
 
     def set_speeds(self, speed_rad_s: Array | float) -> None:
         """Set the speed of every rotor (n_discs, n_lanes), also in the delay."""
         for field in ("rotors.speed", "targets.sent", "targets.old", "targets.new"):
             self.view(f"{field}_rad_s")[:] = speed_rad_s
-        self.sent[:] = self.view("rotors.speed_rad_s")[:, None, :]
+        self.arrays.sent[:] = self.view("rotors.speed_rad_s")[:, None, :]
 
-    def run(self, first: int = 0, last: int | None = None) -> None:
-        """Run control ticks from `first` to `last` (exclusive)."""
-        arrays, run = self.arrays(), self.loops.run
-        run(lend_rows(run, arrays), self.plan, first, len(self.schedule) if last is None else last)
-
-    def arrays(self) -> r.PitchArrays:
-        """Return the arrays of the loop."""
-        return r.PitchArrays(
-            self.w, self.states, self.sent, self.past, self.log, self.rows, self.table, self.fresh,
-            self.geometry, np.zeros(len(FilterGains._fields)),
-        )  # fmt: skip
+    def run(self) -> None:
+        """Run all control ticks."""
+        self.advance(0, len(self.schedule))
 
     def set_driver(self, driver: int) -> None:
         """Set the source of commands: `BUILT_IN`, `CALLER` or `PULSES`."""
@@ -245,7 +218,7 @@ class PitchLoop:
 
     def drive(self, pwm_us: Array) -> None:
         """Use logged pulse widths (n_discs, n_ticks) instead of a controller."""
-        self.table = self.table.copy()
+        self.use(self.arrays._replace(schedule=self.arrays.schedule.copy()))
         self.schedule_view("pwm_us")[:] = pwm_us
         self.set_driver(PULSES)
 
@@ -260,7 +233,7 @@ class PitchLoop:
         """
         rows = self.layout.row_numbers(FILTERED)
         filtered = np.empty((len(self.schedule), len(rows), self.lanes))
-        arrays = self.arrays()._replace(log=filtered, logged=rows, schedule=log, gains=gains)
+        arrays = self.arrays._replace(log=filtered, logged=rows, schedule=log, gains=gains)
         run = self.loops.filter
         for is_at_rest, first, last in ((1, *span[:2]), (0, *span[1:])):
             plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN)
@@ -269,39 +242,55 @@ class PitchLoop:
         part = filtered[slice(*span[1:])]
         return part if len(part) == len(filtered) else part.copy()
 
-    def stepper(self) -> Callable[[int, int], None]:
-        """Return a function that runs control ticks with minimal overhead.
+    def measure(self, time_s: float) -> PitchMeasurement:
+        numbers = self._readings.tolist()
+        readings = (time_s, numbers[0], numbers[1], numbers[2], tuple(numbers[3:]))
+        return tuple.__new__(PitchMeasurement, readings)  # faster than the constructor by 0.5 us
 
-        Arguments: first tick and end (exclusive). It uses the present arrays of the loop: change
-        them only in place.
-        """
-        self._stepped = self.arrays()
-        return partial(self.loops.run, lend_rows(self.loops.run, self._stepped), self.plan)
+    def references(self, first: int, last: int) -> list[PitchReference]:
+        fields = ("setpoint.reference_rad", "setpoint.collective_N", "observer")
+        tracks = (self.schedule_view(field)[0, first:last].tolist() for field in fields)
+        return [tuple.__new__(PitchReference, values) for values in zip(*tracks, strict=True)]
+
+    def write_command(self, command: PitchCommand | float) -> None:
+        torque_Nm, difference_us = command if isinstance(command, tuple) else (command, 0.0)
+        if not (isfinite(torque_Nm) and isfinite(difference_us)):
+            raise ValueError
+        self._command[0], self._command[1] = torque_Nm, difference_us
+
+    def invalid_field(self, command: Any) -> tuple[str, Any, str]:
+        if not isinstance(command, tuple):
+            return "torque_Nm", command, COMMAND_REMEDY
+        if len(command) != len(PitchCommand._fields):
+            return "a command", command, COMMAND_REMEDY
+        is_torque_valid = isinstance(command[0], int | float) and isfinite(command[0])
+        return PitchCommand._fields[is_torque_valid], command[is_torque_valid], COMMAND_REMEDY
 
 
 @lru_cache(maxsize=64)
 def prepare_loop(
     jobs: tuple[PitchJob, ...], lanes: int, neutral_too: bool
-) -> tuple[Layout, PitchLoops, Array, dict[PitchJob, Array]]:
-    """Return layout, loops, geometry, and the records of each job (cached)."""
-    first, key = jobs[0], shared_key(jobs[0])
+) -> tuple[Layout, PitchLoops, r.Geometry, dict[PitchJob, Array]]:
+    """Return layout, loops, geometry, and the records of each job (n_rows,) (cached)."""
+    bench, key = jobs[0].bench, shared_key(jobs[0])
     if any(shared_key(other) != key for other in jobs[1:]):
         raise InputError(
             "lanes of a loop must share rig, rates, delays, and settings of observer and "
             "feedforward; simulate the others separately"
         )
-    bench, model, law = first.bench, first.bench.model, first.control.law
-    models = [item for job in jobs for item in (job.bench.model, job.nominal_model)]
-    effects = loop_effects(*models, neutral_too=neutral_too)
-    n_discs, n_numbers = model.rig.n_discs, sum(len(effect.parameters) for effect in effects)
-    law_example = zero_record(law.numbers(first.control, PitchPlant(1.0, 1.0)))
-    layout = r.build_layout(n_discs, n_numbers, law_example, law.state)
-    loops = pitch_loops(effects, layout, n_discs, lanes, build_image_rules(model), law)
+    effects = loop_effects(*(job.bench.model for job in jobs), neutral_too=neutral_too)
+    records = {job: lane_records(job, effects) for job in jobs}
+    layout = Layout(**records[jobs[0]])
+    geometry = build_geometry(bench.model, 1.0 / bench.plant_rate_Hz)
+    x_m, _, arm_m = geometry.body
+    sources = list(zip(x_m, arm_m, strict=True))  # the plate tilts only about the hinge
+    rules = bench.model.image_rules._replace(body_like=tuple(map(sources.index, sources)))
+    law = jobs[0].control.law
+    loops = pitch_loops(effects, layout, zero_record(geometry), lanes, rules, law)
     columns = {
-        job: build_lane_records(job.bench, job.control, job.nominal_model, effects, layout)
-        for job in jobs
+        job: np.array(flat_values(tuple(lane.values())), float) for job, lane in records.items()
     }
-    return layout, loops, build_geometry(model, 1.0 / bench.plant_rate_Hz), columns
+    return layout, loops, geometry, columns
 
 
 def count_substeps(bench: PitchBench, rate_Hz: float) -> int:
@@ -350,12 +339,14 @@ def fresh_flags(rates_Hz: tuple[float, ...], ticks: int, control_Hz: float) -> A
     return np.stack(flags).astype(float)
 
 
-def sensor_delay(bench: PitchBench, name: str, rate_Hz: float) -> int:
-    """Return the delay of a sensor in control ticks."""
-    delay_s = bench.sensors.get(name, PitchSensor()).delay_s
-    ticks = round(delay_s * rate_Hz)
-    if ticks >= r.PAST:
-        raise InputError(
-            f"{name}.delay_s is {delay_s:g} s; allowed: up to {(r.PAST - 1) / rate_Hz:g} s"
-        )
-    return ticks
+def sensor_delays(bench: PitchBench, rate_Hz: float) -> list[int]:
+    """Return the delays of the delayed sensors in control ticks."""
+    delays = []
+    for name, sensor in zip(SENSOR_NAMES[:3], bench.loop_sensors, strict=False):
+        delays.append(round(sensor.delay_s * rate_Hz))
+        if delays[-1] >= r.PAST:
+            raise InputError(
+                f"{name}.delay_s is {sensor.delay_s:g} s; allowed: up to "
+                f"{(r.PAST - 1) / rate_Hz:g} s"
+            )
+    return delays

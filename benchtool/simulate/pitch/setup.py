@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from itertools import chain, groupby
+from typing import Any, NamedTuple, Self
+
+import numpy as np
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import resolve_name
@@ -14,17 +18,19 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
-from benchtool.simulate.controllers.laws import build_pitch_controller
+from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS, build_pitch_controller
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import load_gains
+from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
-from benchtool.simulate.pitch.run import PitchJob, count_substeps
-from benchtool.simulate.ranges import check_range
+from benchtool.simulate.pitch.result import measure_plate_visit
+from benchtool.simulate.pitch.run import PitchJob, PitchLoop, count_substeps, shared_key
+from benchtool.simulate.pitch.simulate import extract_run, simulate_many
+from benchtool.simulate.setup import CONTROL_HZ, Point, Row, Setup, check_range
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
-MAX_PLANT_HZ = 1e5  # a hundred times the default; rejects typing errors; assumed
-MIN_CONTROL_HZ = 1.0  # slower than any controller of an attitude; assumed
+MAX_PLANT_HZ = CONTROL_HZ[1]  # a hundred times the default; rejects typing errors; assumed
 MIN_LAG_S = STEPS_PER_LAG / MAX_PLANT_HZ  # fastest motor for this plant
 
 FEEDFORWARD_NUMBERS = {  # ranges, wider than errors of any map; assumed
@@ -36,20 +42,35 @@ RANGES = {  # of a bench: from an insect to a helicopter; assumed
 }  # fmt: skip
 
 PLATE_DISTANCE = "plate.z_over_R"
+PITCH_RIG = "pquad"  # default rig, from the paper
+
+MEASURES = {  # of every run; those of the first plate visit are nan without one
+    "rms_deg": "RMS error of pitch [deg]",
+    "peak_deg": "peak of the plate's visit [deg]",
+    "residual_deg": "residual of the plate's visit [deg]",
+    "rebound_deg": "rebound after the plate's visit [deg]",
+    "quiet_rms_deg": "RMS of pitch before the plate [deg]",
+    "stopped_steps": "steps at the hinge's stop",
+}
+
+
+class PitchPoint(NamedTuple):
+    """Run at a point of a design; runs with equal `key` share one loop."""
+
+    setup: PitchSetup
+    job: PitchJob
+    key: tuple[object, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PitchSetup:
-    """Pitch bench with its controllers and schedule.
+class PitchSetup(Setup):
+    """Pitch bench with its controllers and schedule."""
 
-    Attributes:
-        nominal: model for mixer and feedforward; None means that of the bench.
-    """
+    measures = MEASURES
 
     bench: PitchBench
     controls: tuple[PitchControl, ...]
     schedule: Schedule
-    nominal: Model | None = None
 
     @property
     def rate_Hz(self) -> float:
@@ -58,102 +79,143 @@ class PitchSetup:
         if len(rates) != 1:
             raise InputError(f"controllers have different rates: {sorted(rates)} Hz; use one rate")
         rate_Hz = rates.pop()
-        check_range("control_rate_Hz", rate_Hz, MIN_CONTROL_HZ, MAX_PLANT_HZ)
+        check_range("control_rate_Hz", rate_Hz, *CONTROL_HZ)
         count_substeps(self.bench, rate_Hz)
         return rate_Hz
 
+    @property
+    def campaign_title(self) -> str:
+        schedule = self.schedule
+        return f"{self.bench.model.rig.name}: {schedule.title or schedule.name}"
 
-PITCH_RIG = "pquad"  # default rig, from the paper
+    def to_metadata(self) -> dict[str, str]:
+        return {"model": self.bench.model.name, "schedule": self.schedule.name}
+
+    def with_changes(self, values: Mapping[str, float]) -> Self:
+        """Return the setup with some numbers changed, by name.
+
+        A name is a model parameter ("k", "body_lift.K_b", or "K_b" if only one effect has it), a
+        gain ("gains.attitude.k_q_per_s"), a factor on all gains of a table ("gains.attitude"), a
+        number of the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength"),
+        or the distance of all plate visits ("plate.z_over_R").
+        """
+        setup = self
+        for name, value in values.items():
+            setup = setup._with_number(name, float(value))
+        return setup
+
+    def _with_number(self, name: str, value: float) -> Self:
+        if name == PLATE_DISTANCE:
+            return replace(self, schedule=_with_plate_at(self.schedule, value))
+        head, _, field = name.partition(".")
+        number: dict[str, Any] = {field: value}
+        if head == "gains" and field:
+            return self._with_controls(
+                lambda control: (
+                    control
+                    if control.gains is None
+                    else replace(control, gains=control.gains.with_values(**number))
+                )
+            )
+        if head == "feedforward":
+            if field not in FEEDFORWARD_NUMBERS:
+                raise UnknownChoice("number of the feedforward", field, FEEDFORWARD_NUMBERS)
+            check_range(name, value, *FEEDFORWARD_NUMBERS[field])
+            return self._with_controls(
+                lambda control: (
+                    replace(control, feedforward=replace(control.feedforward, **number))
+                    if control.feedforward.strength > 0.0
+                    else control
+                )
+            )
+        if head == "bench" and field != "inertia_kgm2":
+            if field not in BENCH_NUMBERS:
+                raise UnknownChoice("number of the bench", field, BENCH_NUMBERS)
+            if field == "plant_rate_Hz" and value > MAX_PLANT_HZ:
+                raise InputError(
+                    f"bench.plant_rate_Hz is {value:g}; allowed: up to {MAX_PLANT_HZ:g}"
+                )
+            if field in RANGES:
+                check_range(name, value, *RANGES[field])
+            return replace(self, bench=replace(self.bench, **number))
+        model = _with_parameter(self.bench.model, field if head == "bench" else name, value)
+        inertia_kgm2 = model.parameters["inertia_kgm2"].value
+        return replace(self, bench=replace(self.bench, model=model, inertia_kgm2=inertia_kgm2))
+
+    def _with_controls(self, change: Callable[[PitchControl], PitchControl]) -> Self:
+        return replace(self, controls=tuple(map(change, self.controls)))
+
+    def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
+        changed = self.with_changes(point)
+        if changed.rate_Hz != self.rate_Hz:
+            raise InputError("control_rate_Hz cannot be varied; run one campaign per rate")
+        if changed.schedule != self.schedule:
+            raise InputError(
+                f"{PLATE_DISTANCE} cannot be varied; run one campaign per distance, with --set"
+            )
+
+    def build_run(self, controller: str, point: Point) -> PitchPoint:
+        changed = self.with_changes(point)
+        control = next(control for control in changed.controls if control.name == controller)
+        job = PitchJob(changed.bench, control)
+        return PitchPoint(changed, job, (changed.rate_Hz, *shared_key(job)))
+
+    @staticmethod
+    def measure_runs(
+        runs: Iterator[tuple[PitchPoint, int]], seed: int, threads: int | None
+    ) -> Iterator[Row]:
+        for _, group in groupby(runs, key=lambda pair: pair[0].key):
+            first, number = next(group)
+            schedule, radius_m = first.setup.schedule, first.job.bench.model.rig.propulsion.radius_m
+            yield from simulate_many(
+                ((run.job, number) for run, number in chain([(first, number)], group)),
+                schedule.sampled(first.setup.rate_Hz, radius_m),
+                partial(_measure_run, schedule),
+                seed=seed,
+                threads=threads,
+            )
+
+
+def _measure_run(schedule: Schedule, loop: PitchLoop, lane: int, _run_number: int) -> Row:
+    run = extract_run(loop, lane, "campaign")
+    error = run.column("true_theta_rad") - run.column("reference_rad")
+    measures = dict.fromkeys(MEASURES, float("nan"))
+    measures["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))
+    measures["stopped_steps"] = float(run.stopped_steps)
+    visit, end_s = schedule.plate[0] if schedule.plate else None, schedule.duration_s
+    if visit is not None and visit.in_s < end_s:
+        numbers = measure_plate_visit(run, visit, end_s)
+        for name in ("peak", "residual", "rebound", "quiet_rms"):
+            measures[f"{name}_deg"] = float(np.degrees(getattr(numbers, f"{name}_rad")))
+    return measures
 
 
 def pitch_setup(
-    rig: str | None = None,
-    model: str | None = None,
-    gains: str = "s3",
-    controllers: Sequence[str] = ("pid", "feedforward", "observer"),
-    schedule: str = "plate",
-    permit: CodePermit = check_code_allowed,
+    inputs: PitchInputs, gains: str = "s3", permit: CodePermit = check_code_allowed
 ) -> PitchSetup:
-    """Return the setup of these names.
+    """Return the setup of one gain set.
 
     The default model is the pitch model of the rig; the default rig is that of the model, pquad
     without a model. `permit` is called with the file of user-defined effects before it is run.
     """
-    library_model = f"pitch_{rig or PITCH_RIG}"
-    if model is not None:
-        physics = load_model(model, None if rig is None else load_rig_by_name(rig), permit).model
+    rig, library_model = inputs.rig, f"pitch_{inputs.rig or PITCH_RIG}"
+    if inputs.model:
+        loaded = load_model(inputs.model, None if rig is None else load_rig_by_name(rig), permit)
+        model = loaded.model
     elif library_model in model_names():
-        physics = load_model(library_model).model
+        model = load_model(library_model).model
     else:
-        physics = Model.single(load_rig_by_name(rig or PITCH_RIG))
-    gain_set = load_gains(gains)
-    return PitchSetup(
-        bench=PitchBench.from_model(physics),
-        controls=tuple(build_pitch_controller(name, gain_set) for name in controllers),
-        schedule=load_schedule(schedule),
-    )
-
-
-def with_changes(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
-    """Return the setup with some numbers changed, by name.
-
-    A name is a model parameter ("k", "body_lift.K_b", or "K_b" if only one effect has it), a gain
-    ("gains.attitude.k_q_per_s"), a factor on all gains of a table ("gains.attitude"), a number of
-    the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength"), or the distance
-    of all plate visits ("plate.z_over_R").
-    """
-    for name, value in values.items():
-        if name == PLATE_DISTANCE:
-            setup = replace(setup, schedule=_with_plate_at(setup.schedule, float(value)))
-        else:
-            bench, controls = _with_number(setup.bench, setup.controls, name, float(value))
-            setup = replace(setup, bench=bench, controls=controls)
-    return setup
-
-
-def apply_job_changes(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
-    """Return a single job with some numbers changed, by the names of `with_changes`."""
-    for name, value in values.items():
-        if name == PLATE_DISTANCE:
-            raise InputError(f"{name} cannot be set here: the schedule moves the plate; remove it")
-        bench, (control,) = _with_number(job.bench, (job.control,), name, float(value))
-        job = replace(job, bench=bench, control=control)
-    return job
-
-
-def _with_number(
-    bench: PitchBench, controls: tuple[PitchControl, ...], name: str, value: float
-) -> tuple[PitchBench, tuple[PitchControl, ...]]:
-    head, _, field = name.partition(".")
-    number: dict[str, Any] = {field: value}
-    if head == "gains" and field:
-        return bench, tuple(
-            control
-            if control.gains is None
-            else replace(control, gains=control.gains.with_values(**number))
-            for control in controls
-        )
-    if head == "feedforward":
-        if field not in FEEDFORWARD_NUMBERS:
-            raise UnknownChoice("number of the feedforward", field, FEEDFORWARD_NUMBERS)
-        check_range(name, value, *FEEDFORWARD_NUMBERS[field])
-        return bench, tuple(
-            replace(control, feedforward=replace(control.feedforward, **number))
-            if control.feedforward.strength > 0.0
-            else control
-            for control in controls
-        )
-    if head == "bench" and field != "inertia_kgm2":
-        if field not in BENCH_NUMBERS:
-            raise UnknownChoice("number of the bench", field, BENCH_NUMBERS)
-        if field == "plant_rate_Hz" and value > MAX_PLANT_HZ:
-            raise InputError(f"bench.plant_rate_Hz is {value:g}; allowed: up to {MAX_PLANT_HZ:g}")
-        if field in RANGES:
-            check_range(name, value, *RANGES[field])
-        return replace(bench, **number), controls
-    model = _with_parameter(bench.model, field if head == "bench" else name, value)
-    inertia_kgm2 = model.parameters["inertia_kgm2"].value
-    return replace(bench, model=model, inertia_kgm2=inertia_kgm2), controls
+        model = Model.single(load_rig_by_name(rig or PITCH_RIG))
+    gain_set, duration_s = load_gains(gains), inputs.study.duration_s
+    names = [name for name in inputs.controllers if name in PITCH_CONTROLLERS] or ["pid"]
+    setup = PitchSetup(
+        bench=PitchBench.from_model(model),
+        controls=tuple(build_pitch_controller(name, gain_set) for name in names),
+        schedule=load_schedule(inputs.schedule),
+    ).with_changes(inputs.study.settings)
+    if duration_s is None:
+        return setup
+    return replace(setup, schedule=setup.schedule.with_duration(duration_s))
 
 
 def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
@@ -171,7 +233,15 @@ def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
 
 
 def _with_parameter(model: Model, name: str, value: float) -> Model:
-    full_name = _full_name(model, name)
+    """Return the model with a number changed; a missing effect of the catalogue is added."""
+    effect_parameters = (
+        f"{effect.name}.{parameter.name}"
+        for effect in EFFECTS.values()
+        for parameter in effect.parameters
+    )
+    names = dict.fromkeys((*model.parameters, *effect_parameters))
+    tables = (*(f"gains.{table}" for table in GAIN_TABLES), PLATE_DISTANCE)
+    full_name = resolve_name(name, names, "number to set or vary", tables)
     if full_name in RANGES:
         check_range(full_name, value, *RANGES[full_name])
     effect = EFFECTS.get(full_name.partition(".")[0])
@@ -184,15 +254,3 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
     if full_name not in model.parameters:
         model = model.with_effect(full_name.partition(".")[0])
     return model.with_fixed(full_name, value)
-
-
-def _full_name(model: Model, name: str) -> str:
-    """Return the full name of a parameter of the model or of an effect in the catalogue."""
-    effect_parameters = (
-        f"{effect.name}.{parameter.name}"
-        for effect in EFFECTS.values()
-        for parameter in effect.parameters
-    )
-    names = dict.fromkeys((*model.parameters, *effect_parameters))
-    gains = [f"gains.{table}" for table in GAIN_TABLES]
-    return resolve_name(name, names, "number to set or vary", (*gains, PLATE_DISTANCE))

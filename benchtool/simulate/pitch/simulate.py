@@ -1,34 +1,46 @@
-"""Single run of the pitch bench, with a built-in or a user-defined controller."""
+"""Runs of the pitch bench: single, with a user-defined controller, or as a batch.
+
+A batch runs in parallel lanes and threads. Every run has its own number and noise stream: its
+result does not depend on other runs, on the number of lanes or of threads. Blocks are yielded one
+by one, so that memory does not grow with the number of runs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import isfinite
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from itertools import islice
+from typing import TypeVar
 
 import numpy as np
 
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import SampledSchedule
+from benchtool.core.units import Array
+from benchtool.physics.expression import can_compile
 from benchtool.simulate.controllers.controller import (
     Controller,
     PitchCommand,
     PitchMeasurement,
     PitchReference,
 )
+from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.pitch.result import PitchRun
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-from benchtool.simulate.user_controller import controller_error, invalid_command_error
+
+PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | float]
+
+T = TypeVar("T")
+
+# Enough lanes for vectorisation, few enough for the processor cache. Measured: 16, 24, 32 and 64
+# lanes take 306, 242, 241 and 246 us for a run of 10 s.
+LANES = 32
 
 
 def simulate_pitch(
     job: PitchJob, schedule: SampledSchedule, seed: int = 0, run: int = 0
 ) -> PitchRun:
-    """Return one run with a built-in controller.
-
-    Args:
-        run: number of the run under that seed; run 3 of seed 7 is the same in any batch.
-    """
+    """Return one run with a built-in controller; run 3 of seed 7 is the same in any batch."""
     loop = PitchLoop([job], schedule, seed, [run])
     loop.run()
     return extract_run(loop, 0, job.control.name)
@@ -50,7 +62,7 @@ def simulate_controller(
         InputError: the controller raised, or returned numbers that are not finite.
     """
     loop = PitchLoop([job], schedule, seed, [0], external=True)
-    user_controller_ticks(loop)(controller, 0, len(schedule), 0)
+    loop.run_controller(controller, 0, len(schedule))
     return extract_run(loop, 0, name)
 
 
@@ -72,66 +84,36 @@ def extract_run(loop: PitchLoop, lane: int, name: str) -> PitchRun:
     )
 
 
-PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | float]
+def simulate_many(
+    jobs: Iterable[tuple[PitchJob, int]],
+    schedule: SampledSchedule,
+    take: Callable[[PitchLoop, int, int], T],
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    lanes: int | None = None,
+) -> Iterator[T]:
+    """Yield the result `take(loop, lane, run)` of every run, in order.
 
-COMMAND_REMEDY = "a finite torque in N m, or a PitchCommand of finite numbers"
-
-
-def user_controller_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], None]:
-    """Return a function that runs control ticks of a loop with a user-defined controller.
-
-    Arguments: controller, first tick, end (exclusive), and number of ticks of the controller's run
-    before the first. It raises InputError if the controller raises or returns numbers that are not
-    finite. The driver of the loop must be `CALLER`.
+    Args:
+        jobs: jobs with their run numbers; all share rig, wake rule and sensor rates.
+        take: called in the thread of the run. The log is overwritten afterwards and must be copied.
+        threads: number of parallel threads; None means all cores.
+        lanes: runs per loop; None means `LANES`, or 1 without a compiler.
     """
-    advance = loop.stepper()
-    rate_Hz, dt_s = loop.schedule.rate_Hz, 1.0 / loop.schedule.rate_Hz
-    readings_view, command_view = loop.view("readings")[:, 0], loop.view("command")[:, 0]
-    new = tuple.__new__  # faster than the constructors of the named tuples by 0.5 us a tick
+    width = lanes if lanes is not None else (LANES if can_compile() else 1)
+    remaining = iter(jobs)
+    free_logs: list[Array] = []  # reused, because new memory is slow
 
-    def run(controller: PitchController, first: int, last: int, before: int) -> None:
-        step = controller.step
-        references = zip(
-            *(
-                loop.schedule_view(field)[0, first:last].tolist()
-                for field in ("setpoint.reference_rad", "setpoint.collective_N", "observer")
-            ),
-            strict=True,
-        )
-        for number, reference in enumerate(references):
-            time_s = (before + number) / rate_Hz
-            numbers = readings_view.tolist()
-            measured = new(
-                PitchMeasurement, (time_s, numbers[0], numbers[1], numbers[2], tuple(numbers[3:]))
-            )
-            try:
-                command = step(measured, new(PitchReference, reference), dt_s)
-            except (Exception, SystemExit) as error:
-                raise controller_error(controller, error, time_s) from error
-            try:
-                torque, difference = command if isinstance(command, tuple) else (command, 0.0)
-                is_valid = isfinite(torque) and isfinite(difference)
-            except (TypeError, ValueError):
-                is_valid = False
-            if not is_valid:
-                raise _invalid_field_error(controller, command, time_s)
-            command_view[:2] = torque, difference
-            advance(first + number, first + number + 1)
+    def run_block(block: list[tuple[PitchJob, int]]) -> list[T]:
+        lane_jobs, runs = zip(*block, *[block[-1]] * (width - len(block)), strict=True)
+        log = free_logs.pop() if free_logs else None
+        loop = PitchLoop(lane_jobs, schedule, seed, runs, log=log)
+        loop.run()
+        block_results = [take(loop, lane, runs[lane]) for lane in range(len(block))]
+        free_logs.append(loop.log)
+        return block_results
 
-    return run
-
-
-def _invalid_field_error(controller: Any, command: Any, time_s: float) -> InputError:
-    """Return an error about the first invalid field of a command."""
-    if not isinstance(command, tuple):
-        return invalid_command_error(controller, "torque_Nm", command, time_s, COMMAND_REMEDY)
-    if len(command) != len(PitchCommand._fields):
-        return invalid_command_error(controller, "a command", command, time_s, COMMAND_REMEDY)
-    is_torque_valid = isinstance(command[0], int | float) and isfinite(command[0])
-    return invalid_command_error(
-        controller,
-        PitchCommand._fields[is_torque_valid],
-        command[is_torque_valid],
-        time_s,
-        COMMAND_REMEDY,
-    )
+    blocks = iter(lambda: list(islice(remaining, width)), [])
+    for results in results_in_order((partial(run_block, block) for block in blocks), threads):
+        yield from results

@@ -18,13 +18,11 @@ from pathlib import Path
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.parquet import write_campaign
-from benchtool.simulate.campaign import Campaign
-from benchtool.simulate.campaign_flight import flight_campaign
-from benchtool.simulate.campaign_pitch import pitch_campaign
-from benchtool.simulate.design import Design
+from benchtool.simulate.campaign import Campaign, Design
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
+from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.setup import pitch_setup
 
 RUNS = {"flight": (500, 2000, 8000), "pitch": (1000, 4000, 16000)}  # how many runs each line has
@@ -36,9 +34,9 @@ WARM = {"flight": 40, "pitch": 640}
 def campaign(kind: str) -> Campaign:
     """Return what is run."""
     if kind == "pitch":
-        setup = pitch_setup(controllers=("pid",))
+        setup = pitch_setup(PitchInputs(controllers=("pid",)))
         short = replace(setup, schedule=setup.schedule.with_duration(10.0))
-        return pitch_campaign({"s3": short})
+        return Campaign({"s3": short}, ("pid",))
     flight = FlightSetup(
         case="over",
         vehicle=FlightVehicle.of_rig(load_rig_by_name("pquad")),
@@ -47,7 +45,7 @@ def campaign(kind: str) -> Campaign:
         duration_s=5.0,
         gyro_noise_rad_s=0.015,
     )
-    return flight_campaign({"s3": flight}, ("pid",))
+    return Campaign({"s3": flight}, ("pid",))
 
 
 def write(kind: str, runs: int, folder: Path) -> tuple[float, float]:

@@ -24,11 +24,9 @@ from benchtool.simulate.controllers.controller import (
     FlightMeasurement,
     FlightReference,
 )
-from benchtool.simulate.flight.cases import flight_case
-from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.flight import FlightCase, fly
-from benchtool.simulate.flight.height_grid import HeightGrid
-from benchtool.simulate.flight.user_controller import fly_user_controller
+from benchtool.simulate.flight.cases import FlightCase, flight_case
+from benchtool.simulate.flight.environment import Environment, HeightGrid
+from benchtool.simulate.flight.flight import fly, fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
 

@@ -22,10 +22,9 @@ from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signa
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.controllers.pitch import PitchControl, PulseLaw
-from benchtool.simulate.pitch.batch import simulate_many
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
+from benchtool.simulate.pitch.simulate import simulate_controller, simulate_many, simulate_pitch
 
 DURATION_S, ROUNDS, RUNS = 10.0, 7, 3000
 KP, KI, KD = 350.0, 350.0, 65.0

@@ -14,10 +14,10 @@ import pytest
 
 from benchtool.core.errors import WouldOverwrite
 from benchtool.data.parquet import write_campaign
-from benchtool.simulate.campaign import Row
-from benchtool.simulate.campaign_pitch import pitch_campaign
-from benchtool.simulate.design import Design
+from benchtool.simulate.campaign import Campaign, Design
+from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
+from benchtool.simulate.setup import Row
 from tests.unit.commands import command_line
 from tests.unit.commands.command_line import said
 
@@ -25,17 +25,17 @@ ARGUMENTS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,ob
 
 
 def short() -> PitchSetup:
-    setup = pitch_setup(controllers=("pid",))
+    setup = pitch_setup(PitchInputs(controllers=("pid",)))
     return replace(setup, schedule=setup.schedule.with_duration(12.0))
 
 
 def test_every_point_has_the_same_noise_as_a_single_run():
     setup = short()
     design = Design.read(["bench.inertia_kgm2=0.015:0.021:3"], seeds=2, seed=5)
-    rows = list(pitch_campaign({"s3": setup}).rows(design))
+    rows = list(Campaign({"s3": setup}, ("pid",)).rows(design))
     assert [row["seed"] for row in rows] == [5.0, 6.0] * 3
     single_design = Design.read(["bench.inertia_kgm2=0.018:0.018:1"], seeds=2, seed=5)
-    single_rows = list(pitch_campaign({"s3": setup}).rows(single_design))
+    single_rows = list(Campaign({"s3": setup}, ("pid",)).rows(single_design))
     for row, single_row in zip(rows[2:4], single_rows, strict=True):
         assert row["rms_deg"] == pytest.approx(float(single_row["rms_deg"]), rel=1e-9)
     assert rows[0]["rms_deg"] != rows[1]["rms_deg"]

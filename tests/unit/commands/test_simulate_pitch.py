@@ -8,7 +8,8 @@ import pytest
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.recording_file import read_recording
 from benchtool.report.flight.pitch_study import pitch_study
-from benchtool.simulate.pitch.setup import pitch_setup, with_changes
+from benchtool.simulate.inputs import PitchInputs
+from benchtool.simulate.pitch.setup import pitch_setup
 from tests.unit.commands.command_line import said
 
 SHORT = ("--duration-s", "13")
@@ -53,8 +54,7 @@ def test_a_user_controller_on_the_command_line(capsys, tmp_path, monkeypatch):
 
 
 def test_numbers_are_set_by_name():
-    setup = with_changes(
-        pitch_setup(),
+    setup = pitch_setup(PitchInputs()).with_changes(
         {
             "K_b": 1.5,
             "hinge_spring.stiffness_Nm_per_rad": 0.3,
@@ -79,7 +79,7 @@ def test_numbers_are_set_by_name():
 
 def test_a_switch_to_the_observer_removes_the_offset():
     """Fig. 27: fixed plate, bumpless switch to the observer at 20 s."""
-    study = pitch_study(pitch_setup(schedule="switch", controllers=("observer",)))
+    study = pitch_study(pitch_setup(PitchInputs(schedule="switch", controllers=("observer",))))
     run = study.runs[0]
     theta = np.degrees(run.column("true_theta_rad"))
     time_s = run.time_s

@@ -14,8 +14,7 @@ from benchtool.core.toml_text import read_strict
 from benchtool.data.column_map import read_column_map
 from benchtool.fit.recipe import read_recipe
 from benchtool.physics.model_file import model_from_toml
-from benchtool.simulate.flight.environment import Block, Environment
-from benchtool.simulate.flight.map import read_map
+from benchtool.simulate.flight.environment import Block, Environment, read_map
 from benchtool.simulate.gain_file import parse_gains
 from benchtool.simulate.imperfections import Imperfections
 

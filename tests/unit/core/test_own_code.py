@@ -13,6 +13,7 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.catalogue import user_effects
 from benchtool.physics.model_file import load_model
+from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.setup import pitch_setup
 from benchtool.simulate.user_controller import load_controller_class
 
@@ -58,7 +59,7 @@ WAYS = {
         Recipe(name="f", data=("t.csv",), model="single", rig="pquad_single", compare=("m.toml",))
     ),
     "a belief": lambda: nominal_model("m.toml", load_model("single").model.rig),
-    "a setup": lambda: pitch_setup(model="m.toml"),
+    "a setup": lambda: pitch_setup(PitchInputs(model="m.toml")),
 }
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import nan
 
-from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, flight_case
-from benchtool.simulate.flight.flight import FlightCase
-from benchtool.simulate.flight.measures import Measures
+from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, FlightCase, flight_case
+from benchtool.simulate.flight.study import Measures
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
 

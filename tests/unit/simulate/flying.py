@@ -9,11 +9,10 @@ import numpy as np
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.expression import read_record
-from benchtool.simulate.flight.cases import flight_case
+from benchtool.simulate.flight.cases import FlightCase, flight_case
 from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, fly
+from benchtool.simulate.flight.flight import Flight, FlightLoop, fly
 from benchtool.simulate.flight.ground import Below
-from benchtool.simulate.flight.records import geometry_slot
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
@@ -42,11 +41,8 @@ def look_below(
     turned = dict(zip(("qw", "qx", "qy", "qz"), from_euler(*attitude), strict=True))
     body = at_rest(place)._replace(**turned)
     places, w, model = loop.layout.slots, loop.arrays.w, vehicle.model
-    geometry = read_record(
-        loop.arrays.geometry, geometry_slot(model.rig.n_discs, len(model.body_images.arm_m)), 0, 1
-    )
     found: Below = loop.loops.look_below(
-        time_s, attitude[1], body, read_record(w, places.craft, 0, 1), geometry,
+        time_s, attitude[1], body, read_record(w, places.craft, 0, 1), vehicle.geometry(0.001),
         (550.0,) * model.rig.n_discs, read_record(w, places.effects, 0, 1), loop.arrays.below, 0.0,
         loop.arrays.scratch,
     )[0]  # fmt: skip

@@ -16,8 +16,9 @@ from benchtool.physics.effects.blade_inflow import (
     torque_at_equal_speed,
 )
 from benchtool.physics.model_file import load_model
+from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.environment import Block, Environment
-from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.imperfections import Imperfections

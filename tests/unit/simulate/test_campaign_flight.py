@@ -9,13 +9,11 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.simulate.campaign import Campaign
-from benchtool.simulate.campaign_flight import OGE, flight_campaign
-from benchtool.simulate.design import Design, VariedParameter
+from benchtool.simulate.campaign import Campaign, Design, VariedParameter
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly
-from benchtool.simulate.flight.measures import measure
-from benchtool.simulate.flight.setup import FlightSetup, with_changes
+from benchtool.simulate.flight.setup import OGE, FlightSetup
+from benchtool.simulate.flight.study import measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
 
@@ -28,7 +26,7 @@ SETUP = FlightSetup(
 
 
 def campaign(*controllers: str, setup: FlightSetup = SETUP) -> Campaign:
-    return flight_campaign({"s3": setup}, controllers or ("pid",))
+    return Campaign({"s3": setup}, controllers or ("pid",))
 
 
 def test_every_row_is_the_flight_as_flown_alone():
@@ -42,7 +40,7 @@ def test_every_row_is_the_flight_as_flown_alone():
     ]
     again = list(campaign(OGE, "pid").rows(design, threads=1))
     pd.testing.assert_frame_equal(pd.DataFrame(again), pd.DataFrame(rows))
-    slow = with_changes(SETUP, {"speed_m_s": 0.2}).build_case("pid", 6)
+    slow = SETUP.with_changes({"speed_m_s": 0.2}).build_case("pid", 6)
     for row, case in ((rows[5], slow), (rows[1], replace(slow, below=Environment()))):
         found = measure(fly(case))
         assert row["rms_pitch_deg"] == found.rms_pitch_deg

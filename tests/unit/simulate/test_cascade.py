@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
+from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.flight_law import (
+    HorizontalState,
     PositionLoop,
-    acceleration_command,
     climb_command,
+    horizontal_step,
     lifting_thrust,
-    next_velocity_integral,
     pitch_command,
     velocity_command,
 )
@@ -30,11 +30,11 @@ def test_far_away_the_velocity_command_slews_up_to_its_limit():
 
 
 def test_the_velocity_integral_is_limited():
-    integral = 0.0
+    axis, acceleration = HorizontalState(), 0.0
     for _ in range(10_000):
-        integral = next_velocity_integral(0.2, integral, LOOP, 0.004)
-    assert integral == pytest.approx(0.58)
-    assert acceleration_command(0.2, integral, LOOP) == pytest.approx(1.5 * 0.2 + 0.58)
+        axis, acceleration = horizontal_step(7.0, 0.2, 0.0, axis, LOOP, 0.004)
+    assert axis.integral_m_s2 == pytest.approx(0.58)
+    assert acceleration == pytest.approx(1.5 * 0.2 + 0.58)
 
 
 def test_the_pitch_command_is_limited_to_16_and_a_half_degrees():

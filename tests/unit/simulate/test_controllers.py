@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.observer import estimate_disturbance, next_explained_momentum
+from benchtool.simulate.controllers.blocks import estimate_disturbance, next_explained_momentum
 from benchtool.simulate.gain_file import gain_names, load_gains
 
 

@@ -10,9 +10,8 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.physics.coverage import rectangle_coverage
-from benchtool.simulate.flight.environment import Block, Environment
+from benchtool.simulate.flight.environment import Block, Environment, HeightGrid
 from benchtool.simulate.flight.ground import Below, disc_on_rectangle
-from benchtool.simulate.flight.height_grid import HeightGrid
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from tests.unit.physics.general_sum import multirotor_factors
 from tests.unit.simulate.flying import PQUAD, look_below, static_moments_Nm

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from benchtool.physics.model_file import load_model
+from benchtool.report.flight.warnings import collect_warnings
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
 from benchtool.simulate.flight.flight import fly
-from benchtool.simulate.flight.measures import arrival_s, count_push_backs, measure
-from benchtool.simulate.flight.study import fly_and_measure
+from benchtool.simulate.flight.study import arrival_s, count_push_backs, fly_and_measure, measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.flight.warnings import collect_warnings
 from benchtool.simulate.gain_file import load_gains
 from tests.unit.simulate.flight_table import TABLE, Row
 from tests.unit.simulate.flying import PQUAD, Slice, case, flown

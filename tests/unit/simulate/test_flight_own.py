@@ -15,9 +15,9 @@ from benchtool.simulate.controllers.controller import (
     FlightMeasurement,
     FlightReference,
 )
+from benchtool.simulate.flight.cases import Goal
 from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.flight import Goal, fly
-from benchtool.simulate.flight.user_controller import fly_user_controller
+from benchtool.simulate.flight.flight import fly, fly_user_controller
 from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.user_controller import make_controller
 from tests.unit.simulate.flying import PQUAD, case

@@ -9,7 +9,7 @@ from threading import Barrier
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.simulate.campaign import results_in_order
+from benchtool.simulate.loop import results_in_order
 
 
 def counting(taken: list[int], count: int) -> Iterator[Callable[[], int]]:

@@ -1,24 +1,26 @@
 """The parts of the virtual bench, each against its closed form and at its neutral value."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import due_ticks
-from benchtool.simulate.imperfections import Axis
+from benchtool.simulate.imperfections import Axis, Imperfections
 from benchtool.simulate.powertrain import Battery, Powertrain
 
 RIG = load_rig_by_name("pquad")
 PULSE = RIG.propulsion
 
 
-def powertrain(lag_s=0.05, battery=None, heating_K=0.0):
-    pack = battery or Battery(PULSE.voltage_nominal_V)
-    return Powertrain(PULSE, RIG.n_rotors, pack, lag_s, heating_K, 40.0)
+def powertrain(**flaws):
+    numbers = {"motor_lag_s": 0.05, "esc_time_s": 40.0, **flaws}
+    return Powertrain(replace(RIG, motor=None), replace(Imperfections.none(), **numbers))
 
 
 def test_speed_follows_the_exact_first_order_response():
-    motors = powertrain(lag_s=0.08)
+    motors = powertrain(motor_lag_s=0.08)
     motors.pwm_us = np.full(4, 1500.0)
     run = motors.advance(400, 0.005)
     target = PULSE.speed_per_us_rad_s * (1500.0 - PULSE.pwm_start_us)
@@ -27,8 +29,8 @@ def test_speed_follows_the_exact_first_order_response():
 
 
 def test_charge_drawn_is_current_times_time_and_lowers_the_voltage():
-    pack = Battery(11.1, drop_V_per_Ah=2.0)
-    motors = powertrain(battery=pack)
+    excess_V = 11.1 - PULSE.voltage_nominal_V
+    motors = powertrain(battery_excess_V=excess_V, battery_drop_V_per_Ah=2.0)
     motors.pwm_us = np.full(4, 1600.0)
     run = motors.advance(20_000, 0.005)
     drawn_Ah = np.sum(run.current_A[:-10]) * 0.005 / 3600.0
@@ -37,7 +39,7 @@ def test_charge_drawn_is_current_times_time_and_lowers_the_voltage():
 
 
 def test_esc_temperature_rises_to_the_stated_value_at_full_throttle():
-    motors = powertrain(heating_K=35.0)
+    motors = powertrain(esc_heating_K=35.0)
     motors.pwm_us = np.full(4, PULSE.pwm_max_us)
     start = motors.advance(1, 0.005).temperature_degC[0]
     assert start == pytest.approx(22.0, abs=0.01)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.limits import anti_windup_rate, clip, limit_slew_rate
-from benchtool.simulate.controllers.pid import (
+from benchtool.simulate.controllers.blocks import (
     AttitudePid,
     PidState,
+    anti_windup_rate,
     attitude_torque,
+    clip,
+    limit_slew_rate,
     next_pid_state,
 )
 from benchtool.simulate.gain_file import load_gains

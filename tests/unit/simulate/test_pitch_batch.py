@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from benchtool.simulate.noise import lane_states, next_state, normal
-from benchtool.simulate.pitch.batch import LANES, simulate_many
 from benchtool.simulate.pitch.lane import cosine, sine
 from benchtool.simulate.pitch.run import PitchLoop
-from benchtool.simulate.pitch.simulate import extract_run, simulate_pitch
+from benchtool.simulate.pitch.simulate import LANES, extract_run, simulate_many, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
 SCHEDULE = sampled(0.5, reference_deg=SWAY, plate=STEADY_PLATE)

@@ -12,9 +12,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
-from benchtool.simulate.pitch.result import PlateVisitMeasures
-from benchtool.simulate.pitch.setup import pitch_setup, with_changes
+from benchtool.report.flight.pitch_study import pitch_study
+from benchtool.simulate.inputs import PitchInputs
+from benchtool.simulate.pitch.result import PlateVisitMeasures, measure_plate_visit
+from benchtool.simulate.pitch.setup import pitch_setup
 
 SETS = {
     "soft": ("s3", {}),
@@ -27,14 +28,15 @@ SETS = {
 def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> PlateVisitMeasures:
     """Return the medians over five seeds."""
     name, values = SETS[gains]
-    setup = with_changes(pitch_setup(rig=rig, gains=name, controllers=(controller,)), values)
+    inputs = PitchInputs(rig=rig, controllers=(controller,))
+    setup = pitch_setup(inputs, name).with_changes(values)
     if friction != 1.0:
         held = setup.bench.model.parameters["coulomb_friction.torque_Nm"].value
-        setup = with_changes(setup, {"coulomb_friction.torque_Nm": friction * held})
+        setup = setup.with_changes({"coulomb_friction.torque_Nm": friction * held})
     found = []
     for seed in range(5):
         run = pitch_study(setup, seed).runs[0]
-        found.append(visit_numbers(run, setup.schedule.plate[0], setup.schedule.duration_s))
+        found.append(measure_plate_visit(run, setup.schedule.plate[0], setup.schedule.duration_s))
     return PlateVisitMeasures(
         **{
             field: float(np.median([getattr(each, field) for each in found]))

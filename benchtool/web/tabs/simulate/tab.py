@@ -13,9 +13,8 @@ from benchtool.core.schedule import schedule_names
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.cases import FLIGHTS
-from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.gain_file import gain_names
-from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.jobs import Job, PageSection

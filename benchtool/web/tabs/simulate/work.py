@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchtool.core.inputs import to_arguments, with_changes
 from benchtool.data.atomic import write_atomically
-from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.web.jobs import PageSection, ReportProgress
 
 if TYPE_CHECKING:

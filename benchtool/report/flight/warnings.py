@@ -4,37 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import ceil, dist, isfinite
+from math import isfinite
 
 import numpy as np
 
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.simulate.flight.environment import Block
-from benchtool.simulate.flight.flight import FlightCase
-from benchtool.simulate.flight.measures import ARRIVAL_RADIUS_M
-from benchtool.simulate.flight.study import FlownCase, controller_label
+from benchtool.simulate.flight.study import FlownCase, check_duration, controller_label
 
-MAX_TRAVEL_SHARE = 0.8  # of the duration, at the requested speed; the rest is for the stop; assumed
 BODY_DEPTH_OVER_R = 1.0  # of hub and undercarriage, only for the warning; assumed
 MAX_HEIGHT_ERROR_M, MAX_TILT_DEG, MAX_SPEED_M_S = 10.0, 75.0, 30.0  # of such vehicles; assumed
 MIN_EFFECT = 0.001  # share of thrust below which ground effect counts as absent; assumed
-
-
-def check_duration(case: FlightCase) -> str:
-    """Return a warning if the goal cannot be reached in the duration, else ""."""
-    positions_m = [case.start_m, *((goal.x_m, goal.y_m, goal.z_m) for goal in case.goals)]
-    lengths_m = [dist(*pair) for pair in pairwise(positions_m)]
-    travel_s = sum(
-        length_m / goal.speed_m_s for length_m, goal in zip(lengths_m, case.goals, strict=True)
-    )
-    if travel_s <= MAX_TRAVEL_SHARE * case.duration_s or max(lengths_m) <= ARRIVAL_RADIUS_M:
-        return ""
-    return (
-        f"{sum(lengths_m):.3g} m at {case.goals[-1].speed_m_s:.3g} m/s take {travel_s:.0f} s, too "
-        f"long for a flight of {case.duration_s:g} s; use a higher speed or --duration-s "
-        f"{ceil(1.5 * travel_s / 10.0) * 10}"
-    )
 
 
 def collect_warnings(flights: Sequence[FlownCase]) -> list[str]:
