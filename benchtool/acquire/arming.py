@@ -1,7 +1,8 @@
-"""Arming of motors: prompt, warnings, and conditions for unattended runs."""
+"""Texts before arming, and conditions for unattended runs."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict
 from datetime import date
 from hashlib import sha256
@@ -9,14 +10,59 @@ from typing import Any
 
 from benchtool.acquire.check_plan import PlanExtremes
 from benchtool.acquire.plan import Plan
+from benchtool.acquire.visit_order import (
+    expected_duration_s,
+    format_duration,
+    plan_settings,
+    plan_visits,
+)
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.limit_check import format_unmonitored_limits
 from benchtool.bench.standstill import format_unmeasured_rotors
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
 from benchtool.data.run.state import load_state, store_state
 
 CONFIRMATION = "ARM"  # typed by the operator
+
+
+def plan_text(plan: Plan, rig: Rig, expected: PlanExtremes, done: Collection[int] = ()) -> str:
+    """Return the description of a resolved plan without the visits that are done."""
+    visits = plan_visits(plan, rig)
+    remaining = [visit for visit in visits if visit.point not in done]
+    counts = {
+        kind: sum(visit.kind == kind for visit in remaining) for kind in ("reference", "anchor")
+    }
+    radius_m = rig.propulsion.radius_m
+    distances = ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
+    where = (
+        f"plate z/R {distances}; tilt {_list(plan.plate.tilts_deg)} deg; "
+        f"lateral {_list(plan.plate.lateral_m)} m"
+        if plan.plate.used
+        else "no plate: parked if the bench moves one; else remove it, at least 4 radii away"
+    )
+    parts = (
+        f", including {pluralize(counts['reference'], 'reference')} and "
+        f"{pluralize(counts['anchor'], 'anchor')}"
+        if plan.plate.used
+        else ""
+    )
+    return (
+        f"rig {rig.name}: {rig.title}\n"
+        f"{where}\n"
+        f"pulses {_list(plan.throttle.pwm_us)} us on rotors {_list(plan.throttle.rotors_on)}\n"
+        f"{pluralize(len(plan_settings(plan, rig)), 'setting')}, "
+        f"{pluralize(plan.repeats or 1, 'repeat')}, {plan.order.kind} with seed {plan.order.seed}: "
+        f"{pluralize(len(remaining), 'visit')}{parts}\n"
+        f"within limits: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
+        f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N\n"
+        f"expected duration {format_duration(expected_duration_s(plan, rig, remaining))}"
+    )
+
+
+def _list(numbers: tuple[float, ...]) -> str:
+    return ", ".join(f"{number:g}" for number in numbers)
 
 
 def arming_prompt(plan: Plan, rig: Rig, expected: PlanExtremes) -> str:

@@ -16,6 +16,7 @@ from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
+ARMING_QUESTION = f"type {CONFIRMATION} to arm: "
 POLL_INTERVAL_S = 0.05  # reads of the bench while waiting for an answer
 
 
@@ -97,7 +98,7 @@ def confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
     is_virtual = bench.identity.address.startswith("sim:")
     meanwhile = None if is_virtual else lambda: bench.read(POLL_INTERVAL_S)
     with bench.interruptible():
-        answer = operator.answer(f"type {CONFIRMATION} to arm: ", meanwhile)
+        answer = operator.answer(ARMING_QUESTION, meanwhile)
     if answer.strip() != CONFIRMATION:
         raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; no motor was started")
 

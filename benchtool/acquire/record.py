@@ -51,7 +51,7 @@ class Recorder:
         before: LinkQuality | None = None,
     ) -> None:
         identity = bench.identity
-        self.bench = bench
+        self.bench, self.run = bench, run
         self.quality = replace(before) if before else LinkQuality()
         self._progress = progress
         self._names = [channel.name for channel in identity.channels]
@@ -198,12 +198,19 @@ class RunProgress:
     def measured(self, point: Point, remaining_s: float) -> None:
         """Handle a stored point and the remaining time."""
 
+    def remaining(self, remaining_s: float) -> None:
+        """Handle the remaining time of a pitch recording, about every second."""
+
     def happened(self, event: Event) -> None:
         """Handle a stored event."""
 
     def annotations(self) -> list[str]:
         """Return the operator's annotations since the last call."""
         return []
+
+    def is_paused(self) -> bool:
+        """Return True while a sweep waits before its next point, at zero throttle."""
+        return False
 
 
 NO_PROGRESS = frozenset({"device"})  # events in events.jsonl that are not shown
@@ -269,8 +276,14 @@ class SafeProgress(RunProgress):
             remaining_s *= real_s / on_bench_s
         self._forward(self._progress.measured, point, remaining_s)
 
+    def remaining(self, remaining_s: float) -> None:
+        self._forward(self._progress.remaining, remaining_s)
+
     def happened(self, event: Event) -> None:
         self._forward(self._progress.happened, event)
 
     def annotations(self) -> list[str]:
         return self._progress.annotations()
+
+    def is_paused(self) -> bool:
+        return self._progress.is_paused()

@@ -4,117 +4,42 @@ from __future__ import annotations
 
 import getpass
 import platform
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 from benchtool import __version__
-from benchtool.acquire.pitch_experiment import PitchExperiment
-from benchtool.acquire.plan import Plan, plan_to_toml
-from benchtool.acquire.visit_order import plan_visits
+from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.bench.bench import DeviceInfo
 from benchtool.core.air import Air
 from benchtool.core.rig import Rig
-from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run, free_run_path
 
 
 def new_run(
-    folder: tuple[Path, Path | None],
-    plan: Plan,
+    inputs: SweepInputs | RecordInputs,
+    name: str,
+    plan_text: str,
     rig: Rig,
     identity: DeviceInfo,
-    *,
-    operator: str = "",
-    air: Air | None = None,
-    calibration: Calibration | None = None,
+    facts: Mapping[str, Any],
 ) -> Run:
-    """Create the run folder of a sweep with a resolved plan.
+    """Create a run folder with its plan and metadata; `facts` are those of the experiment.
 
-    Args:
-        folder: parent folder and path; None: name from date and plan.
+    Without a path in the inputs, the folder is named by date and name.
 
     Raises:
         WouldOverwrite: the folder exists.
     """
     now = datetime.now().astimezone()
-    path = folder[1] or free_run_path(folder[0], f"{now:%Y-%m-%d}", plan.name)
-    facts = run_metadata(
-        plan, rig, identity, operator=operator, air=air, calibration=calibration, started=now
-    )
-    facts["visits"] = len(plan_visits(plan, rig))
-    return Run.create(path, plan_to_toml(plan), facts)
-
-
-def new_live_run(
-    runs: Path,
-    plan: Plan,
-    rig: Rig,
-    identity: DeviceInfo,
-    *,
-    operator: str = "",
-    calibration: Calibration | None = None,
-) -> Run:
-    """Create the run folder of a live recording, named by date and plan."""
-    now = datetime.now().astimezone()
-    facts = run_metadata(
-        plan, rig, identity, operator=operator, calibration=calibration, started=now
-    )
-    del facts["seed"]
-    path = free_run_path(runs, f"{now:%Y-%m-%d}", plan.name)
-    return Run.create(path, plan_to_toml(plan), facts | {"experiment": "live"})
-
-
-def new_pitch_run(
-    folder: tuple[Path, str, Path | None],
-    experiment: PitchExperiment,
-    rig: Rig,
-    identity: DeviceInfo,
-    *,
-    operator: str = "",
-) -> Run:
-    """Create the run folder of a pitch experiment.
-
-    Args:
-        folder: parent folder, run name and path; None: name from date and run name.
-
-    Raises:
-        WouldOverwrite: the folder exists.
-    """
-    runs, name, out = folder
-    now = datetime.now().astimezone()
-    facts = run_metadata(Plan(), rig, identity, operator=operator, started=now)
-    # Only the order of a sweep has a seed.
-    del facts["seed"]
-    facts |= {
-        "experiment": "pitch",
-        "schedule": experiment.schedule or identity.facts.get("schedule", ""),
-        "collective_us": experiment.collective_us,
-        "seconds": experiment.seconds,
-    }
-    path = out or free_run_path(runs, f"{now:%Y-%m-%d}", name)
-    return Run.create(path, experiment.to_toml(), facts)
-
-
-def run_metadata(
-    plan: Plan,
-    rig: Rig,
-    identity: DeviceInfo,
-    *,
-    operator: str = "",
-    air: Air | None = None,
-    calibration: Calibration | None = None,
-    started: datetime | None = None,
-) -> dict[str, Any]:
-    """Return metadata.json of a new run."""
-    return {
+    path = inputs.out or free_run_path(inputs.runs, f"{now:%Y-%m-%d}", name)
+    metadata = {
         "state": "running",
         "simulated": identity.simulated,
-        "started": (started or datetime.now().astimezone()).isoformat(timespec="seconds"),
-        "operator": operator or user_name(),
-        "seed": plan.order.seed,
+        "started": now.isoformat(timespec="seconds"),
+        "operator": inputs.operator or user_name(),
         "address": identity.address,
         "device_id": identity.device_id,
         "device": {
@@ -129,8 +54,8 @@ def run_metadata(
             "facts": dict(identity.facts),
         },
         "rig": asdict(rig),
-        "calibration": asdict(calibration) if calibration else None,
-        "air": (air or Air()).facts(),
+        "calibration": None,
+        "air": Air().facts(),
         "versions": {
             "benchtool": __version__,
             "python": platform.python_version(),
@@ -140,6 +65,7 @@ def run_metadata(
             },
         },
     }
+    return Run.create(path, plan_text, metadata | facts)
 
 
 def user_name() -> str:

@@ -113,7 +113,7 @@ class BenchProcess:
             elif isinstance(command, messages.PauseSweep):
                 self._runs.pause(command.on)
             elif isinstance(command, messages.AnswerQuestion):
-                self._runs.answer(command.text)
+                self._runs.receive_answer(command.text)
             elif isinstance(command, messages.EndRecording):
                 self._runs.end_live()
             elif isinstance(command, messages.Annotate):

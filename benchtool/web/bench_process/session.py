@@ -16,7 +16,7 @@ from benchtool.acquire.calibration import (
     find_calibration,
     mean_counts,
 )
-from benchtool.acquire.inputs import WeighingInputs
+from benchtool.acquire.inputs import SweepInputs, WeighingInputs
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StopRequested
@@ -125,14 +125,11 @@ class Session:
             self._telemetry.update(busy=f"moving the plate to {1e3 * command.target_z_m:.0f} mm")
             bench.move_plate(command.target_z_m)
             self._telemetry.update(busy="")
-        elif isinstance(command, messages.StartSweep):
-            self._dead_man.end_press("a sweep starts")
+        elif isinstance(command, messages.StartRun):
+            is_sweep = isinstance(command.inputs, SweepInputs)
+            self._dead_man.end_press(f"a {'sweep' if is_sweep else 'recording'} starts")
             bench.stop()
-            self._runs.sweep(bench, self._rig, command)
-        elif isinstance(command, messages.StartRecording):
-            self._dead_man.end_press("a recording starts")
-            bench.stop()
-            self._runs.record(bench, self._rig, command)
+            self._runs.start(bench, self._rig, command)
         elif isinstance(command, messages.StartLiveRecording):
             self._dead_man.end_press("a recording starts")
             bench.stop()

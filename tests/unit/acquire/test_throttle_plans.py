@@ -18,7 +18,7 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     read_plan,
 )
-from benchtool.acquire.sweep_run import run_sweep_to_folder
+from benchtool.acquire.run_experiment import run_experiment
 from benchtool.acquire.visit_order import expected_duration_s, plan_visits
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import load_rig_by_name, rig_names
@@ -37,7 +37,7 @@ SHORT = Plan(
 
 def swept(plan: Plan, out: Path, **inputs: object) -> Run:
     given = SweepInputs(address="sim:pquad_single", plan=plan, out=out, yes=True, **inputs)  # type: ignore[arg-type]
-    run = run_sweep_to_folder(given, Unattended(), check_code_allowed)
+    run = run_experiment(given, Unattended(), check_code_allowed)
     assert run is not None
     return run
 

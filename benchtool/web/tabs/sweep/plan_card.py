@@ -26,7 +26,7 @@ from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import read_json
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.bench_process.messages import StartSweep
+from benchtool.web.bench_process.messages import StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
@@ -232,7 +232,7 @@ class PlanCard:
         def start(typed: str, needs_page: bool) -> None:
             inputs = SweepInputs() if resume else self._form.make(self._base)
             inputs = replace(inputs, runs=self._context.runs, resume=resume)
-            self._context.bench.send(StartSweep(inputs, typed, needs_page))
+            self._context.bench.send(StartRun(inputs, typed, needs_page))
             # Scroll up to the progress.
             ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 
