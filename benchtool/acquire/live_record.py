@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from benchtool.acquire.record import RunProgress
 from benchtool.acquire.run_creation import new_run
 from benchtool.acquire.session import Experiment
 from benchtool.acquire.tare import TareResult, tare, tare_point
-from benchtool.acquire.visit_order import PlatePosition, Setting, Visit
+from benchtool.acquire.visit_order import Visit
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import plate_tolerance_m
@@ -136,18 +135,19 @@ class LiveRecording(Experiment):
         assert self._tare is not None
         position = self._plate_position(samples)
         pulses_us = tuple(self._pulses_us.tolist())
-        key = (
-            *pulses_us,
-            *(round(number, 3) for number in (position.z_m, position.x_m, position.tilt_deg)),
-        )
+        key = (*pulses_us, *(round(number, 3) for number in position[:3]))
         self._visits[key] = self._visits.get(key, 0) + 1
-        number = list(self._visits).index(key) + 1
         self.n_points += 1
-        setting = Setting(number, position, max(pulses_us), pulses_us)
-        kind: Literal["measure", "reference"] = "reference" if position.parked else "measure"
-        visit = Visit(self._number, kind, setting, self._visits[key])
+        visit = Visit(
+            *position,
+            setting=list(self._visits).index(key) + 1,
+            pwm_us=pulses_us,
+            point=self._number,
+            kind="reference" if position[3] else "measure",
+            repeat=self._visits[key],
+        )
         point, events = measure(
-            samples, visit, position.z_m, self._tare, self.calibration, self.rig.sensors,
+            samples, visit, visit.target_z_m, self._tare, self.calibration, self.rig.sensors,
             self._settled,
         )  # fmt: skip
         for event, text in events:
@@ -156,12 +156,12 @@ class LiveRecording(Experiment):
         self.recorder.sync()
         self.progress.measured(point, 0.0)
 
-    def _plate_position(self, samples: Recording) -> PlatePosition:
-        """Return the plate position; parked if it is not measured."""
+    def _plate_position(self, samples: Recording) -> tuple[float, float, float, bool]:
+        """Return the position of a visit; parked if the distance is not measured."""
         z_m, x_m, tilt_deg = (
             average(samples.column(name)).mean if name in samples else 0.0
             for name in ("plate_z_m", "plate_x_m", "plate_tilt_deg")
         )
         park_m = self.rig.plate.z_park_m
         is_near = "plate_z_m" in samples and z_m < park_m - plate_tolerance_m(self.rig)
-        return PlatePosition(z_m if is_near else park_m, x_m, tilt_deg, parked=not is_near)
+        return z_m if is_near else park_m, x_m, tilt_deg, not is_near

@@ -25,7 +25,7 @@ from benchtool.acquire.session import Experiment
 from benchtool.acquire.stage_selection import select_stage
 from benchtool.acquire.tare import TareResult, format_drift, tare, tare_point
 from benchtool.acquire.visit_checks import VisitChecks, VisitWatch
-from benchtool.acquire.visit_order import PlatePosition, Visit, expected_duration_s, plan_visits
+from benchtool.acquire.visit_order import Visit, expected_duration_s, plan_visits
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.guard import GuardedBench
@@ -69,7 +69,7 @@ class Sweep(Experiment):
         self.stage: PlateStage = NoStage()
         self.calibration = resume_state.calibration if resume_state else None
         self._first_anchor: Point | None = None
-        self._target: PlatePosition | None = None
+        self._moved_to: Visit | None = None
         self._plate_stage_z_m = nan
         self._last_point: Point | None = None
         self._tare: TareResult | None = None
@@ -166,7 +166,7 @@ class Sweep(Experiment):
                 self.n_unsettled += not point.settled
                 self.n_suspect += point.suspect
             remaining_s = expected_duration_s(
-                self.plan, self.rig, remaining[index + 1 :], self._target
+                self.plan, self.rig, remaining[index + 1 :], self._moved_to
             )
             self.progress.measured(point, remaining_s)
             if point.kind == "anchor":
@@ -203,11 +203,11 @@ class Sweep(Experiment):
         """Return the point of a visit; kind "failed" if no attempt had good samples."""
         self._tare_if_due()
         cool_down_if_needed(self.recorder, self.motors, self.plan.rest, self._last_point)
-        self._move_plate(visit.setting.place)
-        command_pwm_us = np.array(visit.setting.pwm_us)
+        self._move_plate(visit)
+        command_pwm_us = np.array(visit.pwm_us)
         self.motors.ramp_to(command_pwm_us, self.plan.throttle.ramp_s, "ramp", visit.point)
         assert self._tare is not None
-        has_new_pwm = self._last_point and self._last_point.pwm_us != visit.setting.pwm_us
+        has_new_pwm = self._last_point and self._last_point.pwm_us != visit.pwm_us
         checks = VisitChecks(
             rates_Hz=self._expected_rates_Hz(visit),
             sensors=self.rig.sensors,
@@ -266,7 +266,7 @@ class Sweep(Experiment):
         # Fallback for devices that report no rates: those of the last tare.
         device_rates_Hz = dict(zip(channel_names, device_info.channel_rates_Hz, strict=False))
         rates_Hz = {**self._tare.rates_Hz, **device_rates_Hz}
-        driven_rotors = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1
+        driven_rotors = np.flatnonzero(visit.pwm_us > self.motors.stop_us) + 1
         driven_channels = {f"rpm{rotor}" for rotor in driven_rotors}
         return {
             name: min(rates_Hz[name], device_info.rate_Hz)
@@ -300,25 +300,25 @@ class Sweep(Experiment):
         self.n_tares += 1
         self.recorder.append_point(tare_point(self._tare, self.rig.n_rotors))
 
-    def _move_plate(self, target: PlatePosition) -> None:
+    def _move_plate(self, visit: Visit) -> None:
         """Wait for standstill and move the plate; no-op if it is already there."""
-        if target == self._target:
+        if self._moved_to is not None and visit.position == self._moved_to.position:
             return
 
         def pause(seconds: float) -> None:
             self.recorder.collect("move", seconds)
 
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "move")
-        self._target = None
+        self._moved_to = None
         try:
             self._plate_stage_z_m = self.stage.move(
-                target.z_m, target.x_m, radians(target.tilt_deg), pause
+                visit.target_z_m, visit.target_x_m, radians(visit.target_tilt_deg), pause
             )
         except PauseRequested:
             self.stage.hold()
             raise
         self.recorder.collect("move", PLATE_SETTLING_S)
-        self._target, self._last_values = target, {}
+        self._moved_to, self._last_values = visit, {}
 
     def _wait_until_settled(self, visit: Visit, watch: VisitWatch) -> bool:
         """Wait until thrust and speeds have settled; return False on timeout or bad samples.
@@ -326,7 +326,7 @@ class Sweep(Experiment):
         A timeout is recorded as an event.
         """
         settle, recorder = self.plan.settle, self.recorder
-        driven_rotors = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
+        driven_rotors = np.flatnonzero(visit.pwm_us > self.motors.stop_us)
         channel_names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven_rotors)]
         readings: list[Readings] = []
         start_s = self.recorder.bench.now_s()

@@ -92,12 +92,11 @@ def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | Non
     }
     rows = []
     for visit in visits[:MAX_PREVIEW_ROWS]:
-        position, pwm_text = visit.setting.place, f"{visit.setting.level_us:g}"
         kind: str = visit.kind
-        z_text = f"{position.z_m / radius_m:.2f}"
+        z_text, pwm_text = f"{visit.target_z_m / radius_m:.2f}", f"{visit.level_us:g}"
         if not plan.plate.used:
             kind, z_text = "throttle", "–"
-        elif position.parked:
+        elif visit.is_parked:
             z_text = "parked"
         row = (str(visit.point), kind, z_text, pwm_text, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
