@@ -10,9 +10,8 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchtool.acquire.average import average, is_settled
+from benchtool.acquire.average import average
 from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.measure import measure
@@ -22,8 +21,9 @@ from benchtool.acquire.record import RunProgress
 from benchtool.acquire.run_creation import new_run
 from benchtool.acquire.session import Experiment
 from benchtool.acquire.tare import TareResult, tare, tare_point
+from benchtool.acquire.visit_checks import has_settled
 from benchtool.acquire.visit_order import Visit
-from benchtool.bench.bench import DeviceInfo, Readings
+from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import plate_tolerance_m
 from benchtool.core.plural import pluralize
@@ -63,7 +63,6 @@ class LiveRecording(Experiment):
         self._tare: TareResult | None = None
         self._pulses_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
         self._number = 0
-        self._parts: list[Readings] = []
         self._phase, self._settled = "settle", False
         self._start_s = self._checked_s = 0.0
         self._visits: dict[tuple[float, ...], int] = {}
@@ -82,6 +81,7 @@ class LiveRecording(Experiment):
     def measure(self) -> None:
         self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
         self.recorder.append_point(tare_point(self._tare, self.rig.n_rotors))
+        self._begin("settle")
         while self._turn():
             self._read()
 
@@ -111,25 +111,21 @@ class LiveRecording(Experiment):
             self._checked_s = now_s
         if not len(driven):
             return
-        self._parts.append(readings)
+        self._samples.append(readings)
         level_s = now_s - self._start_s
         if phase == "sample" and level_s >= self.plan.sample_s:
-            self._append(recorder.concatenate(self._parts))
+            self._append(self._samples.recording())
             self._number += 1
             self._begin("sample")
         elif phase == "settle" and level_s >= self.plan.settle.window_s:
-            self._settled = self._checked_s == now_s and self._has_settled(driven)
+            is_checked, samples = self._checked_s == now_s, self._samples.recording()
+            self._settled = is_checked and has_settled(samples, driven, self.plan.settle)
             if self._settled or level_s >= self.plan.settle.timeout_s:
                 self._begin("sample")
 
     def _begin(self, phase: str) -> None:
-        self._parts, self._phase, self._start_s = [], phase, self.recorder.now_s
-
-    def _has_settled(self, driven: NDArray[np.intp]) -> bool:
-        plan, samples = self.plan.settle, self.recorder.concatenate(self._parts)
-        names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
-        channels = [samples.column(name) for name in names if name in samples]
-        return is_settled(samples.column("time_s"), channels, plan.window_s, plan.slope_per_s)
+        self._samples, self._phase = self.recorder.new_samples(), phase
+        self._start_s = self.recorder.now_s
 
     def _append(self, samples: Recording) -> None:
         assert self._tare is not None

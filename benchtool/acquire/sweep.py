@@ -10,7 +10,6 @@ from math import isnan, nan, radians
 import numpy as np
 
 from benchtool.acquire.arming import arming_prompt, plan_text
-from benchtool.acquire.average import is_settled
 from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
@@ -24,9 +23,9 @@ from benchtool.acquire.run_creation import new_run
 from benchtool.acquire.session import Experiment
 from benchtool.acquire.stage_selection import select_stage
 from benchtool.acquire.tare import TareResult, format_drift, tare, tare_point
-from benchtool.acquire.visit_checks import VisitChecks, VisitWatch
+from benchtool.acquire.visit_checks import VisitChecks, VisitWatch, has_settled
 from benchtool.acquire.visit_order import Visit, expected_duration_s, plan_visits
-from benchtool.bench.bench import DeviceInfo, Readings
+from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
@@ -217,7 +216,7 @@ class Sweep(Experiment):
         )
         ramp_end_s = self.recorder.now_s
         for attempt in range(1, MAX_ATTEMPTS + 1):
-            watch = VisitWatch(checks, self.recorder.concatenate, ramp_end_s)
+            watch = VisitWatch(checks, self.recorder.new_samples(), ramp_end_s)
             settled = self._wait_until_settled(visit, watch)
             samples = self._read_samples(visit, watch)
             problem = watch.problem
@@ -326,24 +325,16 @@ class Sweep(Experiment):
         A timeout is recorded as an event.
         """
         settle, recorder = self.plan.settle, self.recorder
-        driven_rotors = np.flatnonzero(visit.pwm_us > self.motors.stop_us)
-        channel_names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven_rotors)]
-        readings: list[Readings] = []
-        start_s = self.recorder.bench.now_s()
-        last_check_s = start_s
+        driven = np.flatnonzero(visit.pwm_us > self.motors.stop_us)
+        start_s = last_check_s = recorder.bench.now_s()
         while True:
-            readings.append(recorder.read("settle", visit.point))
-            if watch.update(readings[-1]):
+            if watch.update(recorder.read("settle", visit.point)):
                 return False
-            now_s = self.recorder.bench.now_s()
+            now_s = recorder.bench.now_s()
             is_check_due = now_s - last_check_s >= SETTLING_CHECK_INTERVAL_S
             if is_check_due and now_s - start_s >= settle.window_s:
                 last_check_s = now_s
-                samples = recorder.concatenate(readings)
-                channels = [samples.column(name) for name in channel_names if name in samples]
-                if is_settled(
-                    samples.column("time_s"), channels, settle.window_s, settle.slope_per_s
-                ):
+                if has_settled(watch.samples.recording(), driven, settle):
                     return True
             if now_s - start_s >= settle.timeout_s:
                 text = (
@@ -355,12 +346,11 @@ class Sweep(Experiment):
 
     def _read_samples(self, visit: Visit, watch: VisitWatch) -> Recording:
         """Return the samples of a point; stop early when the watch reports a problem."""
-        readings: list[Readings] = []
-        end_s = self.recorder.bench.now_s() + self.plan.sample_s
-        while watch.problem is None and (remaining_s := end_s - self.recorder.bench.now_s()) > 1e-9:
-            readings.append(self.recorder.read("sample", visit.point, min(STEP_S, remaining_s)))
-            watch.update(readings[-1])
-        return self.recorder.concatenate(readings)
+        start, bench = len(watch.samples), self.recorder.bench
+        end_s = bench.now_s() + self.plan.sample_s
+        while watch.problem is None and (remaining_s := end_s - bench.now_s()) > 1e-9:
+            watch.update(self.recorder.read("sample", visit.point, min(STEP_S, remaining_s)))
+        return watch.samples.recording(start)
 
     def summarise(self) -> str:
         """Return the text of the last event.
