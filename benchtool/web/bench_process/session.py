@@ -11,9 +11,9 @@ import numpy as np
 
 from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.calibration import (
-    apply_calibration,
     current_date,
     find_calibration,
+    fit_calibration,
     mean_counts,
 )
 from benchtool.acquire.inputs import SweepInputs, WeighingInputs
@@ -218,6 +218,8 @@ def store_calibration(
 ) -> Calibration:
     """Fit a calibration to masses in kg and counts, store it for the device and return it."""
     table = np.array(weighed, float).reshape(-1, 2)
-    calibration = apply_calibration(table[:, 0], table[:, 1], device_id, current_date(), weighing)
+    calibration = fit_calibration(
+        *table.T, date=current_date(), device_id=device_id, weighing=weighing
+    )
     store_state("calibration", device_id, asdict(calibration))
     return calibration
