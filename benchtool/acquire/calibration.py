@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.acquire.average import Average, average, read_span
-from benchtool.acquire.inputs import WeighingInputs
-from benchtool.acquire.run_creation import user_name
+from benchtool.acquire.inputs import WeighingInputs, user_name
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.core.array_type import Array
 from benchtool.core.errors import CalibrationError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 from dataclasses import dataclass, field
 from math import degrees, radians, sqrt
 from pathlib import Path
@@ -218,3 +219,11 @@ def resolve_rig(address: str, name: str | None) -> Rig:
     raise InputError(
         f"no rig for {address}; name it with --rig: {', '.join(rig_names())}, or a rig file"
     )
+
+
+def user_name() -> str:
+    """Return the name of the logged-in user."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return "unknown"

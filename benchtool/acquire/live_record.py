@@ -18,9 +18,8 @@ from benchtool.acquire.measure import measure
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.plan import Plan, PlatePart, plan_to_toml
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.run_creation import new_run
-from benchtool.acquire.session import Experiment
-from benchtool.acquire.tare import TareResult, tare, tare_point
+from benchtool.acquire.session import Experiment, new_run
+from benchtool.acquire.tare import TareResult, tare
 from benchtool.acquire.visit_checks import has_settled
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.bench import DeviceInfo
@@ -80,7 +79,6 @@ class LiveRecording(Experiment):
 
     def measure(self) -> None:
         self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
-        self.recorder.append_point(tare_point(self._tare, self.rig.n_rotors))
         self._begin("settle")
         while self._turn():
             self._read()

@@ -12,8 +12,7 @@ from benchtool.acquire.check_plan import PlanExtremes
 from benchtool.acquire.inputs import RecordInputs
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.record import Recorder, RunProgress
-from benchtool.acquire.run_creation import new_run
-from benchtool.acquire.session import Experiment
+from benchtool.acquire.session import Experiment, new_run
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import InputError, LimitExceeded, PlanError

@@ -6,11 +6,16 @@ differ in their operator only. `run_session` opens the bench before and closes t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import platform
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from typing import ClassVar, Literal
+from dataclasses import asdict
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, ClassVar, Literal
 
-from benchtool.acquire.inputs import RecordInputs, SweepInputs
+from benchtool import __version__
+from benchtool.acquire.inputs import RecordInputs, SweepInputs, user_name
 from benchtool.acquire.motors import Motors
 from benchtool.acquire.operator import Operator, arm, close_stopped, describe_bench, describe_end
 from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
@@ -19,10 +24,11 @@ from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.signals import ClosingSignals
+from benchtool.core.air import Air
 from benchtool.core.errors import StandstillNotConfirmed
 from benchtool.core.rig import Rig
 from benchtool.core.user_code import CodePermit
-from benchtool.data.run.run import Run
+from benchtool.data.run.run import Run, free_run_path
 
 RAMP_DOWN_S = 0.8  # ramp at a normal end; at most 1 s is allowed
 POST_STOP_RECORDING_S = 0.5  # recording of the deceleration after an early stop; assumed
@@ -159,6 +165,63 @@ def _stop_immediately(
     with suppress(Exception):
         recorder.record_event("stopped", reason)
     return recorder.rescue(error)
+
+
+def new_run(
+    inputs: SweepInputs | RecordInputs,
+    name: str,
+    plan_text: str,
+    rig: Rig,
+    identity: DeviceInfo,
+    facts: Mapping[str, Any],
+) -> Run:
+    """Create a run folder with its plan and metadata; `facts` are those of the experiment.
+
+    Without a path in the inputs, the folder is named by date and name.
+
+    Raises:
+        WouldOverwrite: the folder exists.
+    """
+    now = datetime.now().astimezone()
+    path = inputs.out or free_run_path(inputs.runs, f"{now:%Y-%m-%d}", name)
+    metadata = {
+        "state": "running",
+        "simulated": identity.simulated,
+        "started": now.isoformat(timespec="seconds"),
+        "operator": inputs.operator or user_name(),
+        "address": identity.address,
+        "device_id": identity.device_id,
+        "device": {
+            "firmware": identity.firmware,
+            "protocol": identity.protocol,
+            "rate_Hz": identity.rate_Hz,
+            "watchdog_s": identity.watchdog_s,
+            "limits": dict(identity.limits),
+            "channels": {channel.name: channel.unit for channel in identity.channels},
+            "channel_hash": identity.channel_hash,
+            "orders_protected": identity.rejects_late_commands,
+            "facts": dict(identity.facts),
+        },
+        "rig": asdict(rig),
+        "calibration": None,
+        "air": Air().facts(),
+        "versions": {
+            "benchtool": __version__,
+            "python": platform.python_version(),
+            "system": platform.platform(),
+            **{
+                package: _version(package) for package in ("numpy", "pandas", "pyarrow", "pyserial")
+            },
+        },
+    }
+    return Run.create(path, plan_text, metadata | facts)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def acquire(

@@ -19,10 +19,9 @@ from benchtool.acquire.operator import POLL_INTERVAL_S, Operator
 from benchtool.acquire.plan import plan_to_toml
 from benchtool.acquire.record import STEP_S, Recorder, RunProgress
 from benchtool.acquire.resume import ResumeState, SweepStart, prepare_resume, require_same_device
-from benchtool.acquire.run_creation import new_run
-from benchtool.acquire.session import Experiment
+from benchtool.acquire.session import Experiment, new_run
 from benchtool.acquire.stage_selection import select_stage
-from benchtool.acquire.tare import TareResult, format_drift, tare, tare_point
+from benchtool.acquire.tare import TareResult, format_drift, tare
 from benchtool.acquire.visit_checks import VisitChecks, VisitWatch, has_settled
 from benchtool.acquire.visit_order import Visit, expected_duration_s, plan_visits
 from benchtool.bench.bench import DeviceInfo
@@ -297,7 +296,6 @@ class Sweep(Experiment):
                 return
         self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
         self.n_tares += 1
-        self.recorder.append_point(tare_point(self._tare, self.rig.n_rotors))
 
     def _move_plate(self, visit: Visit) -> None:
         """Wait for standstill and move the plate; no-op if it is already there."""

@@ -172,13 +172,13 @@ def visited(bench: Drawn, path: Path) -> None:
     plant = PlateBench(rig, bench.model, np.random.default_rng(bench.seed), bench.flaws, RATE_HZ)
     plant.tare()
     rest = average(samples(plant, 1.0).column("thrust_N"))
-    tared = TareResult(plant.time_s - 0.5, rest, nan)
+    tared = TareResult(plant.time_s - 0.5, nan)
     here_m, off_m = rig.plate.z_park_m, 0.0
     places = np.random.default_rng([20261123, bench.seed, 1])
     stage = BacklashCompensatedStage(PlantStage(plant), rig.plate)
     writer = new_run(bench, path).point_writer(rig.n_rotors)
     try:
-        writer.append(tare_point(tared, rig.n_rotors))
+        writer.append(tare_point(tared.time_s, rest, rig.n_rotors))
         for visit in plan_visits(plan, rig):
             plant.command_pwm(np.array(visit.pwm_us))
             if abs(visit.target_z_m - here_m) > MIN_MOVE:

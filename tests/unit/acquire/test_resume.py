@@ -19,7 +19,7 @@ from benchtool.acquire.resume import (
     prepare_resume,
     require_same_device,
 )
-from benchtool.acquire.run_creation import new_run
+from benchtool.acquire.session import new_run
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import word_to_code
