@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import nan, pi
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.settings import MotorMap
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
+
+if TYPE_CHECKING:
+    from benchtool.bench.mavlink.bench import MavlinkBench
 
 ARMING_S = 2.0  # stop pulse that arms hobby ESCs: 1 to 2 s by their manuals
 LOW_THROTTLE_SHARE = 0.15  # of the pulse range: above the start, 1/50 of full thrust; assumed
@@ -189,19 +192,6 @@ PAUSE_S = 1.0  # between motors, until the last is at rest and only one ESC repo
 STEP_S = 0.05
 
 
-@runtime_checkable
-class ReportsOutputs(Protocol):
-    """Bench that reports the pulse of every output and the speed of every ESC."""
-
-    def outputs_us(self) -> tuple[float, ...]:
-        """Return the pulse of every output; 0 without pulse."""
-        ...
-
-    def speeds_rpm(self) -> dict[int, float]:
-        """Return the last speed of each ESC, by number from 1."""
-        ...
-
-
 def detect_motor_map(
     bench: Bench, rig: Rig, ask_rotor: Callable[[int], int], report: Callable[[str], None]
 ) -> MotorMap:
@@ -215,8 +205,10 @@ def detect_motor_map(
         InputError: a bench without output readback.
         BenchError: not exactly one output responds to a motor.
     """
+    from benchtool.bench.mavlink.bench import MavlinkBench
+
     device = bench.bench if isinstance(bench, GuardedBench) else bench
-    if not isinstance(device, ReportsOutputs):
+    if not isinstance(device, MavlinkBench):
         raise InputError("only a flight controller has motors to map; name a mavlink: address")
     low_us = low_throttle_us(rig)
     stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
@@ -249,7 +241,7 @@ def detect_motor_map(
     return motor_map
 
 
-def _find_output(device: ReportsOutputs, motor: int, low_us: float) -> int:
+def _find_output(device: MavlinkBench, motor: int, low_us: float) -> int:
     # Driven outputs have the low pulse, idle ones the stop pulse, servos any pulse.
     driven = [output for output, us in enumerate(device.outputs_us(), 1) if abs(us - low_us) <= 3.0]
     if len(driven) != 1:
@@ -261,7 +253,7 @@ def _find_output(device: ReportsOutputs, motor: int, low_us: float) -> int:
     return driven[0]
 
 
-def _find_esc(device: ReportsOutputs) -> int:
+def _find_esc(device: MavlinkBench) -> int:
     """Return the number of the only ESC with a speed; 0 for none or several."""
     turning = [esc for esc, rpm in device.speeds_rpm().items() if rpm > 0.0]
     return turning[0] if len(turning) == 1 else 0

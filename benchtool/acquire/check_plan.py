@@ -122,24 +122,19 @@ def check_plan(
     return expected
 
 
-def _changed_plate_input(plan: Plan) -> str:
-    """Return a changed input of the plan's plate; "" if all are default."""
-    changes = with_changes(plan.plate)
-    changed = (item for item in items(PlatePart) if item.name in changes)
-    return next((f"plate.{item.key} ({item.option})" for item in changed), "")
-
-
 def _check_lists(plan: Plan, rig: Rig) -> None:
     if not plan.plate.used and not plan.order.references:
         raise PlanError(
             "plate.used and order.references are both false, so the plan has no points; remove "
             "order.references"
         )
-    if not plan.plate.used and (extra := _changed_plate_input(plan)):
-        raise PlanError(
-            f"{extra} is given, but the plan turns rotors without a plate (plate.used = false); "
-            f"remove it, or use another plan"
-        )
+    changes = {} if plan.plate.used else with_changes(plan.plate)
+    for item in items(PlatePart):
+        if item.name in changes:
+            raise PlanError(
+                f"plate.{item.key} ({item.option}) is given, but the plan turns rotors without a "
+                f"plate (plate.used = false); remove it, or use another plan"
+            )
     if plan.plate.used and not plan.plate.distances_m:
         raise PlanError(
             f"no plate distance between the minimum of {rig.plate.z_min_m:g} m and the "

@@ -28,25 +28,27 @@ CHUNK_S = 1.0  # interval of statistics and of syncing to disk; assumed
 
 
 def check_experiment(
-    inputs: RecordInputs,
-    rig: Rig,
-    device_limits: Mapping[str, float] | None = None,
-    idle_us: float | None = None,
+    inputs: RecordInputs, rig: Rig, device: DeviceInfo | None = None
 ) -> PlanExtremes:
-    """Return the maxima at the collective; raise PlanError if they exceed the limits.
+    """Return the maxima at the collective, with the limits of an open bench if given.
 
-    Args:
-        idle_us: pulse above which the device arms; default: start pulse of the rig.
+    Raises:
+        InputError: not a pitch bench.
+        PlanError: limits of bench or rig are exceeded.
     """
+    device_limits: Mapping[str, float] = {}
+    idle_us = 0.0
+    if device is not None:
+        require_pitch(device)
+        device_limits, idle_us = device.limits, device.pwm_idle_us or 0.0
     seconds, pulse_us = inputs.seconds, inputs.collective_us(rig)
     if not (isfinite(seconds) and 0.0 < seconds <= MAX_DURATION_S):
         raise PlanError(f"--seconds is {seconds:g}; give more than 0, at most {MAX_DURATION_S:g}")
     if not 0.0 < inputs.limit_deg <= 90.0:
         raise PlanError(f"--limit-deg is {inputs.limit_deg:g}; give more than 0, at most 90")
-    device = dict(device_limits or {})
     p, limits = rig.propulsion, rig.limits
-    min_us = max(p.pwm_start_us, idle_us or 0.0)
-    max_us = min(limits.pwm_us, p.pwm_max_us, device.get("pwm_us", p.pwm_max_us))
+    min_us = max(p.pwm_start_us, idle_us)
+    max_us = min(limits.pwm_us, p.pwm_max_us, device_limits.get("pwm_us", p.pwm_max_us))
     if not min_us < pulse_us <= max_us:
         raise PlanError(
             f"collective {pulse_us:g} us is out of range; allowed: above {min_us:g} us, at most "
@@ -54,7 +56,7 @@ def check_experiment(
         )
     speed_rad_s = p.speed_per_us_rad_s * (pulse_us - p.pwm_start_us)
     rpm = speed_rad_s * 30.0 / pi
-    max_rpm = min(limits.rpm, device.get("rpm", limits.rpm))
+    max_rpm = min(limits.rpm, device_limits.get("rpm", limits.rpm))
     if rpm > max_rpm:
         raise PlanError(
             f"collective {pulse_us:g} us gives about {rpm:.0f} rpm, limit {max_rpm:.0f} rpm; "
@@ -73,17 +75,6 @@ def check_experiment(
             f"{rig.name!r}"
         )
     return PlanExtremes(pulse_us, rpm, thrust_N, thrust_N)
-
-
-def expected_extremes(identity: DeviceInfo, inputs: RecordInputs, rig: Rig) -> PlanExtremes:
-    """Return the result of `check_experiment` with the limits of an open bench.
-
-    Raises:
-        InputError: not a pitch bench.
-        PlanError: limits of bench or rig are exceeded.
-    """
-    require_pitch(identity)
-    return check_experiment(inputs, rig, identity.limits, identity.pwm_idle_us)
 
 
 def require_pitch(identity: DeviceInfo) -> None:
@@ -166,7 +157,7 @@ class PitchRecording(Experiment):
             operator.inform("dry run: nothing was opened, nothing spins")
 
     def check(self, bench: GuardedBench, operator: Operator) -> str:
-        expected = expected_extremes(bench.identity, self.inputs, self.rig)
+        expected = check_experiment(self.inputs, self.rig, bench.identity)
         return arming_text(self.inputs, self.rig, expected)
 
     def create_run(self, identity: DeviceInfo) -> Run:
@@ -180,7 +171,6 @@ class PitchRecording(Experiment):
         return new_run(inputs, inputs.name, inputs.plan_text(rig), rig, identity, facts)
 
     def build_recorder(self, bench: GuardedBench, run: Run) -> PitchRecorder:
-        require_pitch(bench.identity)
         bench.expect_loop()
         return PitchRecorder(bench, run, self.progress, self.inputs.pitch_limit_rad)
 

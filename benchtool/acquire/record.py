@@ -86,6 +86,7 @@ class Recorder:
                 "cut_line", f"the incomplete last line of {file} was removed: {fragment}"
             )
         self.append_point = self._writer.point
+        self.sync, self.close = self._writer.sync, self._writer.close
 
     @property
     def now_s(self) -> float:
@@ -162,22 +163,11 @@ class Recorder:
         self._writer.event(entry)
         self._progress.happened(entry)
 
-    def link(self) -> dict[str, Any]:
-        """Return the link quality for metadata.json.
-
-        Counts of samples, and all metadata of the bench with the prefix `link_`.
-        """
-        facts = self.bench.identity.facts
-        measured = {name: text for name, text in facts.items() if name.startswith("link_")}
-        return asdict(self.quality) | measured
-
-    def sync(self) -> None:
-        """Force the samples to the disk."""
-        self._writer.sync()
-
     def finish(self, state: str, reason: str | None = None) -> None:
-        """Write the final state of the run to disk."""
-        self._writer.update_metadata(state=state, reason=reason, link=self.link())
+        """Write the final state and the link quality of the run to disk."""
+        facts = self.bench.identity.facts
+        link = {name: text for name, text in facts.items() if name.startswith("link_")}
+        self._writer.update_metadata(state=state, reason=reason, link=asdict(self.quality) | link)
 
     def rescue(self, error: BaseException) -> BaseException:
         """Return the error to raise after `error` ended the run and zero was commanded.
@@ -195,10 +185,6 @@ class Recorder:
             return rescued
         self._progress.happened(Event(round(self.now_s, 6), "rescued", str(rescued)))
         return error
-
-    def close(self) -> None:
-        """Close the files."""
-        self._writer.close()
 
 
 class RunProgress:

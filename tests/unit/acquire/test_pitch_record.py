@@ -166,12 +166,14 @@ def test_what_the_limits_do_not_allow_is_refused(changes, told):
 def test_limits_of_device_and_rig_hold():
     assert check_experiment(HOVER, RIG).thrust_N == pytest.approx(1.4 * 9.81, rel=0.01)
     assert "5505 rpm" in arming_text(HOVER, RIG, check_experiment(HOVER, RIG))
+    with open_bench(ADDRESS) as bench:
+        device = bench.identity
     with pytest.raises(PlanError, match="1500 us"):
-        check_experiment(HOVER, RIG, {"pwm_us": 1500.0})
+        check_experiment(HOVER, RIG, replace(device, limits={"pwm_us": 1500.0}))
     with pytest.raises(PlanError, match="rpm"):
-        check_experiment(HOVER, RIG, {"rpm": 5000.0})
+        check_experiment(HOVER, RIG, replace(device, limits={"rpm": 5000.0}))
     with pytest.raises(PlanError, match="1700 us"):
-        check_experiment(HOVER, RIG, {}, idle_us=1700.0)
+        check_experiment(HOVER, RIG, replace(device, limits={}, pwm_idle_us=1700.0))
     weak = replace(RIG, limits=replace(RIG.limits, thrust_N=10.0))
     with pytest.raises(PlanError, match="10 N"):
         check_experiment(HOVER, weak)

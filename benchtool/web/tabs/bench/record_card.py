@@ -9,7 +9,7 @@ from pathlib import Path
 from nicegui import ui
 
 from benchtool.acquire.inputs import RecordInputs, hover_pulse_us
-from benchtool.acquire.pitch import REQUIRED_CHANNELS, arming_text, expected_extremes
+from benchtool.acquire.pitch import REQUIRED_CHANNELS, arming_text, check_experiment
 from benchtool.acquire.visit_order import format_duration
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import format_value
@@ -126,7 +126,7 @@ class RecordCard:
         if identity is None or rig is None:
             raise InputError("no bench is connected; connect one first")
         inputs = self._form.make(self._base)
-        text = arming_text(inputs, rig, expected_extremes(identity, inputs, rig))
+        text = arming_text(inputs, rig, check_experiment(inputs, rig, identity))
 
         def start(typed: str, needs_page: bool) -> None:
             self._context.bench.send(StartRun(inputs, typed, needs_page))
