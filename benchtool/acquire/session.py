@@ -226,7 +226,7 @@ def _version(package: str) -> str:
 
 def acquire(
     bench: GuardedBench, experiment: Experiment, operator: Operator, begin: Callable[[], None]
-) -> None:
+) -> Run:
     """Check, arm and record an experiment on an open bench; motors are at zero when it ends.
 
     Args:
@@ -246,6 +246,7 @@ def acquire(
         begin()
         with experiment.display(operator) as display:
             experiment.record(bench, run, display)
+    return run
 
 
 def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) -> Run | None:
@@ -267,14 +268,12 @@ def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) 
     with ClosingSignals() as closing:
         try:
             with accept_stops(GuardedBench(device, experiment.rig), inputs.address) as bench:
-                acquire(bench, experiment, operator, closing.ignore_signals)
+                run = acquire(bench, experiment, operator, closing.ignore_signals)
             describe_end(operator, bench)
         except BaseException:
             if experiment.run is not None:
                 close_stopped(operator, experiment.run, experiment.advice)
             raise
-        run = experiment.run
-        assert run is not None
         run.close()
     simulated = " (simulated)" if run.metadata["simulated"] else ""
     operator.inform(f"{experiment.summary(simulated)}; in {run.path}")

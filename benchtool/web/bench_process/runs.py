@@ -112,8 +112,17 @@ class RunSupervisor(RunProgress):
     def annotations(self) -> list[str]:
         return [self._annotations.get_nowait() for _ in range(self._annotations.qsize())]
 
-    def start(self, bench: GuardedBench, rig: Rig, command: StartRun) -> None:
+    def start(
+        self,
+        bench: GuardedBench,
+        rig: Rig,
+        command: StartRun | StartLiveRecording,
+        apply_throttle: Callable[[], object],
+    ) -> None:
         """Sweep or record; the throttle is at zero when this returns or raises.
+
+        Args:
+            apply_throttle: of manual throttle; called until `end_live`.
 
         Raises:
             BenchtoolError: the run could not start.
@@ -121,54 +130,21 @@ class RunSupervisor(RunProgress):
         """
         self.finish()
         self._paused.clear()
-        self._typed = command.typed
-        inputs = replace(
-            command.inputs, address=bench.identity.address, out=None, yes=not command.typed
-        )
-        experiment = build_experiment(inputs, rig, self)
-        if isinstance(experiment, Sweep) and experiment.resume_state:
-            experiment.start = self._prepare_resume(bench, experiment.resume_state.run.path)
-        self._acquire(bench, experiment, command)
-
-    def record_live(
-        self,
-        bench: GuardedBench,
-        rig: Rig,
-        command: StartLiveRecording,
-        apply_throttle: Callable[[], object],
-    ) -> None:
-        """Record under manual throttle until `end_live`; raises as `start`."""
-        self.finish()
         self._ended.clear()
-
-        def is_running() -> bool:
-            apply_throttle()
-            return not self._ended.is_set()
-
-        inputs = SweepInputs(plan=live_plan(command.name, rig), runs=command.runs)
-        self._acquire(bench, LiveRecording(inputs, rig, self, is_running), command)
-
-    def end_live(self) -> None:
-        """End a live recording; callable from any thread."""
-        self._ended.set()
-
-    def _acquire(
-        self, bench: GuardedBench, experiment: Experiment, command: StartRun | StartLiveRecording
-    ) -> None:
-        """Arm, record, and start closing the run."""
+        experiment = self._build_experiment(bench, rig, command, apply_throttle)
 
         def begin() -> None:
-            assert experiment.run is not None
-            needs_page = True
+            run = experiment.run
+            assert run is not None
+            needs_page = isinstance(command, StartLiveRecording) or command.needs_page
             if isinstance(command, StartRun):
-                needs_page = command.needs_page
-                experiment.run.update_metadata(needs_page=needs_page)
-            path = str(experiment.run.path)
-            self._begin(SweepStatus(status="running", kind=experiment.kind, run=path), needs_page)
+                run.update_metadata(needs_page=needs_page)
+            state = SweepStatus(status="running", kind=experiment.kind, run=str(run.path))
+            self._begin(state, needs_page)
 
         try:
-            acquire(bench, experiment, self, begin)
-            self._close(experiment.run, "ended", experiment.summary())
+            run = acquire(bench, experiment, self, begin)
+            self._close(run, "ended", experiment.summary())
         except BenchtoolError as error:
             if experiment.run is None:
                 raise
@@ -176,6 +152,34 @@ class RunSupervisor(RunProgress):
             bench.require_standstill(ends_normally=True)
             if isinstance(error, BenchError):
                 raise
+
+    def _build_experiment(
+        self,
+        bench: GuardedBench,
+        rig: Rig,
+        command: StartRun | StartLiveRecording,
+        apply_throttle: Callable[[], object],
+    ) -> Experiment:
+        if isinstance(command, StartLiveRecording):
+
+            def is_running() -> bool:
+                apply_throttle()
+                return not self._ended.is_set()
+
+            live_inputs = SweepInputs(plan=live_plan(command.name, rig), runs=command.runs)
+            return LiveRecording(live_inputs, rig, self, is_running)
+        self._typed = command.typed
+        inputs = replace(
+            command.inputs, address=bench.identity.address, out=None, yes=not command.typed
+        )
+        experiment = build_experiment(inputs, rig, self)
+        if isinstance(experiment, Sweep) and experiment.resume_state:
+            experiment.start = self._prepare_resume(bench, experiment.resume_state.run.path)
+        return experiment
+
+    def end_live(self) -> None:
+        """End a live recording; callable from any thread."""
+        self._ended.set()
 
     def finish(self) -> None:
         if self._closing is not None:
