@@ -225,12 +225,15 @@ def _version(package: str) -> str:
 
 
 def acquire(
-    bench: GuardedBench, experiment: Experiment, operator: Operator, begin: Callable[[], None]
+    bench: GuardedBench,
+    experiment: Experiment,
+    operator: Operator,
+    begin: Callable[[Run], object],
 ) -> Run:
     """Check, arm and record an experiment on an open bench; motors are at zero when it ends.
 
     Args:
-        begin: called before the first pulse, with the run set; the caller must close that run.
+        begin: called before the first pulse; the caller must close the run, as after an error.
 
     Raises:
         BenchtoolError: the run could not begin, or ended early.
@@ -243,7 +246,7 @@ def acquire(
         run = experiment.create_run(bench.identity)
         operator.inform(f"run {run.path}")
         experiment.run = run
-        begin()
+        begin(run)
         with experiment.display(operator) as display:
             experiment.record(bench, run, display)
     return run
@@ -268,7 +271,7 @@ def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) 
     with ClosingSignals() as closing:
         try:
             with accept_stops(GuardedBench(device, experiment.rig), inputs.address) as bench:
-                run = acquire(bench, experiment, operator, closing.ignore_signals)
+                run = acquire(bench, experiment, operator, lambda run: closing.ignore_signals())
             describe_end(operator, bench)
         except BaseException:
             if experiment.run is not None:

@@ -9,13 +9,12 @@ from math import isnan, nan, radians
 
 import numpy as np
 
-from benchtool.acquire.arming import arming_prompt, plan_text
 from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.measure import measure
 from benchtool.acquire.motors import cool_down_if_needed
-from benchtool.acquire.operator import POLL_INTERVAL_S, Operator
+from benchtool.acquire.operator import POLL_INTERVAL_S, Operator, arming_prompt, plan_text
 from benchtool.acquire.plan import plan_to_toml
 from benchtool.acquire.record import STEP_S, Recorder, RunProgress
 from benchtool.acquire.resume import ResumeState, SweepStart, prepare_resume, require_same_device

@@ -140,10 +140,14 @@ def check(inputs: CheckInputs) -> None:
     """Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle."""
     from datetime import datetime
 
-    from benchtool.acquire.arming import store_check_result
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
-    from benchtool.acquire.operator import confirm_arming, describe_bench, describe_end
+    from benchtool.acquire.operator import (
+        confirm_arming,
+        describe_bench,
+        describe_end,
+        store_check_result,
+    )
     from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench

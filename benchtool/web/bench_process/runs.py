@@ -133,9 +133,7 @@ class RunSupervisor(RunProgress):
         self._ended.clear()
         experiment = self._build_experiment(bench, rig, command, apply_throttle)
 
-        def begin() -> None:
-            run = experiment.run
-            assert run is not None
+        def begin(run: Run) -> None:
             needs_page = isinstance(command, StartLiveRecording) or command.needs_page
             if isinstance(command, StartRun):
                 run.update_metadata(needs_page=needs_page)

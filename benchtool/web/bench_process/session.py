@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.calibration import (
     current_date,
     find_calibration,
@@ -16,6 +15,7 @@ from benchtool.acquire.calibration import (
     mean_counts,
 )
 from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.operator import CONFIRMATION
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StopRequested

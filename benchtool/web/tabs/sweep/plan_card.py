@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from nicegui import events, run, ui
 
-from benchtool.acquire.arming import arming_prompt
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
 from benchtool.acquire.visit_order import (
     expected_duration_s,
