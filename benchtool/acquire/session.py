@@ -278,6 +278,6 @@ def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) 
                 close_stopped(operator, experiment.run, experiment.advice)
             raise
         run.close()
-    simulated = " (simulated)" if run.metadata["simulated"] else ""
+    simulated = " (simulated)" if run.metadata.get("simulated") else ""
     operator.inform(f"{experiment.summary(simulated)}; in {run.path}")
     return run

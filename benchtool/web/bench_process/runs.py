@@ -13,7 +13,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.live_record import LiveRecording, live_plan
+from benchtool.acquire.live import LiveRecording, live_plan
 from benchtool.acquire.operator import ARMING_QUESTION
 from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import SweepStart, load_resume_state, prepare_resume

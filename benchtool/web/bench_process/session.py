@@ -116,7 +116,9 @@ class Session:
             self.telemetry.update(busy="")
         elif isinstance(command, messages.StartRun | messages.StartLiveRecording):
             is_live = isinstance(command, messages.StartLiveRecording)
-            is_sweep = not is_live and isinstance(command.inputs, SweepInputs)
+            is_sweep = isinstance(command, messages.StartRun) and isinstance(
+                command.inputs, SweepInputs
+            )
 
             def apply_throttle() -> None:
                 self._apply_throttle(bench)

@@ -10,7 +10,7 @@ import pytest
 
 import benchtool as bt
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.live_record import LiveRecording, live_plan
+from benchtool.acquire.live import LiveRecording, live_plan
 from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import close_run, load_resume_state
 from benchtool.bench.drivers import open_bench
