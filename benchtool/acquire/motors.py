@@ -28,11 +28,6 @@ class Motors:
         self.stop_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
         self.pulses_us: Array = self.stop_us
 
-    @property
-    def stopped(self) -> bool:
-        """True if zero throttle is commanded."""
-        return bool(np.all(self.pulses_us == self.stop_us))
-
     def ramp_to(self, pulses_us: Array, seconds: float, phase: str, point: int = 0) -> None:
         """Ramp to pulses (n_rotors,) in equal steps, while recording."""
         # A ramp from standstill starts at the pulse where rotors begin to turn.

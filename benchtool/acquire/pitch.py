@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from math import degrees, isfinite, nan, pi
+from math import degrees, nan, pi
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
-MAX_DURATION_S = 3600.0  # longer ones are probably typing errors; assumed
 RATE_LIMIT_RAD_S = 10.0  # host limit, equal to the device's; assumed
 REQUIRED_CHANNELS = ("theta_rad", "gyro_rad_s")  # of every pitch bench
 RAMP_UP_S = 0.5  # ramp from idle to the collective; ten times the motor lag; assumed
@@ -41,11 +40,7 @@ def check_experiment(
     if device is not None:
         require_pitch(device)
         device_limits, idle_us = device.limits, device.pwm_idle_us or 0.0
-    seconds, pulse_us = inputs.seconds, inputs.collective_us(rig)
-    if not (isfinite(seconds) and 0.0 < seconds <= MAX_DURATION_S):
-        raise PlanError(f"--seconds is {seconds:g}; give more than 0, at most {MAX_DURATION_S:g}")
-    if not 0.0 < inputs.limit_deg <= 90.0:
-        raise PlanError(f"--limit-deg is {inputs.limit_deg:g}; give more than 0, at most 90")
+    pulse_us = inputs.collective_us(rig)
     p, limits = rig.propulsion, rig.limits
     min_us = max(p.pwm_start_us, idle_us)
     max_us = min(limits.pwm_us, p.pwm_max_us, device_limits.get("pwm_us", p.pwm_max_us))

@@ -17,7 +17,14 @@ from typing import Any, ClassVar, Literal
 from benchtool import __version__
 from benchtool.acquire.inputs import RecordInputs, SweepInputs, user_name
 from benchtool.acquire.motors import Motors
-from benchtool.acquire.operator import Operator, arm, close_stopped, describe_bench, describe_end
+from benchtool.acquire.operator import (
+    Operator,
+    arm,
+    close_stopped,
+    confirm_arming,
+    describe_bench,
+    describe_end,
+)
 from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
 from benchtool.acquire.stop_listener import accept_stops
 from benchtool.bench.bench import DeviceInfo
@@ -25,7 +32,7 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.signals import ClosingSignals
 from benchtool.core.air import Air
-from benchtool.core.errors import StandstillNotConfirmed
+from benchtool.core.errors import InputError, StandstillNotConfirmed
 from benchtool.core.rig import Rig
 from benchtool.core.user_code import CodePermit
 from benchtool.data.run.run import Run, free_run_path
@@ -281,3 +288,22 @@ def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) 
     simulated = " (simulated)" if run.metadata.get("simulated") else ""
     operator.inform(f"{experiment.summary(simulated)}; in {run.path}")
     return run
+
+
+@contextmanager
+def open_motor_test(
+    address: str, rig: Rig, text: str, operator: Operator, permit: CodePermit, *, yes: bool
+) -> Iterator[GuardedBench]:
+    """Open a bench whose motors turn without a run, after confirmation of the text.
+
+    Args:
+        yes: skip the confirmation; simulated benches only.
+    """
+    with accept_stops(GuardedBench(open_bench(address, permit), rig), address) as bench:
+        describe_bench(operator, bench.identity, rig)
+        if not yes:
+            confirm_arming(operator, text, bench)
+        elif not bench.identity.simulated:
+            raise InputError("--yes is for simulated benches only; remove it and type ARM")
+        yield bench
+    describe_end(operator, bench)

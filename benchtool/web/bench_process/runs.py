@@ -134,11 +134,13 @@ class RunSupervisor(RunProgress):
         experiment = self._build_experiment(bench, rig, command, apply_throttle)
 
         def begin(run: Run) -> None:
-            needs_page = isinstance(command, StartLiveRecording) or command.needs_page
+            self.annotations()  # discard those of the previous run
+            self._page_lost = False
+            self._needs_page = isinstance(command, StartLiveRecording) or command.needs_page
             if isinstance(command, StartRun):
-                run.update_metadata(needs_page=needs_page)
-            state = SweepStatus(status="running", kind=experiment.kind, run=str(run.path))
-            self._begin(state, needs_page)
+                run.update_metadata(needs_page=command.needs_page)
+            self._state = SweepStatus(status="running", kind=experiment.kind, run=str(run.path))
+            self._publisher.publish(self._state)
 
         try:
             run = acquire(bench, experiment, self, begin)
@@ -262,12 +264,6 @@ class RunSupervisor(RunProgress):
 
         self._closing = threading.Thread(target=close, name="closing")
         self._closing.start()
-
-    def _begin(self, state: SweepStatus, needs_page: bool) -> None:
-        self.annotations()  # discard those of the previous run
-        self._needs_page, self._page_lost = needs_page, False
-        self._state = state
-        self._publisher.publish(state)
 
     def _change(self, **changes: object) -> None:
         self._state = replace(self._state, **changes)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from benchtool.acquire.pitch import PitchRecording, arming_text, check_experimen
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.errors import LimitExceeded, PlanError
+from benchtool.core.errors import InputError, LimitExceeded, PlanError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule_file import load_schedule
 from benchtool.data.run.append import read_events
@@ -150,8 +150,8 @@ def test_ctrl_c_commands_zero_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"seconds": 0.0}, "--seconds is 0"),
-        ({"seconds": float("nan")}, "--seconds is nan"),
+        ({"seconds": 0.0}, "seconds is 0"),
+        ({"seconds": float("nan")}, "seconds is nan"),
         ({"collective": 1050.0}, "1050 us"),
         ({"collective": 1960.0}, "1950 us"),
         ({"limit_deg": 114.6}, "at most 90"),
@@ -159,7 +159,7 @@ def test_ctrl_c_commands_zero_at_once(tmp_path):
     ],
 )
 def test_what_the_limits_do_not_allow_is_refused(changes, told):
-    with pytest.raises(PlanError, match=told):
+    with pytest.raises(InputError, match=told):
         check_experiment(replace(HOVER, **changes), RIG)
 
 
