@@ -7,7 +7,7 @@ differ in their operator only. `run_session` opens the bench before and closes t
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import asdict
 from datetime import datetime
@@ -180,7 +180,7 @@ def new_run(
     plan_text: str,
     rig: Rig,
     identity: DeviceInfo,
-    facts: Mapping[str, Any],
+    facts: dict[str, Any],
 ) -> Run:
     """Create a run folder with its plan and metadata; `facts` are those of the experiment.
 

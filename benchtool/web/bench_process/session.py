@@ -156,8 +156,7 @@ class Session:
         if isinstance(command, messages.WeighMass):
             self.telemetry.update(busy=f"averaging counts under {command.mass_kg:g} kg")
             _check_weighing(command, self.rig)
-            counts = mean_counts(bench, command.seconds).mean
-            self._weighed.append((command.mass_kg, counts))
+            self._weighed.append((command.mass_kg, mean_counts(bench, command.seconds).mean))
             self.telemetry.update(busy="")
         elif command.store:
             device_id = bench.identity.device_id
