@@ -1,8 +1,9 @@
 """Control of rotor test benches near surfaces, and fits of ground-effect models.
 
-`import benchtool as bt` provides the commands as functions: `bt.read`, `bt.sweep`, `bt.fit`,
-`bt.pool`, `bt.motor`, `bt.explain`, `bt.export`, `bt.simulate_pitch`, `bt.simulate_flight`, with
-`bt.Model`, `bt.Rig` and `bt.Effect`. They are defined in `benchtool.api`, imported on first use.
+`import benchtool as bt` provides the commands as functions: `bt.read`, `bt.sweep`, `bt.record`,
+`bt.fit`, `bt.pool`, `bt.motor`, `bt.explain`, `bt.export`, `bt.simulate_pitch`,
+`bt.simulate_flight`, with `bt.Model`, `bt.Rig` and `bt.Effect`. They are defined in
+`benchtool.api`, imported on first use.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import Any
 __version__ = "0.1.0"
 __all__ = [
     "Effect", "Model", "Result", "Rig", "__version__", "compare", "explain", "export",
-    "figure_style", "fit", "fly", "load_model", "load_rig", "motor", "pool", "read", "runs",
-    "simulate_flight", "simulate_pitch", "sweep",
+    "figure_style", "fit", "fly", "load_model", "load_rig", "motor", "pool", "read", "record",
+    "runs", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 

@@ -11,9 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.operator import Operator, Unattended
-from benchtool.acquire.sweep_run import base_inputs, run_sweep_to_folder
+from benchtool.acquire.operator import Operator
+from benchtool.acquire.run_experiment import run_keywords
 from benchtool.core.choices import Over
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
@@ -57,8 +56,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Effect", "Model", "Result", "Rig", "compare", "explain", "export", "figure_style", "fit",
-    "fly", "load_model", "load_rig", "motor", "pool", "read", "runs", "simulate_flight",
-    "simulate_pitch", "sweep",
+    "fly", "load_model", "load_rig", "motor", "pool", "read", "record", "runs",
+    "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 
@@ -140,21 +139,22 @@ def sweep(
         BenchError, RunInterrupted: the sweep ended early; throttle is zero, and the measured points
             are in the run folder.
     """
-    if not yes and operator is None:
-        raise InputError(
-            "not armed: bt.sweep turns motors and needs a confirmation; use yes=True (for a "
-            "simulated bench, or one whose bench check passed today), or benchtool sweep in a "
-            "terminal"
-        )
-    if options.pop("dry_run", False):
-        raise InputError("dry_run needs the command line: benchtool sweep ADDRESS --dry-run")
-    rig_name = None if isinstance(rig, Rig) or rig is None else str(rig)
-    values = {"address": bench or None, "rig": rig_name, "yes": yes} | options
-    inputs = build_inputs(SweepInputs, values, base=base_inputs(values, "keyword"))
-    rig_object = rig if isinstance(rig, Rig) else None
-    run = run_sweep_to_folder(inputs, operator or Unattended(), permit, rig_object)
-    assert run is not None
-    return _sweep(run.path)
+    values = {"address": bench or None, "yes": yes} | options
+    return _sweep(run_keywords("sweep", values, rig, operator, permit))
+
+
+def record(
+    bench: str,
+    rig: Rig | str | Path | None = None,
+    *,
+    yes: bool = False,
+    operator: Operator | None = None,
+    permit: CodePermit = check_code_allowed,
+    **options: Any,
+) -> Result[ReplaySource]:
+    """Record a pitch experiment like `benchtool record`, and read the run; otherwise as `sweep`."""
+    values = {"address": bench, "yes": yes} | options
+    return read(run_keywords("record", values, rig, operator, permit))  # type: ignore[return-value]
 
 
 def motor(

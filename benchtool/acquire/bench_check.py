@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import nan, pi
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +14,12 @@ from benchtool.acquire.motors import STANDSTILL_RPM
 from benchtool.bench.bench import Bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.settings import MotorMap
+from benchtool.core.channel import channel_family
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
+
+if TYPE_CHECKING:
+    from benchtool.bench.mavlink.bench import MavlinkBench
 
 ARMING_S = 2.0  # stop pulse that arms hobby ESCs: 1 to 2 s by their manuals
 LOW_THROTTLE_SHARE = 0.15  # of the pulse range: above the start, 1/50 of full thrust; assumed
@@ -54,7 +58,7 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[CheckResult]:
     turning = {
         name: value
         for name, value in at_rest.items()
-        if _is_rpm(name) and not abs(value) < STANDSTILL_RPM
+        if channel_family(name) == "rpm" and not abs(value) < STANDSTILL_RPM
     }
     if turning:
         name, value = next(iter(turning.items()))
@@ -118,7 +122,7 @@ def _judge_speed(
     others = {
         name: value
         for name, value in means.items()
-        if _is_rpm(name) and name != channel and abs(value) >= STANDSTILL_RPM
+        if channel_family(name) == "rpm" and name != channel and abs(value) >= STANDSTILL_RPM
     }
     rpm = means.get(channel, nan)
     low, high = (factor * expected_rpm for factor in SPEED_BAND)
@@ -179,27 +183,10 @@ def _means(bench: Bench, names: list[str], seconds: float) -> dict[str, float]:
     return {name: float(sums[i] / counts[i]) if counts[i] else nan for i, name in enumerate(names)}
 
 
-def _is_rpm(name: str) -> bool:
-    return name.rstrip("0123456789") == "rpm"
-
-
 TURN_S = 1.2  # duration of a motor test: rotors have started, below the dead channel timeout
 PAUSE_S = 1.0  # between motors, until the last is at rest and only one ESC reports a speed
 
 STEP_S = 0.05
-
-
-@runtime_checkable
-class ReportsOutputs(Protocol):
-    """Bench that reports the pulse of every output and the speed of every ESC."""
-
-    def outputs_us(self) -> tuple[float, ...]:
-        """Return the pulse of every output; 0 without pulse."""
-        ...
-
-    def speeds_rpm(self) -> dict[int, float]:
-        """Return the last speed of each ESC, by number from 1."""
-        ...
 
 
 def detect_motor_map(
@@ -215,18 +202,14 @@ def detect_motor_map(
         InputError: a bench without output readback.
         BenchError: not exactly one output responds to a motor.
     """
+    from benchtool.bench.mavlink.bench import MavlinkBench
+
     device = bench.bench if isinstance(bench, GuardedBench) else bench
-    if not isinstance(device, ReportsOutputs):
+    if not isinstance(device, MavlinkBench):
         raise InputError("only a flight controller has motors to map; name a mavlink: address")
     low_us = low_throttle_us(rig)
     stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
-    motor_map = MotorMap(
-        rig=rig.name,
-        autopilot=bench.identity.facts["autopilot"],
-        motors=tuple(range(1, rig.n_rotors + 1)),
-        outputs=(0,) * rig.n_rotors,
-        escs=(0,) * rig.n_rotors,
-    )
+    motors, outputs, escs = ([0] * rig.n_rotors for _ in range(3))
     for motor in range(1, rig.n_rotors + 1):
         pulses_us = stop_us.copy()
         pulses_us[motor - 1] = low_us
@@ -239,17 +222,18 @@ def detect_motor_map(
         name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
         esc_text = f"ESC {esc} reports its speed" if esc else "no ESC reports its speed"
         report(f"motor {motor} drives output {output}, {name}; " + esc_text)
-        motor_map = replace(
-            motor_map,
-            motors=_with(motor_map.motors, rotor, motor),
-            outputs=_with(motor_map.outputs, rotor, output),
-            escs=_with(motor_map.escs, rotor, esc),
-        )
+        motors[rotor], outputs[rotor], escs[rotor] = motor, output, esc
     bench.stop()
-    return motor_map
+    return MotorMap(
+        rig=rig.name,
+        autopilot=bench.identity.facts["autopilot"],
+        motors=tuple(motors),
+        outputs=tuple(outputs),
+        escs=tuple(escs),
+    )
 
 
-def _find_output(device: ReportsOutputs, motor: int, low_us: float) -> int:
+def _find_output(device: MavlinkBench, motor: int, low_us: float) -> int:
     # Driven outputs have the low pulse, idle ones the stop pulse, servos any pulse.
     driven = [output for output, us in enumerate(device.outputs_us(), 1) if abs(us - low_us) <= 3.0]
     if len(driven) != 1:
@@ -261,11 +245,7 @@ def _find_output(device: ReportsOutputs, motor: int, low_us: float) -> int:
     return driven[0]
 
 
-def _find_esc(device: ReportsOutputs) -> int:
+def _find_esc(device: MavlinkBench) -> int:
     """Return the number of the only ESC with a speed; 0 for none or several."""
     turning = [esc for esc, rpm in device.speeds_rpm().items() if rpm > 0.0]
     return turning[0] if len(turning) == 1 else 0
-
-
-def _with(numbers: tuple[int, ...], rotor: int, number: int) -> tuple[int, ...]:
-    return (*numbers[:rotor], number, *numbers[rotor + 1 :])

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.acquire.average import Average, average, read_span
-from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
-from benchtool.acquire.run_creation import user_name
+from benchtool.acquire.inputs import WeighingInputs, user_name
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.core.errors import CalibrationError
-from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
+from benchtool.core.units import Array
 from benchtool.data.calibration import (
     Calibration,
     CalibrationComponent,
@@ -43,12 +42,8 @@ def fit_calibration(
     *,
     date: str,
     device_id: str,
-    lever_ratio: float = 1.0,
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+    weighing: WeighingInputs | None = None,
     days: Sequence[str] = (),
-    uncertainty: MassUncertainty | None = None,
-    calibrated_by: str = "",
-    certificate: str = "",
 ) -> Calibration:
     """Fit a line through counts (n,) of masses (n,), in the order of loading.
 
@@ -60,14 +55,13 @@ def fit_calibration(
     Args:
         counts: mean raw reading of each mass.
         date: of the last reading, ISO 8601.
-        lever_ratio: force on the cell over force at the rotor; 1 for a straight mount.
         days: (n,) day of each reading; default: one day.
-        uncertainty: of masses, gravity and lever; default: exact.
 
     Raises:
         CalibrationError: too few masses, counts that do not depend on them, nonlinear readings.
     """
-    force = _checked_forces(masses_kg, counts, lever_ratio, gravity_m_s2)
+    weighing = weighing or WeighingInputs()
+    force = _checked_forces(masses_kg, counts, weighing)
     labels = np.array(list(days) or [date[:10]] * len(force))
     if len(labels) != len(force):
         raise CalibrationError(f"{len(force)} readings, but {len(labels)} days; name one for each")
@@ -126,9 +120,8 @@ def fit_calibration(
                 dof=len(lines) - 1,
             )
         )
-    mass_uncertainty = uncertainty or MassUncertainty()
     per_kg = _slope_per_kg([masses_kg[rows] for rows in by_day.values()], dof)
-    components += _uncertainty_components(mass_uncertainty, per_kg, lever_ratio, gravity_m_s2)
+    components += _uncertainty_components(weighing, per_kg)
     by_gain = np.array([[-(slope**2), 0.0], [last.level * slope**2, -slope]])
     last_force = force[list(by_day.values())[-1]]
     design = np.column_stack([last_force, np.ones_like(last_force)])
@@ -148,41 +141,18 @@ def fit_calibration(
         masses_kg=tuple(masses_kg.tolist()),
         counts=tuple(counts.tolist()),
         residuals_N=tuple(residual_N.tolist()),
-        lever_ratio=lever_ratio,
-        gravity_m_s2=gravity_m_s2,
+        lever_ratio=weighing.lever_ratio,
+        gravity_m_s2=weighing.gravity,
         days=tuple(labels.tolist()),
         components=tuple(components),
-        calibrated_by=calibrated_by,
-        certificate=certificate,
+        calibrated_by=weighing.operator or user_name(),
+        certificate=weighing.certificate,
     )
 
 
 def current_date() -> str:
     """Return date and time in the format of a calibration."""
     return datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
-
-
-def apply_calibration(
-    masses_kg: Array,
-    counts: Array,
-    device_id: str,
-    date: str,
-    weighing: WeighingInputs,
-    days: Sequence[str] = (),
-) -> Calibration:
-    """Return the calibration of masses (n,) and counts (n,) with their metadata."""
-    return fit_calibration(
-        masses_kg,
-        counts,
-        date=date,
-        device_id=device_id,
-        lever_ratio=weighing.lever_ratio,
-        gravity_m_s2=weighing.gravity,
-        days=days,
-        uncertainty=weighing.uncertainty,
-        calibrated_by=weighing.operator or user_name(),
-        certificate=weighing.certificate,
-    )
 
 
 def _fit_line(force: Array, counts: Array) -> _Line:
@@ -216,18 +186,19 @@ def _slope_per_kg(days_kg: Sequence[Array], dof: int) -> float:
 
 
 def _uncertainty_components(
-    uncertainty: MassUncertainty, per_kg: float, lever_ratio: float, gravity_m_s2: float
+    weighing: WeighingInputs, per_kg: float
 ) -> Iterator[CalibrationComponent]:
     """Yield the components of the slope's uncertainty from the stated ones.
 
     Args:
         per_kg: relative change of the slope by errors of 1 kg of each mass.
     """
+    u = weighing.uncertainty
     for name, unit, sd, relative_sd in (
-        ("masses", "kg", uncertainty.mass_u_kg, uncertainty.mass_u_kg * per_kg),
-        ("scale of the masses", "1", uncertainty.mass_scale_u, uncertainty.mass_scale_u),
-        ("gravity", "m/s2", uncertainty.gravity_u_m_s2, uncertainty.gravity_u_m_s2 / gravity_m_s2),
-        ("lever", "1", uncertainty.lever_u, uncertainty.lever_u / lever_ratio),
+        ("masses", "kg", u.mass_u_kg, u.mass_u_kg * per_kg),
+        ("scale of the masses", "1", u.mass_scale_u, u.mass_scale_u),
+        ("gravity", "m/s2", u.gravity_u_m_s2, u.gravity_u_m_s2 / weighing.gravity),
+        ("lever", "1", u.lever_u, u.lever_u / weighing.lever_ratio),
     ):
         if sd > 0.0:
             yield CalibrationComponent(
@@ -240,8 +211,7 @@ def with_drift_interval(
     masses_kg: Array,
     counts: Array,
     day: str,
-    lever_ratio: float,
-    gravity_m_s2: float,
+    weighing: WeighingInputs,
 ) -> tuple[Array, Array, list[str]]:
     """Return masses, counts and days of an earlier calibration followed by new readings.
 
@@ -249,7 +219,7 @@ def with_drift_interval(
         CalibrationError: made with another lever or gravity.
     """
     earlier_values = (earlier.lever_ratio, earlier.gravity_m_s2)
-    new_values = (lever_ratio, gravity_m_s2)
+    new_values = (weighing.lever_ratio, weighing.gravity)
     if earlier_values != new_values:
         raise CalibrationError(
             f"calibration {earlier.id} was made with lever ratio and gravity {earlier_values}, "
@@ -279,9 +249,7 @@ def require_device(
         )
 
 
-def _checked_forces(
-    masses_kg: Array, counts: Array, lever_ratio: float, gravity_m_s2: float
-) -> Array:
+def _checked_forces(masses_kg: Array, counts: Array, weighing: WeighingInputs) -> Array:
     if len(masses_kg) != len(counts):
         raise CalibrationError(f"{len(masses_kg)} masses, but {len(counts)} readings; pair them")
     if not (np.isfinite(masses_kg).all() and np.isfinite(counts).all()):
@@ -290,17 +258,7 @@ def _checked_forces(
         raise CalibrationError(
             f"mass {masses_kg.min():g} kg is out of range; allowed: 0 kg or more"
         )
-    if not 9.76 < gravity_m_s2 < 9.84:
-        raise CalibrationError(
-            f"local gravity {gravity_m_s2:g} m/s2 is out of range; allowed: 9.76 to 9.84 m/s2; "
-            f"correct --gravity"
-        )
-    if not 0.01 <= lever_ratio <= 100.0:
-        raise CalibrationError(
-            f"lever ratio {lever_ratio:g} is out of range; allowed: 0.01 to 100 (force on the cell "
-            f"over force at the rotor)"
-        )
-    return masses_kg * gravity_m_s2 / lever_ratio
+    return masses_kg * weighing.gravity / weighing.lever_ratio
 
 
 def _check_masses(masses_kg: Array, when: str) -> None:

@@ -9,7 +9,7 @@ from math import atan2, degrees, radians, tan
 import numpy as np
 
 from benchtool.acquire.plan import Plan, PlatePart
-from benchtool.acquire.visit_order import Setting, min_duration_s, plan_settings
+from benchtool.acquire.visit_order import Visit, min_duration_s, plan_settings
 from benchtool.core.errors import PlanError
 from benchtool.core.inputs import items, with_changes
 from benchtool.core.rig import Rig
@@ -56,9 +56,9 @@ def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
     conditions = Conditions.build(
         rig,
         speed_rad_s=speed,
-        plate_z_m=np.array([setting.place.z_m for setting in settings]),
-        plate_x_m=np.array([setting.place.x_m for setting in settings]),
-        plate_tilt_rad=np.array([radians(setting.place.tilt_deg) for setting in settings]),
+        plate_z_m=np.array([setting.target_z_m for setting in settings]),
+        plate_x_m=np.array([setting.target_x_m for setting in settings]),
+        plate_tilt_rad=np.array([radians(setting.target_tilt_deg) for setting in settings]),
     )
     in_ground_effect = np.asarray(model.thrust_N(conditions), float)
     out_of_ground_effect = np.asarray(model.thrust_N(conditions.out_of_ground_effect()), float)
@@ -122,24 +122,19 @@ def check_plan(
     return expected
 
 
-def _changed_plate_input(plan: Plan) -> str:
-    """Return a changed input of the plan's plate; "" if all are default."""
-    changes = with_changes(plan.plate)
-    changed = (item for item in items(PlatePart) if item.name in changes)
-    return next((f"plate.{item.key} ({item.option})" for item in changed), "")
-
-
 def _check_lists(plan: Plan, rig: Rig) -> None:
     if not plan.plate.used and not plan.order.references:
         raise PlanError(
             "plate.used and order.references are both false, so the plan has no points; remove "
             "order.references"
         )
-    if not plan.plate.used and (extra := _changed_plate_input(plan)):
-        raise PlanError(
-            f"{extra} is given, but the plan turns rotors without a plate (plate.used = false); "
-            f"remove it, or use another plan"
-        )
+    changes = {} if plan.plate.used else with_changes(plan.plate)
+    for item in items(PlatePart):
+        if item.name in changes:
+            raise PlanError(
+                f"plate.{item.key} ({item.option}) is given, but the plan turns rotors without a "
+                f"plate (plate.used = false); remove it, or use another plan"
+            )
     if plan.plate.used and not plan.plate.distances_m:
         raise PlanError(
             f"no plate distance between the minimum of {rig.plate.z_min_m:g} m and the "
@@ -172,29 +167,30 @@ def _check_lists(plan: Plan, rig: Rig) -> None:
         )
 
 
-def _check_position(setting: Setting, rig: Rig, device: Mapping[str, float]) -> None:
-    target, plate = setting.place, rig.plate
+def _check_position(setting: Visit, rig: Rig, device: Mapping[str, float]) -> None:
+    plate = rig.plate
+    z_m, x_m, tilt_deg, _ = setting.position
     low_m = max(plate.z_min_m, device.get("plate_z_min_m", 0.0))
     high_m = min(plate.z_max_m, device.get("plate_z_max_m", np.inf))
-    if not low_m <= target.z_m <= high_m:
+    if not low_m <= z_m <= high_m:
         raise PlanError(
-            f"plate distance {target.z_m:g} m (z/R = "
-            f"{target.z_m / rig.propulsion.radius_m:.2f}) is out of range; allowed: {low_m:g} to "
+            f"plate distance {z_m:g} m (z/R = "
+            f"{z_m / rig.propulsion.radius_m:.2f}) is out of range; allowed: {low_m:g} to "
             f"{high_m:g} m; change plate.distances or the rig's plate.z_min_m, z_max_m"
         )
     side_m = min(rig.plate_x_max_m, device.get("plate_x_max_m", np.inf))
-    if abs(target.x_m) > side_m:
+    if abs(x_m) > side_m:
         raise PlanError(
-            f"lateral position {target.x_m:g} m is out of range; allowed: -{side_m:g} to "
+            f"lateral position {x_m:g} m is out of range; allowed: -{side_m:g} to "
             f"{side_m:g} m; change plate.lateral_m or the rig's plate.x_max_m"
         )
     tips_m = max(abs(rotor.x_m) for rotor in rig.rotors) + rig.propulsion.radius_m
-    reach_m = min(abs(target.x_m) + tips_m, 0.5 * plate.size_x_m)  # from the pivot at the centre
-    nearest_m = target.z_m - reach_m * tan(abs(radians(target.tilt_deg)))
+    reach_m = min(abs(x_m) + tips_m, 0.5 * plate.size_x_m)  # from the pivot at the centre
+    nearest_m = z_m - reach_m * tan(abs(radians(tilt_deg)))
     if nearest_m < low_m:
-        max_deg = degrees(atan2(target.z_m - low_m, reach_m))
+        max_deg = degrees(atan2(z_m - low_m, reach_m))
         raise PlanError(
-            f"at {target.z_m:g} m a tilt of {target.tilt_deg:g} deg brings the plate to "
+            f"at {z_m:g} m a tilt of {tilt_deg:g} deg brings the plate to "
             f"{nearest_m:.3g} m of the blade tips, minimum distance {low_m:g} m; tilt at most "
             f"{max_deg:.1f} deg there or use a larger distance"
         )

@@ -1,12 +1,14 @@
-"""Inputs of `sweep` and `calibrate`, and the rig of a bench."""
+"""Inputs of `sweep`, `record` and `calibrate`, and the rig of a bench."""
 
 from __future__ import annotations
 
+import getpass
 from dataclasses import dataclass, field
+from math import degrees, radians, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
 from benchtool.acquire.plan import Plan
 from benchtool.core.air import Air
@@ -15,6 +17,8 @@ from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig
+
+GRAVITY_M_S2 = 9.81  # as in the simulated pitch bench
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +59,77 @@ class SweepInputs(Inputs):
     ] = False
     dry_run: Annotated[bool, Input("Print plan and duration only.")] = False
     resume: Annotated[Path | None, Input("Run folder to resume.")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordInputs(Inputs):
+    """Inputs of `benchtool record`."""
+
+    address: Annotated[
+        str, Input("Bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
+    ]
+    rig: Annotated[str | None, Input("Rig name or file.")] = None
+    seconds: Annotated[
+        float, Gt(0.0), Le(3600.0), Input("Duration in bench time.", "s", label="Duration, s")
+    ] = 40.0
+    collective: Annotated[
+        Annotated[float, Gt(0.0), Le(1e4)] | None,
+        Input("Collective pulse width.", "us", default_text="hover", label="Collective, us"),
+    ] = None
+    plate_z_m: Annotated[
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Plate distance.", "m", label="Plate distance, m", default_text="unchanged"),
+    ] = None
+    limit_deg: Annotated[
+        float,
+        Gt(0.0),
+        Le(90.0),
+        Input("Pitch angle limit; stops the motors.", "deg", label="Stop beyond, deg"),
+    ] = 45.0
+    schedule: Annotated[
+        str, Input("Schedule of the device, for the metadata.", default_text="as reported")
+    ] = ""
+    name: Annotated[str, Input("Name of the run.", label="Name of the run", group="Run folder")] = (
+        "pitch"
+    )
+    runs: Annotated[Path, Input("Parent folder of the runs.")] = Path("runs")
+    out: Annotated[Path | None, Input("New run folder.")] = None
+    operator: Annotated[str, Input("Operator.", default_text="user name")] = ""
+    yes: Annotated[
+        bool, Input("Skip arming confirmation: simulated or checked today.", group="This run")
+    ] = False
+    dry_run: Annotated[bool, Input("Print the experiment only; no motor turns.")] = False
+
+    @property
+    def pitch_limit_rad(self) -> float:
+        """Pitch angle that stops the motors."""
+        return radians(self.limit_deg)
+
+    def collective_us(self, rig: Rig) -> float:
+        """Return the pulse of every motor that arms the device; its control loop adds to it."""
+        return hover_pulse_us(rig) if self.collective is None else self.collective
+
+    def plan_text(self, rig: Rig) -> str:
+        """Return the text of plan.toml."""
+        lines = [
+            "[record]",
+            f"seconds = {self.seconds!r}",
+            f"collective_us = {self.collective_us(rig)!r}",
+            f"pitch_limit_deg = {degrees(self.pitch_limit_rad)!r}",
+        ]
+        if self.plate_z_m is not None:
+            lines.append(f"plate_z_m = {self.plate_z_m!r}")
+        if self.schedule:
+            lines.append("schedule = '" + self.schedule.replace("'", "") + "'")
+        return "\n".join(lines) + "\n"
+
+
+def hover_pulse_us(rig: Rig) -> float:
+    """Return the hover pulse out of ground effect, rounded: us."""
+    p = rig.propulsion
+    thrust_N = rig.body.mass_kg * GRAVITY_M_S2 / rig.n_rotors
+    speed_rad_s = sqrt(thrust_N / p.thrust_coefficient_N_s2)
+    return float(round(p.pwm_start_us + speed_rad_s / p.speed_per_us_rad_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,3 +219,11 @@ def resolve_rig(address: str, name: str | None) -> Rig:
     raise InputError(
         f"no rig for {address}; name it with --rig: {', '.join(rig_names())}, or a rig file"
     )
+
+
+def user_name() -> str:
+    """Return the name of the logged-in user."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return "unknown"

@@ -42,7 +42,7 @@ def is_aliased(rpm: float, time_s: Array) -> str:
 def measure(
     samples: Recording,
     visit: Visit,
-    reached_m: float,
+    plate_stage_z_m: float,
     tare: TareResult,
     calibration: Calibration | None,
     sensors: Mapping[str, Sensor],
@@ -52,11 +52,10 @@ def measure(
     """Return the point of a visit's samples, and its events by kind and text.
 
     Args:
-        reached_m: plate distance reported by the stage; used if the stream has none.
+        plate_stage_z_m: plate distance reported by the stage; used if the stream has none.
         now_s: time of a point without samples.
     """
-    target = visit.setting.place
-    n_rotors = len(visit.setting.pwm_us)
+    n_rotors = len(visit.pwm_us)
     names = [name for name in averaged_channels(n_rotors) if name in samples]
     columns = {name: samples.column(name) for name in names}
     if calibration is not None:
@@ -88,22 +87,22 @@ def measure(
     point = Point(
         point=visit.point,
         kind=visit.kind,
-        setting=visit.setting.number,
+        setting=visit.setting,
         repeat=visit.repeat,
         time_s=time_s,
         elapsed_s=time_s - tare.time_s,
-        pwm_us=visit.setting.pwm_us,
+        pwm_us=visit.pwm_us,
         rpm=tuple(speed.mean for speed in speeds),
         rpm_se=tuple(speed.se for speed in speeds),
         thrust_N=thrust.mean,
         thrust_sd_N=thrust.sd,
         thrust_se_N=thrust.se,
         n_samples=thrust.n,
-        plate_z_m=mean("plate_z_m", reached_m),
-        plate_stage_z_m=reached_m,
+        plate_z_m=mean("plate_z_m", plate_stage_z_m),
+        plate_stage_z_m=plate_stage_z_m,
         plate_read_z_m=mean("plate_z_m"),
-        plate_x_m=mean("plate_x_m", target.x_m),
-        plate_tilt_deg=mean("plate_tilt_deg", target.tilt_deg),
+        plate_x_m=mean("plate_x_m", visit.target_x_m),
+        plate_tilt_deg=mean("plate_tilt_deg", visit.target_tilt_deg),
         voltage_V=mean("voltage_V"),
         current_A=mean("current_A"),
         torque_Nm=mean("torque_Nm"),

@@ -1,26 +1,21 @@
-"""Motor commands of a run: ramps, standstill, cooldown, and a safe end."""
+"""Motor commands of a run: ramps, standstill and cooldown."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
 from math import isnan
-from typing import TypeVar
 
 import numpy as np
 
 from benchtool.acquire.average import average
 from benchtool.acquire.plan import CooldownPart
 from benchtool.acquire.record import Recorder
-from benchtool.core.errors import BenchError, CommandRefused, RunInterrupted, StandstillNotConfirmed
+from benchtool.core.errors import BenchError, CommandRefused, RunInterrupted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.data.run.points import Point
 
 RAMP_STEP_S = 0.05  # between pulses; far below the device watchdog of 0.25 s; assumed
-RAMP_DOWN_S = 0.8  # ramp at a normal end; at most 1 s is allowed
-POST_STOP_RECORDING_S = 0.5  # recording of the deceleration after an early stop; assumed
 STANDSTILL_RPM = 30.0  # slower rotors are at standstill; tachometer noise is 1 to 2 rpm; assumed
 
 
@@ -32,11 +27,6 @@ class Motors:
         self._rig = rig
         self.stop_us: Array = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
         self.pulses_us: Array = self.stop_us
-
-    @property
-    def stopped(self) -> bool:
-        """True if zero throttle is commanded."""
-        return bool(np.all(self.pulses_us == self.stop_us))
 
     def ramp_to(self, pulses_us: Array, seconds: float, phase: str, point: int = 0) -> None:
         """Ramp to pulses (n_rotors,) in equal steps, while recording."""
@@ -93,75 +83,6 @@ class Motors:
 def _last(values: Array) -> float:
     present = values[~np.isnan(values)]
     return float(present[-1]) if len(present) else float("nan")
-
-
-Result = TypeVar("Result")
-
-
-def run_to_end(
-    recorder: Recorder,
-    motors: Motors,
-    measure: Callable[[], None],
-    summarise: Callable[[], tuple[Result, str]],
-    hold: Callable[[], object],
-) -> Result:
-    """Measure, ramp down, confirm standstill, close the run's files; return the summary.
-
-    At an early end zero is commanded first, then the reason is recorded and raised again; only a
-    normal end ramps down. The caller closes the link.
-
-    Args:
-        summarise: called at standstill; returns the summary and the text of the last event.
-        hold: called after zero was commanded at an early end.
-    """
-    try:
-        try:
-            measure()
-            motors.ramp_to(motors.stop_us, RAMP_DOWN_S, "end")
-            recorder.bench.stop()
-            recorder.see_standstill()
-            recorder.bench.require_standstill(ends_normally=True)
-            summary, text = summarise()
-            recorder.record_event("ended", text)
-            recorder.finish("ended")
-        except BaseException as error:
-            reported = _stop_immediately(recorder, error, hold)
-            if reported is not error:
-                raise reported from error
-            raise
-        return summary
-    finally:
-        recorder.close()
-
-
-def _stop_immediately(
-    recorder: Recorder, error: BaseException, hold: Callable[[], object]
-) -> BaseException:
-    """Command zero before anything else and return the error that ends the run.
-
-    Errors of the later steps do not replace that error.
-    """
-    bench = recorder.bench
-    with suppress(Exception):
-        bench.stop()
-    with suppress(Exception):
-        hold()
-    is_interrupt = isinstance(error, KeyboardInterrupt)
-    reason = "stopped by Ctrl-C" if is_interrupt else str(error) or type(error).__name__
-    with suppress(Exception):
-        if unread := bench.pop_unread():
-            recorder.store(unread, "end")
-    with suppress(Exception):
-        # Record the deceleration and the samples buffered in the link.
-        if not isinstance(error, StandstillNotConfirmed):
-            recorder.see_standstill(POST_STOP_RECORDING_S)
-    if not isinstance(error, StandstillNotConfirmed):
-        reason = bench.add_standstill_text(reason)
-    with suppress(Exception):
-        recorder.finish("stopped", reason)
-    with suppress(Exception):
-        recorder.record_event("stopped", reason)
-    return recorder.rescue(error)
 
 
 POLL_INTERVAL_S = 1.0  # averaging time of temperature and voltage; assumed

@@ -34,6 +34,31 @@ class LinkQuality:
     repeated: int = 0
 
 
+class Samples:
+    """Growing table of the samples of a visit, with times since the start of the run."""
+
+    def __init__(self, channels: tuple[Channel, ...], zero_s: float) -> None:
+        self._channels = (Channel("time_s", "s"), *channels)
+        self._zero_s = zero_s
+        self._rows = np.empty((256, len(self._channels)))
+        self._n_rows = 0
+
+    def __len__(self) -> int:
+        return self._n_rows
+
+    def append(self, readings: Readings) -> None:
+        """Append readings; the only copy of a sample between driver and point."""
+        start, self._n_rows = self._n_rows, self._n_rows + len(readings)
+        while self._n_rows > len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[start : self._n_rows, 0] = readings.time_s - self._zero_s
+        self._rows[start : self._n_rows, 1:] = readings.values
+
+    def recording(self, start: int = 0) -> Recording:
+        """Return the samples from a row on, without copying."""
+        return Recording(self._channels, self._rows[start : self._n_rows])
+
+
 class Recorder:
     """Recorder of a bench into a run folder.
 
@@ -51,11 +76,9 @@ class Recorder:
         before: LinkQuality | None = None,
     ) -> None:
         identity = bench.identity
-        self.bench = bench
+        self.bench, self.run = bench, run
         self.quality = replace(before) if before else LinkQuality()
         self._progress = progress
-        self._names = [channel.name for channel in identity.channels]
-        self._channels = identity.channels
         self._zero_s = bench.now_s() - start_s
         self._writer = RunWriter(run, identity.channels, identity.n_rotors)
         for file, fragment in self._writer.fragments.items():
@@ -63,6 +86,7 @@ class Recorder:
                 "cut_line", f"the incomplete last line of {file} was removed: {fragment}"
             )
         self.append_point = self._writer.point
+        self.sync, self.close = self._writer.sync, self._writer.close
 
     @property
     def now_s(self) -> float:
@@ -70,25 +94,25 @@ class Recorder:
         return self.bench.now_s() - self._zero_s
 
     def read(self, phase: str, point: int = 0, timeout_s: float = STEP_S) -> Readings:
-        """Read and write samples, and return them with times since the start of the run.
+        """Read and write samples.
 
         Signals are deferred until it returns, so that no sample is lost.
         """
         return self.store(self.bench.read(timeout_s), phase, point)
 
     def store(self, readings: Readings, phase: str, point: int = 0) -> Readings:
-        """Write readings and return them with times since the start of the run.
+        """Write readings and return them.
 
         Raises:
             RunInterrupted, ResourceExhausted: writing failed, or the run folder is gone; raised
                 once, later readings are kept in memory for `rescue`.
         """
-        time_s = readings.time_s - self._zero_s
         self.quality.samples += len(readings)
         self.quality.lost += readings.lost
         self.quality.corrupt += readings.corrupt
         self.quality.repeated += readings.repeated
         if len(readings):
+            time_s = readings.time_s - self._zero_s
             self._writer.samples(point, phase, time_s, readings.device_time_us, readings.values)
         else:
             self._writer.check()
@@ -96,24 +120,19 @@ class Recorder:
             self.record_event("device", message, point)
         for text in self._progress.annotations():
             self.record_event(ANNOTATION, text, point)
-        return Readings(time_s, readings.device_time_us, readings.values)
+        return readings
+
+    def new_samples(self) -> Samples:
+        """Return an empty table for the samples of a visit."""
+        return Samples(self.bench.identity.channels, self._zero_s)
 
     def collect(self, phase: str, seconds: float, point: int = 0) -> Recording:
         """Read for a duration and return the samples."""
-        parts: list[Readings] = []
+        samples = self.new_samples()
         end_s = self.bench.now_s() + seconds
         while (remaining_s := end_s - self.bench.now_s()) > 1e-9:
-            parts.append(self.read(phase, point, min(STEP_S, remaining_s)))
-        return self.concatenate(parts)
-
-    def concatenate(self, parts: list[Readings]) -> Recording:
-        """Return readings as one recording, time_s first."""
-        none = np.empty((0, len(self._channels)))
-        values = np.concatenate([none, *(part.values for part in parts)])
-        time_s = np.concatenate([none[:, 0], *(part.time_s for part in parts)])
-        return Recording(
-            (Channel("time_s", "s"), *self._channels), np.column_stack([time_s, values])
-        )
+            samples.append(self.read(phase, point, min(STEP_S, remaining_s)))
+        return samples.recording()
 
     def see_standstill(self, at_least_s: float = 0.0) -> Standstill:
         """Read until standstill is confirmed; write samples and result to disk.
@@ -144,22 +163,11 @@ class Recorder:
         self._writer.event(entry)
         self._progress.happened(entry)
 
-    def link(self) -> dict[str, Any]:
-        """Return the link quality for metadata.json.
-
-        Counts of samples, and all metadata of the bench with the prefix `link_`.
-        """
-        facts = self.bench.identity.facts
-        measured = {name: text for name, text in facts.items() if name.startswith("link_")}
-        return asdict(self.quality) | measured
-
-    def sync(self) -> None:
-        """Force the samples to the disk."""
-        self._writer.sync()
-
     def finish(self, state: str, reason: str | None = None) -> None:
-        """Write the final state of the run to disk."""
-        self._writer.update_metadata(state=state, reason=reason, link=self.link())
+        """Write the final state and the link quality of the run to disk."""
+        facts = self.bench.identity.facts
+        link = {name: text for name, text in facts.items() if name.startswith("link_")}
+        self._writer.update_metadata(state=state, reason=reason, link=asdict(self.quality) | link)
 
     def rescue(self, error: BaseException) -> BaseException:
         """Return the error to raise after `error` ended the run and zero was commanded.
@@ -178,10 +186,6 @@ class Recorder:
         self._progress.happened(Event(round(self.now_s, 6), "rescued", str(rescued)))
         return error
 
-    def close(self) -> None:
-        """Close the files."""
-        self._writer.close()
-
 
 class RunProgress:
     """Progress callbacks of a run (no-op); displays override them.
@@ -198,12 +202,19 @@ class RunProgress:
     def measured(self, point: Point, remaining_s: float) -> None:
         """Handle a stored point and the remaining time."""
 
+    def remaining(self, remaining_s: float) -> None:
+        """Handle the remaining time of a pitch recording, about every second."""
+
     def happened(self, event: Event) -> None:
         """Handle a stored event."""
 
     def annotations(self) -> list[str]:
         """Return the operator's annotations since the last call."""
         return []
+
+    def is_paused(self) -> bool:
+        """Return True while a sweep waits before its next point, at zero throttle."""
+        return False
 
 
 NO_PROGRESS = frozenset({"device"})  # events in events.jsonl that are not shown
@@ -269,8 +280,14 @@ class SafeProgress(RunProgress):
             remaining_s *= real_s / on_bench_s
         self._forward(self._progress.measured, point, remaining_s)
 
+    def remaining(self, remaining_s: float) -> None:
+        self._forward(self._progress.remaining, remaining_s)
+
     def happened(self, event: Event) -> None:
         self._forward(self._progress.happened, event)
 
     def annotations(self) -> list[str]:
         return self._progress.annotations()
+
+    def is_paused(self) -> bool:
+        return self._progress.is_paused()

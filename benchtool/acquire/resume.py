@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.record import LinkQuality
-from benchtool.acquire.sweep import SweepStart
 from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.bench import DeviceInfo
 from benchtool.core.errors import FileFormatError, InputError
@@ -35,6 +34,25 @@ class ResumeState:
     done: frozenset[int]
     remaining: int
     stage: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SweepStart:
+    """Starting state of a sweep; the defaults are a new sweep.
+
+    Attributes:
+        done: numbers of the points that a resumed run has measured.
+        time_s: run time at which this part begins.
+        unsettled, suspect: counts among the measured points.
+        tares: number of tares so far.
+    """
+
+    done: frozenset[int] = frozenset()
+    time_s: float = 0.0
+    unsettled: int = 0
+    suspect: int = 0
+    tares: int = 0
+    link: LinkQuality = field(default_factory=LinkQuality)
 
 
 def load_resume_state(run: Run) -> ResumeState:

@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import asdict, replace
 from math import isnan, nan, radians
 
 import numpy as np
 
-from benchtool.acquire.average import is_settled
+from benchtool.acquire.calibration import find_calibration
+from benchtool.acquire.check_plan import check_plan
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.measure import measure
-from benchtool.acquire.motors import Motors, cool_down_if_needed, run_to_end
-from benchtool.acquire.plan import Plan
-from benchtool.acquire.record import STEP_S, LinkQuality, Recorder, RunProgress, SafeProgress
-from benchtool.acquire.tare import TareResult, format_drift, tare, tare_point
-from benchtool.acquire.visit_checks import VisitChecks, VisitWatch
-from benchtool.acquire.visit_order import PlatePosition, Visit, expected_duration_s, plan_visits
-from benchtool.bench.bench import Readings
+from benchtool.acquire.motors import cool_down_if_needed
+from benchtool.acquire.operator import POLL_INTERVAL_S, Operator, arming_prompt, plan_text
+from benchtool.acquire.plan import plan_to_toml
+from benchtool.acquire.record import STEP_S, Recorder, RunProgress
+from benchtool.acquire.resume import ResumeState, SweepStart, prepare_resume, require_same_device
+from benchtool.acquire.session import Experiment, new_run
+from benchtool.acquire.stage_selection import select_stage
+from benchtool.acquire.tare import TareResult, format_drift, tare
+from benchtool.acquire.visit_checks import VisitChecks, VisitWatch, has_settled
+from benchtool.acquire.visit_order import Visit, expected_duration_s, plan_visits
+from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.limit_check import CHECKS
 from benchtool.bench.plate_check import PlateCheck
-from benchtool.bench.stage.stage import PlateStage
+from benchtool.bench.stage.stage import NoStage, PlateStage
 from benchtool.bench.wrappers import PauseRequested
 from benchtool.core.channel import channel_family
 from benchtool.core.errors import InputError, RunInterrupted
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.text import pluralize
-from benchtool.data.calibration import Calibration, format_age_warning
+from benchtool.data.calibration import format_age_warning
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
@@ -36,129 +43,115 @@ PLATE_SETTLING_S = 0.2  # wait after the plate has arrived; assumed
 MAX_ATTEMPTS = 3  # per point; a short dropout fails one attempt, a bad link all; assumed
 
 
-@dataclass(frozen=True, slots=True)
-class SweepStart:
-    """Starting state of a sweep; the defaults are a new sweep.
-
-    Attributes:
-        done: numbers of the points that a resumed run has measured.
-        time_s: run time at which this part begins.
-        unsettled, suspect: counts among the measured points.
-        tares: number of tares so far.
-    """
-
-    done: frozenset[int] = frozenset()
-    time_s: float = 0.0
-    unsettled: int = 0
-    suspect: int = 0
-    tares: int = 0
-    link: LinkQuality = field(default_factory=LinkQuality)
-
-
-@dataclass(frozen=True, slots=True)
-class SweepSummary:
-    """Sweep summary, including all parts of a resumed sweep."""
-
-    measured: int
-    unsettled: int
-    suspect: int
-    tares: int
-    duration_s: float
-    samples: int
-    lost: int
-
-    def text(self, simulated: str = "") -> str:
-        """Return the summary as one line.
-
-        Args:
-            simulated: suffix of the number of points.
-        """
-        suspect = f"{self.suspect} suspect, " if self.suspect else ""
-        return (
-            f"{pluralize(self.measured, 'point')}{simulated}, {self.unsettled} not settled, "
-            f"{suspect}{pluralize(self.tares, 'tare')}, {pluralize(self.samples, 'sample')}, "
-            f"{self.lost} lost"
-        )
-
-
-def run_sweep(
-    bench: GuardedBench,
-    stage: PlateStage,
-    plan: Plan,
-    rig: Rig,
-    run: Run,
-    progress: RunProgress | None = None,
-    *,
-    calibration: Calibration | None = None,
-    start: SweepStart | None = None,
-    is_paused: Callable[[], bool] = lambda: False,
-) -> SweepSummary:
-    """Run a resolved and checked plan on an open bench; end it as described in `run_to_end`.
+class Sweep(Experiment):
+    """Sweep of a resolved plan, or the rest of a run.
 
     Args:
-        calibration: applied to the raw counts in points.csv; samples.csv stores the device values.
-        is_paused: pause callback, called before every point. While it returns True, motors are at
-            zero throttle and the bench is still read.
+        resume_state: of the resumed run, whose plan, rig and calibration are used.
 
-    Raises:
-        StandstillNotConfirmed: motors may still turn. Closing the guarded bench raises it too.
-        BenchError, RunInterrupted: the reason of an early end.
+    Attributes:
+        stage, calibration: selected by `check`. The calibration is applied to the raw counts in
+            points.csv; samples.csv stores the device values.
     """
-    channel_names = {channel.name for channel in bench.identity.channels}
-    if "thrust_N" not in channel_names:
-        raise InputError(
-            "channel thrust_N is missing, which a sweep needs; check the channels of the device"
-        )
-    if calibration is not None and "thrust_raw" not in channel_names:
-        raise InputError(
-            f"channel thrust_raw is missing, which calibration {calibration.id} needs; "
-            f"sweep with --calibration none"
-        )
-    safe_progress = SafeProgress(progress)
-    start = start or SweepStart()
-    sweep = _Sweep(bench, stage, plan, rig, run, safe_progress, calibration, start, is_paused)
-    return run_to_end(
-        sweep.recorder, sweep.motors, sweep.measure_points, sweep.summarise, stage.hold
-    )
 
+    kind = "sweep"
+    inputs: SweepInputs
 
-@dataclass
-class _Sweep:
-    """State of a running sweep."""
-
-    bench: GuardedBench
-    stage: PlateStage
-    plan: Plan
-    rig: Rig
-    run: Run
-    progress: RunProgress
-    calibration: Calibration | None
-    start: SweepStart
-    is_paused: Callable[[], bool]
-
-    def __post_init__(self) -> None:
-        start = self.start
-        self.recorder = Recorder(self.bench, self.run, self.progress, start.time_s, start.link)
-        self.motors = Motors(self.recorder, self.rig)
+    def __init__(
+        self, inputs: SweepInputs, rig: Rig, resume_state: ResumeState | None = None
+    ) -> None:
+        super().__init__(inputs, rig)
+        self.plan, self.resume_state = inputs.plan, resume_state
+        self.start = SweepStart()
+        self.stage: PlateStage = NoStage()
+        self.calibration = resume_state.calibration if resume_state else None
         self._first_anchor: Point | None = None
-        self._target: PlatePosition | None = None
+        self._moved_to: Visit | None = None
         self._plate_stage_z_m = nan
-        self._plate_check = PlateCheck(self.bench.identity.channels, self.rig)
         self._last_point: Point | None = None
         self._tare: TareResult | None = None
-        self._n_measured, self._n_failed = len(start.done), 0
-        self._n_unsettled, self._n_suspect = start.unsettled, start.suspect
-        self._n_tares = start.tares
         self._last_values: dict[str, float] = {}
         self._reported_channels: set[str] = set()
 
-    def measure_points(self) -> None:
+    def prepare(self, operator: Operator) -> None:
+        state, inputs = self.resume_state, self.inputs
+        if state is not None and not (state.remaining or inputs.dry_run):
+            prepare_resume(state)  # closes a complete run and raises
+        done = state.done if state is not None else ()
+        text = plan_text(self.plan, self.rig, check_plan(self.plan, self.rig), done)
+        is_virtual = inputs.address.startswith("sim:")
+        operator.inform(f"{text} bench time; a simulation runs faster" if is_virtual else text)
+        if inputs.dry_run:
+            operator.inform("dry run: no bench was opened")
+        elif state is not None:
+            self.start = prepare_resume(state)
+
+    def check(self, bench: GuardedBench, operator: Operator) -> str:
+        def ask(question: str) -> str:
+            return operator.answer(question, lambda: bench.read_and_buffer(POLL_INTERVAL_S))
+
+        plan, rig, inputs = self.plan, self.rig, self.inputs
+        expected = check_plan(plan, rig, bench.identity.limits)
+        if self.resume_state is not None:
+            require_same_device(self.resume_state, bench.identity)
+        else:
+            self.calibration = find_calibration(inputs.calibration, bench.identity)
+        self.stage = select_stage(inputs.stage, bench, rig, ask, plate=plan.plate.used)
+        source = f"calibration {self.calibration.id}" if self.calibration else "the device only"
+        return f"{arming_prompt(plan, rig, expected)}\nthrust calibrated by {source}"
+
+    @contextmanager
+    def open_stage(self, bench: GuardedBench) -> Iterator[None]:
+        with bench.interruptible():
+            self.stage.open()
+        try:
+            yield
+        finally:
+            self.stage.close()
+
+    def create_run(self, identity: DeviceInfo) -> Run:
+        if self.resume_state is not None:
+            return self.resume_state.run
+        plan, calibration = self.plan, self.calibration
+        facts = {
+            "seed": plan.order.seed,
+            "calibration": asdict(calibration) if calibration else None,
+            "air": self.inputs.air.facts(),
+            "visits": len(plan_visits(plan, self.rig)),
+        }
+        return new_run(self.inputs, plan.name, plan_to_toml(plan), self.rig, identity, facts)
+
+    def display(self, operator: Operator) -> AbstractContextManager[RunProgress]:
+        return operator.display(self.rig.propulsion.radius_m if self.plan.plate.used else None)
+
+    @property
+    def advice(self) -> str:
+        return f"resume with: benchtool sweep --resume {self.run.path}" if self.run else ""
+
+    def build_recorder(self, bench: GuardedBench, run: Run) -> Recorder:
+        channel_names = {channel.name for channel in bench.identity.channels}
+        if "thrust_N" not in channel_names:
+            raise InputError(
+                "channel thrust_N is missing, which a sweep needs; check the channels of the device"
+            )
+        if self.calibration is not None and "thrust_raw" not in channel_names:
+            raise InputError(
+                f"channel thrust_raw is missing, which calibration {self.calibration.id} needs; "
+                f"sweep with --calibration none"
+            )
+        start = self.start
+        self.n_measured, self.n_failed, self.n_tares = len(start.done), 0, start.tares
+        self.n_unsettled, self.n_suspect = start.unsettled, start.suspect
+        self._plate_check = PlateCheck(bench.identity.channels, self.rig)
+        return Recorder(bench, run, self.progress, start.time_s, start.link)
+
+    def measure(self) -> None:
         visits = plan_visits(self.plan, self.rig)
         remaining = [visit for visit in visits if visit.point not in self.start.done]
         remaining_s = expected_duration_s(self.plan, self.rig, remaining)
         self.progress.started(len(visits), len(visits) - len(remaining), remaining_s)
         self._write_plate_metadata()
-        if calibration_age := format_age_warning(self.run.metadata):
+        if calibration_age := format_age_warning(self.recorder.run.metadata):
             self.recorder.record_event("calibration_old", calibration_age)
         for index, visit in enumerate(remaining):
             point = self._measure_with_pauses(visit)
@@ -166,11 +159,11 @@ class _Sweep:
             self.recorder.sync()
             self._last_point = point
             if point.kind != "failed":
-                self._n_measured += 1
-                self._n_unsettled += not point.settled
-                self._n_suspect += point.suspect
+                self.n_measured += 1
+                self.n_unsettled += not point.settled
+                self.n_suspect += point.suspect
             remaining_s = expected_duration_s(
-                self.plan, self.rig, remaining[index + 1 :], self._target
+                self.plan, self.rig, remaining[index + 1 :], self._moved_to
             )
             self.progress.measured(point, remaining_s)
             if point.kind == "anchor":
@@ -188,16 +181,17 @@ class _Sweep:
                 self.progress.visiting(visit)
                 return self._measure_point(visit)
             except PauseRequested as pause:
-                self.bench.stop()  # the device has latched zero; the next pulse arms it again
+                # The device has latched zero; the next pulse arms it again.
+                self.recorder.bench.stop()
                 reason = str(pause)
 
     def _wait_while_paused(self, reason: str) -> None:
-        if not self.is_paused():
+        if not self.progress.is_paused():
             return
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "rest")
         self.recorder.record_event("paused", f"{reason}; motors at zero")
         pause_start_s = self.recorder.now_s
-        while self.is_paused():
+        while self.progress.is_paused():
             self.recorder.read("rest")
         pause_s = self.recorder.now_s - pause_start_s
         self.recorder.record_event("went_on", f"resumed after {pause_s:.0f} s")
@@ -206,11 +200,11 @@ class _Sweep:
         """Return the point of a visit; kind "failed" if no attempt had good samples."""
         self._tare_if_due()
         cool_down_if_needed(self.recorder, self.motors, self.plan.rest, self._last_point)
-        self._move_plate(visit.setting.place)
-        command_pwm_us = np.array(visit.setting.pwm_us)
+        self._move_plate(visit)
+        command_pwm_us = np.array(visit.pwm_us)
         self.motors.ramp_to(command_pwm_us, self.plan.throttle.ramp_s, "ramp", visit.point)
         assert self._tare is not None
-        has_new_pwm = self._last_point and self._last_point.pwm_us != visit.setting.pwm_us
+        has_new_pwm = self._last_point and self._last_point.pwm_us != visit.pwm_us
         checks = VisitChecks(
             rates_Hz=self._expected_rates_Hz(visit),
             sensors=self.rig.sensors,
@@ -220,7 +214,7 @@ class _Sweep:
         )
         ramp_end_s = self.recorder.now_s
         for attempt in range(1, MAX_ATTEMPTS + 1):
-            watch = VisitWatch(checks, self.recorder.concatenate, ramp_end_s)
+            watch = VisitWatch(checks, self.recorder.new_samples(), ramp_end_s)
             settled = self._wait_until_settled(visit, watch)
             samples = self._read_samples(visit, watch)
             problem = watch.problem
@@ -248,7 +242,7 @@ class _Sweep:
             self.recorder.now_s,
         )
         if problem is not None:
-            self._n_failed += 1
+            self.n_failed += 1
             return replace(point, kind="failed", settled=False)
         for event, text in events:
             self.recorder.record_event(event, text, visit.point)
@@ -264,12 +258,12 @@ class _Sweep:
     def _expected_rates_Hz(self, visit: Visit) -> dict[str, float]:
         """Return the expected rates of the checked channels; rpm only of driven rotors."""
         assert self._tare is not None
-        device_info = self.bench.identity
+        device_info = self.recorder.bench.identity
         channel_names = [channel.name for channel in device_info.channels]
         # Fallback for devices that report no rates: those of the last tare.
         device_rates_Hz = dict(zip(channel_names, device_info.channel_rates_Hz, strict=False))
         rates_Hz = {**self._tare.rates_Hz, **device_rates_Hz}
-        driven_rotors = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1
+        driven_rotors = np.flatnonzero(visit.pwm_us > self.motors.stop_us) + 1
         driven_channels = {f"rpm{rotor}" for rotor in driven_rotors}
         return {
             name: min(rates_Hz[name], device_info.rate_Hz)
@@ -283,7 +277,7 @@ class _Sweep:
         is_manual = self.stage.facts["stage"] == "hand"
         metadata = dict(self.stage.facts) | {"measured": self._plate_check.is_measured}
         metadata |= {"used": self.plan.plate.used, "tolerance_m": self._plate_check.tolerance_m}
-        self.run.update_metadata(plate=metadata)
+        self.recorder.run.update_metadata(plate=metadata)
         if remark := metadata.get("remark"):
             self.recorder.record_event("plate", str(remark))
         if metadata["stage"] == "none":
@@ -300,28 +294,27 @@ class _Sweep:
             if not interval_s or age_s < interval_s:
                 return
         self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
-        self._n_tares += 1
-        self.recorder.append_point(tare_point(self._tare, self.rig.n_rotors))
+        self.n_tares += 1
 
-    def _move_plate(self, target: PlatePosition) -> None:
+    def _move_plate(self, visit: Visit) -> None:
         """Wait for standstill and move the plate; no-op if it is already there."""
-        if target == self._target:
+        if self._moved_to is not None and visit.position == self._moved_to.position:
             return
 
         def pause(seconds: float) -> None:
             self.recorder.collect("move", seconds)
 
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "move")
-        self._target = None
+        self._moved_to = None
         try:
             self._plate_stage_z_m = self.stage.move(
-                target.z_m, target.x_m, radians(target.tilt_deg), pause
+                visit.target_z_m, visit.target_x_m, radians(visit.target_tilt_deg), pause
             )
         except PauseRequested:
             self.stage.hold()
             raise
         self.recorder.collect("move", PLATE_SETTLING_S)
-        self._target, self._last_values = target, {}
+        self._moved_to, self._last_values = visit, {}
 
     def _wait_until_settled(self, visit: Visit, watch: VisitWatch) -> bool:
         """Wait until thrust and speeds have settled; return False on timeout or bad samples.
@@ -329,24 +322,16 @@ class _Sweep:
         A timeout is recorded as an event.
         """
         settle, recorder = self.plan.settle, self.recorder
-        driven_rotors = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
-        channel_names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven_rotors)]
-        readings: list[Readings] = []
-        start_s = self.bench.now_s()
-        last_check_s = start_s
+        driven = np.flatnonzero(visit.pwm_us > self.motors.stop_us)
+        start_s = last_check_s = recorder.bench.now_s()
         while True:
-            readings.append(recorder.read("settle", visit.point))
-            if watch.update(readings[-1]):
+            if watch.update(recorder.read("settle", visit.point)):
                 return False
-            now_s = self.bench.now_s()
+            now_s = recorder.bench.now_s()
             is_check_due = now_s - last_check_s >= SETTLING_CHECK_INTERVAL_S
             if is_check_due and now_s - start_s >= settle.window_s:
                 last_check_s = now_s
-                samples = recorder.concatenate(readings)
-                channels = [samples.column(name) for name in channel_names if name in samples]
-                if is_settled(
-                    samples.column("time_s"), channels, settle.window_s, settle.slope_per_s
-                ):
+                if has_settled(watch.samples.recording(), driven, settle):
                     return True
             if now_s - start_s >= settle.timeout_s:
                 text = (
@@ -358,37 +343,38 @@ class _Sweep:
 
     def _read_samples(self, visit: Visit, watch: VisitWatch) -> Recording:
         """Return the samples of a point; stop early when the watch reports a problem."""
-        readings: list[Readings] = []
-        end_s = self.bench.now_s() + self.plan.sample_s
-        while watch.problem is None and (remaining_s := end_s - self.bench.now_s()) > 1e-9:
-            readings.append(self.recorder.read("sample", visit.point, min(STEP_S, remaining_s)))
-            watch.update(readings[-1])
-        return self.recorder.concatenate(readings)
+        start, bench = len(watch.samples), self.recorder.bench
+        end_s = bench.now_s() + self.plan.sample_s
+        while watch.problem is None and (remaining_s := end_s - bench.now_s()) > 1e-9:
+            watch.update(self.recorder.read("sample", visit.point, min(STEP_S, remaining_s)))
+        return watch.samples.recording(start)
 
-    def summarise(self) -> tuple[SweepSummary, str]:
-        """Return the summary and the text of the final event.
+    def summarise(self) -> str:
+        """Return the text of the last event.
 
         Raises:
             RunInterrupted: at least one point has failed.
         """
-        if self._n_failed:
+        if self.n_failed:
             raise RunInterrupted(
-                f"{pluralize(self._n_failed, 'visit')} failed ({self._n_measured} measured): "
+                f"{pluralize(self.n_failed, 'visit')} failed ({self.n_measured} measured): "
                 f"samples too few, late or frozen; check the link and the sensors (see "
                 f"events.jsonl), then repeat the failed visits with benchtool sweep --resume"
             )
-        quality, duration_s = self.recorder.quality, self.recorder.now_s
-        summary = SweepSummary(
-            self._n_measured,
-            self._n_unsettled,
-            self._n_suspect,
-            self._n_tares,
-            duration_s,
-            quality.samples,
-            quality.lost,
+        suspect = f", {self.n_suspect} of them suspect" if self.n_suspect else ""
+        return f"all is measured: {pluralize(self.n_measured, 'visit')}{suspect}"
+
+    def hold(self) -> None:
+        self.stage.hold()
+
+    def summary(self, simulated: str = "") -> str:
+        suspect = f"{self.n_suspect} suspect, " if self.n_suspect else ""
+        quality = self.recorder.quality
+        return (
+            f"{pluralize(self.n_measured, 'point')}{simulated}, {self.n_unsettled} not settled, "
+            f"{suspect}{pluralize(self.n_tares, 'tare')}, {pluralize(quality.samples, 'sample')}, "
+            f"{quality.lost} lost"
         )
-        suspect = f", {self._n_suspect} of them suspect" if self._n_suspect else ""
-        return summary, f"all is measured: {pluralize(summary.measured, 'visit')}{suspect}"
 
 
 def _find_last_values(samples: Recording, names: Iterable[str]) -> dict[str, float]:

@@ -25,19 +25,17 @@ class TareResult:
 
     Attributes:
         time_s: middle of the averaging time after it, run time.
-        rest_N: remaining offset of the load cell.
         zero_counts: mean raw reading of the unloaded cell; nan without raw counts.
         rates_Hz: rate of values of each channel.
     """
 
     time_s: float
-    rest_N: Average
     zero_counts: float
     rates_Hz: Mapping[str, float] = field(default_factory=dict)
 
 
 def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> TareResult:
-    """Wait for standstill, tare, and check the remaining offset.
+    """Wait for standstill, tare, check the remaining offset and append it to the points.
 
     Raises:
         BenchError: a rotor turns, no thrust values, or the offset stays above the limit.
@@ -63,7 +61,8 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> TareRe
             recorder.record_event("tare", f"tared; remaining offset {offset.mean * 1000.0:+.1f} mN")
             values_Hz = np.isfinite(samples.values).sum(axis=0) / plan.seconds
             rates_Hz = dict(zip(samples.names, values_Hz.tolist(), strict=True))
-            return TareResult(middle_s, offset, counts, rates_Hz)
+            recorder.append_point(tare_point(middle_s, offset, rig.n_rotors))
+            return TareResult(middle_s, counts, rates_Hz)
         recorder.record_event(
             "tare_residual",
             f"tare {attempt} of {MAX_ATTEMPTS}: remaining offset {offset.mean:+.4g} N, limit "
@@ -76,27 +75,27 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> TareRe
     )
 
 
-def tare_point(result: TareResult, n_rotors: int) -> Point:
-    """Return the row of points.csv that stores a tare."""
+def tare_point(time_s: float, offset: Average, n_rotors: int) -> Point:
+    """Return the row of points.csv that stores the remaining offset of a tare."""
     return Point(
         point=0,
         kind="tare",
         setting=0,
         repeat=0,
-        time_s=result.time_s,
+        time_s=time_s,
         elapsed_s=0.0,
         pwm_us=(nan,) * n_rotors,
         rpm=(0.0,) * n_rotors,
         rpm_se=(0.0,) * n_rotors,
-        thrust_N=result.rest_N.mean,
-        thrust_sd_N=result.rest_N.sd,
-        thrust_se_N=result.rest_N.se,
-        n_samples=result.rest_N.n,
+        thrust_N=offset.mean,
+        thrust_sd_N=offset.sd,
+        thrust_se_N=offset.se,
+        n_samples=offset.n,
         plate_z_m=nan,
         plate_x_m=nan,
         plate_tilt_deg=nan,
-        rejected={"thrust_N": result.rest_N.n_rejected},
-        suspect=result.rest_N.suspect,
+        rejected={"thrust_N": offset.n_rejected},
+        suspect=offset.suspect,
     )
 
 

@@ -1,13 +1,17 @@
-"""Checks of a visit's samples: number, age and frozen channels."""
+"""Checks of a visit's samples: number, age, frozen channels and settling."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, nan, pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchtool.acquire.average import is_settled
+from benchtool.acquire.plan import SettlePart
+from benchtool.acquire.record import Samples
 from benchtool.bench.bench import Readings
 from benchtool.bench.limit_check import CHECKS, ChannelChecks
 from benchtool.core.channel import channel_family
@@ -153,22 +157,17 @@ CHECK_INTERVAL_S, CHECK_SPAN_S = 0.25, 30.0  # interval and span of checks; assu
 
 
 class VisitWatch:
-    """Checks of the samples of a visit during sampling.
+    """Samples of an attempt at a visit, with checks while they arrive.
 
     Attributes:
         problem: event and text of the first problem that spoils the visit.
         remarks: problems of channels that a point does not require, by channel.
     """
 
-    def __init__(
-        self,
-        checks: VisitChecks,
-        concatenate: Callable[[list[Readings]], Recording],
-        commanded_s: float,
-    ) -> None:
-        self._checks, self._concatenate, self._commanded_s = checks, concatenate, commanded_s
-        self._recent: list[Readings] = []
-        self._checked_s = -inf
+    def __init__(self, checks: VisitChecks, samples: Samples, commanded_s: float) -> None:
+        self.samples = samples
+        self._checks, self._commanded_s = checks, commanded_s
+        self._first_row, self._checked_s = 0, -inf
         self.problem: tuple[str, str] | None = None
         self.remarks: dict[str, str] = {}
 
@@ -176,20 +175,27 @@ class VisitWatch:
         """Add readings; return True if the visit has a problem."""
         if not len(readings):
             return False
-        self._recent.append(readings)
-        now_s = float(readings.time_s[-1])
+        self.samples.append(readings)
+        time_s = self.samples.recording().column("time_s")
+        now_s = float(time_s[-1])
         if now_s - self._checked_s < CHECK_INTERVAL_S:
             return False
         self._checked_s = now_s
-        while self._recent[0].time_s[-1] < now_s - CHECK_SPAN_S:
-            del self._recent[0]
-        samples = self._concatenate(self._recent)
-        if late := self._checks.late(samples):
+        while time_s[self._first_row] < now_s - CHECK_SPAN_S:
+            self._first_row += 1
+        recent = self.samples.recording(self._first_row)
+        if late := self._checks.late(recent):
             self.problem = ("late", late)
-        frozen = self._checks.frozen(samples, self._commanded_s)
-        for name, text in frozen.items():
+        for name, text in self._checks.frozen(recent, self._commanded_s).items():
             if required_samples(name):
                 self.problem = ("frozen", text)
             else:
                 self.remarks.setdefault(name, text)
         return self.problem is not None
+
+
+def has_settled(samples: Recording, driven: NDArray[np.intp], plan: SettlePart) -> bool:
+    """Return True if thrust and the speeds of driven rotors (from 0) have settled."""
+    names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
+    channels = [samples.column(name) for name in names if name in samples]
+    return is_settled(samples.column("time_s"), channels, plan.window_s, plan.slope_per_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import hypot
 
@@ -18,47 +18,48 @@ MAX_VISITS = 100_000  # more would take weeks; assumed
 
 
 @dataclass(frozen=True, slots=True)
-class PlatePosition:
-    """Plate position; parked means out of ground effect."""
-
-    z_m: float
-    x_m: float
-    tilt_deg: float
-    parked: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """Combination of plate position and pulse level, numbered from 1."""
-
-    number: int
-    place: PlatePosition
-    level_us: float
-    pwm_us: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Visit:
-    """Visit of a setting, numbered from 1 in the order of the sweep."""
+    """Visit of a combination of plate position and pulse level.
 
-    point: int
-    kind: PointKind
-    setting: Setting
-    repeat: int
+    Attributes:
+        point: number in the order of the sweep, from 1; 0 for a setting that is not visited yet.
+        setting: number of the combination, from 1.
+        is_parked: out of ground effect.
+    """
+
+    target_z_m: float
+    target_x_m: float
+    target_tilt_deg: float
+    is_parked: bool
+    setting: int
+    pwm_us: tuple[float, ...]
+    point: int = 0
+    kind: PointKind = "measure"
+    repeat: int = 0
+
+    @property
+    def position(self) -> tuple[float, float, float, bool]:
+        """Plate position; equal positions need no move."""
+        return self.target_z_m, self.target_x_m, self.target_tilt_deg, self.is_parked
+
+    @property
+    def level_us(self) -> float:
+        """Pulse of the rotors that turn."""
+        return max(self.pwm_us)
 
     def description(self, radius_m: float | None) -> str:
         """Return a description with the distance in rotor radii; None: test without a plate."""
-        position = self.setting.place
         if radius_m is None:
-            return f"throttle {self.setting.level_us:.0f} us"
-        where = "parked" if position.parked else f"z/R {position.z_m / radius_m:.2f}"
-        return f"{self.kind} {where}, {self.setting.level_us:.0f} us"
+            return f"throttle {self.level_us:.0f} us"
+        where = "parked" if self.is_parked else f"z/R {self.target_z_m / radius_m:.2f}"
+        return f"{self.kind} {where}, {self.level_us:.0f} us"
 
 
-def plan_settings(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
+def plan_settings(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     """Return the settings of a resolved plan: every position with every level, references last."""
     plate = plan.plate
-    count = len(plate.tilts_deg) * len(plate.lateral_m) * len(_distances_m(plan))
+    distances_m = _distances_m(plan)
+    count = len(plate.tilts_deg) * len(plate.lateral_m) * len(distances_m)
     count = (count + 1) * len(plan.throttle.pwm_us) * (plan.repeats or 1)
     if count > MAX_VISITS:
         raise PlanError(
@@ -66,16 +67,16 @@ def plan_settings(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
             f"tilts, positions, levels or repeats"
         )
     positions = [
-        PlatePosition(z_m, x_m, tilt_deg)
-        for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, _distances_m(plan))
+        (z_m, x_m, tilt_deg, False)
+        for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, distances_m)
     ]
     if plan.order.references:
-        positions.append(PlatePosition(rig.plate.z_park_m, 0.0, 0.0, parked=True))
+        positions.append((rig.plate.z_park_m, 0.0, 0.0, True))
     is_on = [rotor in plan.throttle.rotors_on for rotor in range(1, rig.n_rotors + 1)]
     stop_us = rig.propulsion.pwm_stop_us
     combinations = product(positions, plan.throttle.pwm_us)
     return tuple(
-        Setting(number, position, level_us, tuple(np.where(is_on, level_us, stop_us).tolist()))
+        Visit(*position, number, tuple(np.where(is_on, level_us, stop_us).tolist()))
         for number, (position, level_us) in enumerate(combinations, 1)
     )
 
@@ -91,37 +92,35 @@ def plan_visits(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     """
     settings = plan_settings(plan, rig)
     # The anchor is parked if there are references.
-    candidates = [setting for setting in settings if setting.place.parked] or [
-        setting for setting in settings if setting.place == settings[0].place
+    candidates = [setting for setting in settings if setting.is_parked] or [
+        setting for setting in settings if setting.position == settings[0].position
     ]
     anchor = sorted(candidates, key=lambda setting: setting.level_us)[len(candidates) // 2]
     visits: list[Visit] = []
     anchors = since = 0
     every = plan.order.anchor_every
 
-    def add(kind: PointKind, setting: Setting, repeat: int) -> None:
-        visits.append(Visit(len(visits) + 1, kind, setting, repeat))
+    def add(kind: PointKind, setting: Visit, repeat: int) -> None:
+        visits.append(replace(setting, point=len(visits) + 1, kind=kind, repeat=repeat))
 
     for repeat, group in _position_groups(plan, settings):
         if every and (not visits or since >= every):
             anchors, since = anchors + 1, 0
             add("anchor", anchor, anchors)
         for setting in group:
-            add("reference" if setting.place.parked else "measure", setting, repeat)
+            add("reference" if setting.is_parked else "measure", setting, repeat)
             since += 1
     if every and anchors and since:
         add("anchor", anchor, anchors + 1)
     return tuple(visits)
 
 
-def _position_groups(
-    plan: Plan, settings: tuple[Setting, ...]
-) -> Iterator[tuple[int, list[Setting]]]:
+def _position_groups(plan: Plan, settings: tuple[Visit, ...]) -> Iterator[tuple[int, list[Visit]]]:
     """Yield the settings of one plate position at a time, with the number of the repeat."""
     rng = np.random.default_rng(plan.order.seed)
-    by_position: dict[PlatePosition, list[Setting]] = {}
+    by_position: dict[tuple[float, ...], list[Visit]] = {}
     for setting in settings:
-        by_position.setdefault(setting.place, []).append(setting)
+        by_position.setdefault(setting.position, []).append(setting)
     groups = list(by_position.values())
     for repeat in range(1, (plan.repeats or 1) + 1):
         is_reversed = plan.order.kind == "counterbalanced" and repeat % 2 == 0
@@ -159,22 +158,22 @@ def min_duration_s(plan: Plan, rig: Rig) -> float:
 
 
 def expected_duration_s(
-    plan: Plan, rig: Rig, visits: Sequence[Visit], start: PlatePosition | None = None
+    plan: Plan, rig: Rig, visits: Sequence[Visit], last: Visit | None = None
 ) -> float:
     """Return the expected duration of visits in this order: s.
 
     Args:
-        start: plate position; None before a sweep, which starts with a tare.
+        last: visit before them; None before a sweep, which starts with a tare.
     """
     total_s = 0.0
-    position, tares = start, 1 if start is None else 0
+    tares = 1 if last is None else 0
     for visit in visits:
-        end = visit.setting.place
         total_s += visit_s(plan)
-        if position != end:
-            z_m, x_m = (position.z_m, position.x_m) if position else (rig.plate.z_park_m, 0.0)
-            total_s += STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
-        position = end
+        if last is None or last.position != visit.position:
+            z_m, x_m = (last.target_z_m, last.target_x_m) if last else (rig.plate.z_park_m, 0.0)
+            distance_m = hypot(visit.target_z_m - z_m, visit.target_x_m - x_m)
+            total_s += STOP_S + distance_m / rig.plate.speed_m_s
+        last = visit
     tare_s = plan.tare.seconds + STOP_S
     if plan.tare.every_minutes:
         tares += int(total_s // (60.0 * plan.tare.every_minutes))

@@ -109,7 +109,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[WrapFirmware, ServerLink, C
     from functools import partial
     from time import time
 
-    from benchtool.acquire.pitch_experiment import hover_pulse_us
+    from benchtool.acquire.inputs import hover_pulse_us
     from benchtool.bench.mavlink.settings import read_key
     from benchtool.virtual.autopilot import VirtualAutopilot
     from benchtool.virtual.links import host_address, open_link

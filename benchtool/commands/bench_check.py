@@ -44,11 +44,9 @@ def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller at low throttle and write the motor map."""
     from benchtool.acquire.bench_check import detect_motor_map, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
-    from benchtool.acquire.operator import confirm_arming, describe_bench, describe_end
-    from benchtool.acquire.stop_listener import accept_stops
+    from benchtool.acquire.session import open_motor_test
     from benchtool.bench.addresses import MavlinkAddress
-    from benchtool.bench.drivers import open_bench, parse_address
-    from benchtool.bench.guard import GuardedBench
+    from benchtool.bench.drivers import parse_address
 
     address = inputs.address
     rig = resolve_rig(address, inputs.rig)
@@ -62,20 +60,13 @@ def map_motors(inputs: MapInputs) -> None:
     target = inputs.out or Path(f"{rig.name}.motors.toml")
     if target.exists():
         raise WouldOverwrite(str(target))
-    guard = GuardedBench(open_bench(address, announce_code), rig)
-    with accept_stops(guard, address) as bench:
-        describe_bench(TERMINAL, bench.identity, rig)
-        text = (
-            f"motors 1 to {rig.n_rotors} will turn one after another at "
-            f"{low_throttle_us(rig):g} us; watch which rotor each one turns"
-        )
-        if not inputs.yes:
-            confirm_arming(TERMINAL, text, bench)
-        elif not bench.identity.simulated:
-            raise InputError("--yes is for simulated benches only; remove it and type ARM")
+    text = (
+        f"motors 1 to {rig.n_rotors} will turn one after another at {low_throttle_us(rig):g} us; "
+        f"watch which rotor each one turns"
+    )
+    with open_motor_test(address, rig, text, TERMINAL, announce_code, yes=inputs.yes) as bench:
         find_rotor = numbers.index if numbers else _build_prompt(rig, bench)
         motor_map = detect_motor_map(bench, rig, find_rotor, TERMINAL.inform)
-    describe_end(TERMINAL, bench)
     write_new(target, lambda: target.write_text(motor_map.to_toml(), encoding="utf-8"))
     separator = "&" if "?" in address else "?"
     print(f"written: {target}; from now on use {address}{separator}map={target}")
@@ -140,32 +131,23 @@ def check(inputs: CheckInputs) -> None:
     """Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle."""
     from datetime import datetime
 
-    from benchtool.acquire.arming import store_check_result
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
-    from benchtool.acquire.operator import confirm_arming, describe_bench, describe_end
-    from benchtool.acquire.stop_listener import accept_stops
-    from benchtool.bench.drivers import open_bench
-    from benchtool.bench.guard import GuardedBench
+    from benchtool.acquire.operator import store_check_result
+    from benchtool.acquire.session import open_motor_test
 
     rig = resolve_rig(inputs.address, inputs.rig)
     findings = []
-    guard = GuardedBench(open_bench(inputs.address, announce_code), rig)
-    with accept_stops(guard, inputs.address) as bench:
+    text = (
+        f"rotors 1 to {rig.n_rotors} of rig {rig.name} will turn one after another at "
+        f"{low_throttle_us(rig):g} us"
+    )
+    address = inputs.address
+    with open_motor_test(address, rig, text, TERMINAL, announce_code, yes=inputs.yes) as bench:
         device = bench.identity
-        describe_bench(TERMINAL, device, rig)
-        text = (
-            f"rotors 1 to {rig.n_rotors} of rig {rig.name} will turn one after another at "
-            f"{low_throttle_us(rig):g} us"
-        )
-        if not inputs.yes:
-            confirm_arming(TERMINAL, text, bench)
-        elif not device.simulated:
-            raise InputError("--yes is for simulated benches only; remove it and type ARM")
         for finding in check_bench(bench, rig):
             findings.append(finding)
             print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")
-    describe_end(TERMINAL, bench)
     failed = [finding for finding in findings if not finding.passed]
     if failed:
         raise BenchError(

@@ -105,8 +105,8 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     from dataclasses import asdict
 
     from benchtool.acquire.calibration import (
-        apply_calibration,
         current_date,
+        fit_calibration,
         require_device,
         with_drift_interval,
     )
@@ -139,9 +139,11 @@ def _calibrate(inputs: CalibrateInputs) -> None:
         if len(set(days)) > 1:
             raise InputError("--add needs readings of one day, but --from contains several days")
         kilograms, counts, days = with_drift_interval(
-            earlier, kilograms, counts, date[:10], weighing.lever_ratio, weighing.gravity
+            earlier, kilograms, counts, date[:10], weighing
         )
-    calibration = apply_calibration(kilograms, counts, device_id, date, weighing, days)
+    calibration = fit_calibration(
+        kilograms, counts, date=date, device_id=device_id, weighing=weighing, days=days
+    )
     _print_calibration(calibration)
     data = asdict(calibration)
     stored = store_state("calibration", device_id, data)

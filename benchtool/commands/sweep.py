@@ -11,7 +11,7 @@ from benchtool.commands.terminal.sweep_operator import TERMINAL
 
 
 def _base_inputs(options: dict[str, Any]) -> SweepInputs:
-    from benchtool.acquire.sweep_run import base_inputs
+    from benchtool.acquire.run_experiment import base_inputs
 
     return base_inputs(options, "option")
 
@@ -19,6 +19,6 @@ def _base_inputs(options: dict[str, Any]) -> SweepInputs:
 @command_from_inputs(SweepInputs, _base_inputs)
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle."""
-    from benchtool.acquire.sweep_run import run_sweep_to_folder
+    from benchtool.acquire.run_experiment import run_experiment
 
-    run_sweep_to_folder(inputs, TERMINAL, announce_code)
+    run_experiment(inputs, TERMINAL, announce_code)

@@ -15,7 +15,7 @@ from urllib.parse import urlencode
 
 from nicegui import Client, events, ui
 
-from benchtool.acquire.arming import CONFIRMATION, arming_warnings
+from benchtool.acquire.operator import CONFIRMATION, arming_warnings
 from benchtool.bench.bench import DeviceInfo
 from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError

@@ -64,7 +64,7 @@ def end(process: subprocess.Popen, number: signal.Signals) -> tuple[int, str]:
 
 def planned(run: Path) -> list[int]:
     plan = plan_from_toml(Run.open(run).plan_text, "plan")
-    return [visit.setting.number for visit in plan_visits(plan, load_rig_by_name("pquad_single"))]
+    return [visit.setting for visit in plan_visits(plan, load_rig_by_name("pquad_single"))]
 
 
 @pytest.mark.real_time(deadline_s=0.1)

@@ -79,7 +79,7 @@ def test_an_operator_arms_in_place_of_yes():
 
 def test_yes_does_not_arm_an_unchecked_real_bench(monkeypatch):
     bench = FakeBench()
-    monkeypatch.setattr("benchtool.acquire.sweep_run.open_bench", lambda *_: bench)
+    monkeypatch.setattr("benchtool.acquire.session.open_bench", lambda *_: bench)
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
         bt.sweep("serial:fake", "pquad_single", **PLAN, yes=True, out="run")
     assert not Path("run").exists()

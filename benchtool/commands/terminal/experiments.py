@@ -76,10 +76,9 @@ def record_next(
         RunInterrupted: not armed, or stopped.
         BenchError: the bench failed; throttle is zero.
     """
-    from benchtool.acquire.inputs import SweepInputs
+    from benchtool.acquire.inputs import RecordInputs, SweepInputs
     from benchtool.acquire.plan import plan_from_toml
-    from benchtool.acquire.sweep_run import record_sweep
-    from benchtool.commands.record import RecordInputs, record_experiment
+    from benchtool.acquire.run_experiment import run_experiment
 
     assert inputs.bench is not None
     assert inputs.out is not None
@@ -87,26 +86,20 @@ def record_next(
     while (folder := inputs.out / f"experiment-{count}").exists():
         count += 1
     name, text = next_file(answer)
-    run: Run | None
+    run_inputs: SweepInputs | RecordInputs
     if experiment.schedule is None:
-        plan = plan_from_toml(text, name).resolved(rig)
-        run = record_sweep(
-            SweepInputs(address=inputs.bench, plan=plan, out=folder, stage=inputs.stage),
-            rig,
-            TERMINAL,
-            announce_code,
+        run_inputs = SweepInputs(
+            address=inputs.bench, plan=plan_from_toml(text, name), out=folder, stage=inputs.stage
         )
     else:
         file = inputs.out / name
-        run = record_experiment(
-            RecordInputs(
-                address=_with_schedule(inputs.bench, file),
-                seconds=experiment.schedule.duration_s,
-                schedule=str(file),
-                out=folder,
-            ),
-            rig,
+        run_inputs = RecordInputs(
+            address=_with_schedule(inputs.bench, file),
+            seconds=experiment.schedule.duration_s,
+            schedule=str(file),
+            out=folder,
         )
+    run = run_experiment(run_inputs, TERMINAL, announce_code, rig)
     assert run is not None
     return run
 

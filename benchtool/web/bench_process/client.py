@@ -94,7 +94,7 @@ class BenchClient:
         )
         problem = reason if self.connection.status == "on" else ""
         session = self.connection.session
-        self._process = self._process.make_replacement()
+        self._process = ProcessHandle(self._process.stop_endpoint)
         self._process.start()
         self._listen_to_process(asyncio.get_running_loop())
         self.connection = messages.ConnectionStatus(

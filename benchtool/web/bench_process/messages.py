@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from benchtool.acquire.inputs import SweepInputs, WeighingInputs
-from benchtool.acquire.pitch_experiment import PitchExperiment
+from benchtool.acquire.inputs import RecordInputs, SweepInputs, WeighingInputs
 from benchtool.bench.bench import DeviceInfo
 from benchtool.core.rig import Limits, Rig
 from benchtool.data.calibration import Calibration
@@ -139,26 +138,16 @@ class SetClockSpeed:
 
 
 @dataclass(frozen=True, slots=True)
-class StartSweep:
-    """Start a sweep on the connected bench, or resume the run in `inputs`.
+class StartRun:
+    """Start a sweep or a pitch recording on the connected bench, or resume a sweep.
 
     Attributes:
         typed: arming confirmation; "" is accepted for a simulated or checked bench only.
-        needs_page: pause at zero throttle if the page with the control lock is lost.
+        needs_page: if the page with the control lock is lost, a sweep pauses at zero throttle, a
+            recording stops.
     """
 
-    inputs: SweepInputs
-    typed: str = ""
-    needs_page: bool = True
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StartRecording:
-    """Record a pitch experiment; fields as in `StartSweep`, but a lost page stops it."""
-
-    experiment: PitchExperiment
-    runs: Path = Path("runs")
-    name: str = "pitch"
+    inputs: SweepInputs | RecordInputs
     typed: str = ""
     needs_page: bool = True
 
@@ -193,8 +182,8 @@ class AnswerQuestion:
 Command = (
     Connect | Disconnect | StopMotors | ServerHeartbeat | Shutdown | ArmMotors | HoldThrottle
     | ReleaseThrottle | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed
-    | StartSweep | StartRecording | PauseSweep | AnswerQuestion | Annotate | StartLiveRecording
-    | EndRecording | TightenLimits
+    | StartRun | PauseSweep | AnswerQuestion | Annotate | StartLiveRecording | EndRecording
+    | TightenLimits
 )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from multiprocessing.connection import Connection as Pipe
+from typing import Any
 
 from benchtool.acquire.inputs import resolve_rig
 from benchtool.acquire.stop_listener import (
@@ -72,6 +73,15 @@ class BenchProcess:
             lambda tab, reason: self._publisher.publish(messages.PressEnded(tab, reason))
         )
         self._runs = RunSupervisor(self._publisher)
+        self._urgent: dict[type, Callable[[Any], object]] = {
+            messages.StopMotors: lambda command: self.stop(f"stopped from {command.source}"),
+            messages.HoldThrottle: lambda command: self._dead_man.hold(command, time.monotonic()),
+            messages.ReleaseThrottle: self._dead_man.release,
+            messages.PauseSweep: lambda command: self._runs.pause(command.on),
+            messages.AnswerQuestion: lambda command: self._runs.receive_answer(command.text),
+            messages.EndRecording: lambda command: self._runs.end_live(),
+            messages.Annotate: lambda command: self._annotate(command.text),
+        }
         self._bench: StoppableBench | None = None
         self._sessions = 0
         self._server_heard_s: float | None = None
@@ -85,7 +95,7 @@ class BenchProcess:
                 if isinstance(command, messages.Connect):
                     self._serve_bench(command)
                 elif not isinstance(command, messages.Disconnect):
-                    self._publish_error("no bench is connected; connect one first")
+                    self._publisher.report_error("no bench is connected; connect one first")
         except KeyboardInterrupt:
             pass
         finally:
@@ -103,20 +113,8 @@ class BenchProcess:
                 self._server_heard_s = time.monotonic()
                 if command.page_problem and (bench := self._bench) is not None:
                     self._runs.lose_page(bench, command.page_problem)
-            elif isinstance(command, messages.StopMotors):
-                self.stop(f"stopped from {command.source}")
-            elif isinstance(command, messages.HoldThrottle):
-                self._dead_man.hold(command, time.monotonic())
-            elif isinstance(command, messages.ReleaseThrottle):
-                self._dead_man.release(command)
-            elif isinstance(command, messages.PauseSweep):
-                self._runs.pause(command.on)
-            elif isinstance(command, messages.AnswerQuestion):
-                self._runs.answer(command.text)
-            elif isinstance(command, messages.EndRecording):
-                self._runs.end_live()
-            elif isinstance(command, messages.Annotate):
-                self._annotate(command.text)
+            elif (execute := self._urgent.get(type(command))) is not None:
+                execute(command)
             elif isinstance(command, messages.SetClockSpeed):
                 if (bench := self._bench) is not None and bench.speed:
                     bench.speed = min(max(command.speed, 0.1), MAX_CLOCK_SPEED)
@@ -125,18 +123,17 @@ class BenchProcess:
                 self._commands.put(command)
                 return
             elif self._runs.active:
-                self._publish_error(f"a {self._runs.noun} is under way; stop it first")
+                self._publisher.report_error(f"a {self._runs.noun} is under way; stop it first")
             else:
                 self._commands.put(command)
 
-    def _publish_error(self, text: str) -> None:
-        self._publisher.publish(messages.Notice(text=text, is_error=True))
-
     def _annotate(self, text: str) -> None:
         if not text:
-            self._publish_error("the annotation is empty; type a text first")
+            self._publisher.report_error("the annotation is empty; type a text first")
         elif not self._runs.active:
-            self._publish_error("an annotation needs a run; start a recording or a sweep first")
+            self._publisher.report_error(
+                "an annotation needs a run; start a recording or a sweep first"
+            )
         else:
             self._runs.annotate(text)
 
@@ -180,7 +177,7 @@ class BenchProcess:
                 session.run(bench)
             state = bench.standstill if isinstance(bench, GuardedBench) else None
             if state is not None and not state.is_confirmed:
-                self._publish_error(state.text)
+                self._publisher.report_error(state.text)
                 problem = state.text
         except BenchtoolError as error:
             reason = str(error)

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection as Pipe
 import numpy as np
 
 from benchtool.core.units import Array
-from benchtool.web.bench_process.messages import BenchEvent
+from benchtool.web.bench_process.messages import BenchEvent, Notice
 
 HEADER_LENGTH = 3  # values before the channels
 
@@ -90,6 +90,10 @@ class EventPublisher:
         with self._ready:
             self._events.append(event)
             self._ready.notify()
+
+    def report_error(self, text: str) -> None:
+        """Show an error once on every page."""
+        self.publish(Notice(text=text, is_error=True))
 
     def publish_frame(self, frame: bytes) -> None:
         with self._ready:

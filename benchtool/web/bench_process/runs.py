@@ -7,29 +7,23 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
-from datetime import datetime
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Literal
 
-from benchtool.acquire.arming import CONFIRMATION, require_unattended
-from benchtool.acquire.calibration import find_calibration
-from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.live_record import live_plan, record_live
-from benchtool.acquire.pitch_experiment import expected_extremes
-from benchtool.acquire.pitch_record import record_pitch, summary_line
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.live import LiveRecording, live_plan
+from benchtool.acquire.operator import ARMING_QUESTION
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.resume import load_resume_state, prepare_resume, require_same_device
-from benchtool.acquire.run_creation import new_live_run, new_pitch_run, new_run
-from benchtool.acquire.stage_selection import select_stage
-from benchtool.acquire.sweep import SweepStart, run_sweep
+from benchtool.acquire.resume import SweepStart, load_resume_state, prepare_resume
+from benchtool.acquire.run_experiment import build_experiment
+from benchtool.acquire.session import Experiment, acquire
+from benchtool.acquire.sweep import Sweep
 from benchtool.acquire.visit_order import Visit
-from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StoppableBench
-from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunInterrupted
+from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
@@ -37,8 +31,7 @@ from benchtool.data.run.run import Run
 from benchtool.web.bench_process.messages import (
     RunEvent,
     StartLiveRecording,
-    StartRecording,
-    StartSweep,
+    StartRun,
     SweepStatus,
 )
 from benchtool.web.bench_process.publisher import EventPublisher
@@ -61,21 +54,14 @@ def prepare_run(path: Path) -> SweepStart | str:
         return str(error)
 
 
-def require_armed(typed: str, identity: DeviceInfo, rig: Rig) -> None:
-    """Check the typed arming confirmation; a simulated or checked bench needs none."""
-    if not typed:
-        require_unattended(identity, rig, datetime.now().astimezone().date())
-    elif typed.strip() != CONFIRMATION:
-        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; no motor was started")
-
-
 class RunSupervisor(RunProgress):
-    """Supervisor of sweeps and recordings; publishes their progress."""
+    """Operator of sweeps and recordings on the page; publishes their progress."""
 
     def __init__(self, publisher: EventPublisher) -> None:
         self._publisher = publisher
         self._state = SweepStatus()
         self._radius_m: float | None = 1.0
+        self._typed = ""
         self._paused, self._ended = threading.Event(), threading.Event()
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._annotations: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -115,7 +101,7 @@ class RunSupervisor(RunProgress):
         elif self._state.kind == "pitch":
             bench.request_stop(problem)
 
-    def answer(self, text: str) -> None:
+    def receive_answer(self, text: str) -> None:
         """Answer the sweep's question; callable from any thread."""
         self._answers.put(text)
 
@@ -126,121 +112,74 @@ class RunSupervisor(RunProgress):
     def annotations(self) -> list[str]:
         return [self._annotations.get_nowait() for _ in range(self._annotations.qsize())]
 
-    def sweep(self, bench: GuardedBench, rig: Rig, command: StartSweep) -> None:
-        """Run a sweep; the throttle is at zero when this returns or raises.
+    def start(
+        self,
+        bench: GuardedBench,
+        rig: Rig,
+        command: StartRun | StartLiveRecording,
+        apply_throttle: Callable[[], object],
+    ) -> None:
+        """Sweep or record; the throttle is at zero when this returns or raises.
+
+        Args:
+            apply_throttle: of manual throttle; called until `end_live`.
 
         Raises:
-            BenchtoolError: the sweep could not start.
+            BenchtoolError: the run could not start.
             BenchError: the bench is no longer usable.
         """
         self.finish()
         self._paused.clear()
-        identity = bench.identity
-        inputs = command.inputs
-        resume_state = load_resume_state(Run.open(inputs.resume)) if inputs.resume else None
-        if resume_state is not None:
-            plan, rig = resume_state.plan, resume_state.rig
-        else:
-            plan = inputs.plan.resolved(rig)
-        self._radius_m = rig.propulsion.radius_m if plan.plate.used else None
-        check_plan(plan, rig, identity.limits)
-        if resume_state is not None:
-            calibration = resume_state.calibration
-        else:
-            calibration = find_calibration(inputs.calibration, identity)
-        stage_name = inputs.stage or (resume_state.stage if resume_state else None)
-        stage = select_stage(
-            stage_name, bench, rig, lambda text: self._ask(bench, text), plate=plan.plate.used
-        )
-        require_armed(command.typed, identity, rig)
-        start = None
-        if resume_state is not None:
-            require_same_device(resume_state, identity)
-            start = self._prepare_resume(bench, resume_state.run.path)
-        with bench.interruptible():
-            stage.open()
-        run: Run | None = None
+        self._ended.clear()
+        experiment = self._build_experiment(bench, rig, command, apply_throttle)
+
+        def begin(run: Run) -> None:
+            self.annotations()  # discard those of the previous run
+            self._page_lost = False
+            self._needs_page = isinstance(command, StartLiveRecording) or command.needs_page
+            if isinstance(command, StartRun):
+                run.update_metadata(needs_page=command.needs_page)
+            self._state = SweepStatus(status="running", kind=experiment.kind, run=str(run.path))
+            self._publisher.publish(self._state)
+
         try:
-            run = resume_state.run if resume_state else new_run(
-                (inputs.runs, None), plan, rig, identity,
-                operator=inputs.operator, air=inputs.air, calibration=calibration,
-            )  # fmt: skip
-            run.update_metadata(needs_page=command.needs_page)
-            self._begin(SweepStatus(status="running", run=str(run.path)), command.needs_page)
-            summary = run_sweep(
-                bench, stage, plan, rig, run, self,
-                calibration=calibration, start=start, is_paused=self._paused.is_set,
-            )  # fmt: skip
-            self._close(run, "ended", summary.text())
+            run = acquire(bench, experiment, self, begin)
+            self._close(run, "ended", experiment.summary())
         except BenchtoolError as error:
-            if run is not None:
-                self._close(run, "stopped", bench.add_standstill_text(str(error)))
-                bench.require_standstill(ends_normally=True)
-            if run is None or isinstance(error, BenchError):
+            if experiment.run is None:
                 raise
-        finally:
-            stage.close()
+            self._close(experiment.run, "stopped", bench.add_standstill_text(str(error)))
+            bench.require_standstill(ends_normally=True)
+            if isinstance(error, BenchError):
+                raise
 
-    def record(self, bench: GuardedBench, rig: Rig, command: StartRecording) -> None:
-        """Record a pitch experiment; raises as `sweep` and ends at zero throttle."""
-        self.finish()
-        identity, experiment = bench.identity, command.experiment
-        expected_extremes(identity, experiment, rig)
-        require_armed(command.typed, identity, rig)
-        run = new_pitch_run((command.runs, command.name, None), experiment, rig, identity)
-        run.update_metadata(needs_page=command.needs_page)
-
-        def measure() -> str:
-            summary = record_pitch(
-                bench, rig, experiment, run, self, lambda left_s: self._change(remaining_s=left_s)
-            )
-            return summary_line(summary)
-
-        self._record(bench, run, "pitch", measure, command.needs_page)
-
-    def record_live(
+    def _build_experiment(
         self,
         bench: GuardedBench,
         rig: Rig,
-        command: StartLiveRecording,
+        command: StartRun | StartLiveRecording,
         apply_throttle: Callable[[], object],
-    ) -> None:
-        """Record under manual throttle until `end_live`; raises as `sweep`."""
-        self.finish()
-        self._ended.clear()
-        calibration = find_calibration(None, bench.identity)
-        plan = live_plan(command.name, rig)
-        run = new_live_run(command.runs, plan, rig, bench.identity, calibration=calibration)
+    ) -> Experiment:
+        if isinstance(command, StartLiveRecording):
 
-        def is_running() -> bool:
-            apply_throttle()
-            return not self._ended.is_set()
+            def is_running() -> bool:
+                apply_throttle()
+                return not self._ended.is_set()
 
-        self._record(
-            bench, run, "live",
-            lambda: record_live(bench, rig, plan, run, self, is_running, calibration).text(),
-        )  # fmt: skip
+            live_inputs = SweepInputs(plan=live_plan(command.name, rig), runs=command.runs)
+            return LiveRecording(live_inputs, rig, self, is_running)
+        self._typed = command.typed
+        inputs = replace(
+            command.inputs, address=bench.identity.address, out=None, yes=not command.typed
+        )
+        experiment = build_experiment(inputs, rig, self)
+        if isinstance(experiment, Sweep) and experiment.resume_state:
+            experiment.start = self._prepare_resume(bench, experiment.resume_state.run.path)
+        return experiment
 
     def end_live(self) -> None:
         """End a live recording; callable from any thread."""
         self._ended.set()
-
-    def _record(
-        self,
-        bench: GuardedBench,
-        run: Run,
-        kind: Literal["pitch", "live"],
-        measure: Callable[[], str],
-        needs_page: bool = True,
-    ) -> None:
-        self._begin(SweepStatus(status="running", kind=kind, run=str(run.path)), needs_page)
-        try:
-            self._close(run, "ended", measure())
-        except BenchtoolError as error:
-            self._close(run, "stopped", bench.add_standstill_text(str(error)))
-            bench.require_standstill(ends_normally=True)
-            if isinstance(error, BenchError):
-                raise
 
     def finish(self) -> None:
         if self._closing is not None:
@@ -254,6 +193,12 @@ class RunSupervisor(RunProgress):
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._change(n_measured=self._state.n_measured + 1, remaining_s=remaining_s)
+
+    def remaining(self, remaining_s: float) -> None:
+        self._change(remaining_s=remaining_s)
+
+    def is_paused(self) -> bool:
+        return self._paused.is_set()
 
     def happened(self, event: Event) -> None:
         self._publisher.publish(RunEvent(event))
@@ -275,14 +220,26 @@ class RunSupervisor(RunProgress):
             raise InputError(start)
         return start
 
-    def _ask(self, bench: GuardedBench, question: str) -> str:
-        """Publish a question and read the bench until the answer arrives."""
+    def inform(self, text: str) -> None:
+        """No-op: the page shows the status of the run."""
+
+    warn = inform
+
+    def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
+        self._radius_m = radius_m
+        return nullcontext(self)
+
+    def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
+        """Return the typed confirmation, or publish a question and wait for the page's answer."""
+        if question == ARMING_QUESTION:
+            return self._typed
         with suppress(queue.Empty):
             while True:
                 self._answers.get_nowait()
         self._change(status="asking", question=question)
         while True:
-            bench.read_and_buffer(READ_TIMEOUT_S)
+            if meanwhile is not None:
+                meanwhile()
             with suppress(queue.Empty):
                 text = self._answers.get_nowait()
                 self._change(status="running", question="")
@@ -307,12 +264,6 @@ class RunSupervisor(RunProgress):
 
         self._closing = threading.Thread(target=close, name="closing")
         self._closing.start()
-
-    def _begin(self, state: SweepStatus, needs_page: bool) -> None:
-        self.annotations()  # discard those of the previous run
-        self._needs_page, self._page_lost = needs_page, False
-        self._state = state
-        self._publisher.publish(state)
 
     def _change(self, **changes: object) -> None:
         self._state = replace(self._state, **changes)  # type: ignore[arg-type]

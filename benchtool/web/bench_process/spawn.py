@@ -78,10 +78,6 @@ class ProcessHandle:
             with suppress(OSError), self._sending:
                 self._pipe.send_bytes(message)
 
-    def make_replacement(self) -> ProcessHandle:
-        """Return a handle for a process that replaces this one."""
-        return ProcessHandle(self.stop_endpoint)
-
     def receive(self) -> bytes:
         """Return the next message; raise `EOFError` or `OSError` if the process has ended."""
         if self._pipe is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.channel import Channel, unit_from_name
+from benchtool.core.channel import Channel, channel_family, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
 from benchtool.core.units import Array
@@ -43,7 +43,7 @@ def limit_shares(
         ("current_A", "current, A", limits.current_A),
         ("temperature_degC", "ESC, degC", limits.temperature_degC),
     ):
-        columns = [i for i, name in enumerate(names) if _family(name) == family]
+        columns = [i for i, name in enumerate(names) if channel_family(name) == family]
         values = [max(high[i], -low[i] if family == "thrust_N" else high[i]) for i in columns]
         finite = [float(value) for value in values if np.isfinite(value)]
         if finite:
@@ -57,10 +57,6 @@ def limit_shares(
         max_us = max(command_pwm_us)
         shares.append(LimitShare("pulse width, us", max_us, limits.pwm_us, max_us / limits.pwm_us))
     return tuple(shares)
-
-
-def _family(name: str) -> str:
-    return "rpm" if name.rstrip("0123456789") == "rpm" else name
 
 
 FRAME_INTERVAL_S = 0.05

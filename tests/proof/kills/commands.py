@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchtool.acquire.pitch_record import CHUNK_S, RAMP_UP_S
+from benchtool.acquire.pitch import CHUNK_S, RAMP_UP_S
 from benchtool.acquire.record import STEP_S
 from benchtool.data.calibration import read_calibration
 from benchtool.data.run.append import read_events

@@ -173,23 +173,22 @@ def visited(bench: Drawn, path: Path) -> None:
     plant = PlateBench(rig, bench.model, np.random.default_rng(bench.seed), bench.flaws, RATE_HZ)
     plant.tare()
     rest = average(samples(plant, 1.0).column("thrust_N"))
-    tared = TareResult(plant.time_s - 0.5, rest, nan)
+    tared = TareResult(plant.time_s - 0.5, nan)
     here_m, off_m = rig.plate.z_park_m, 0.0
     places = np.random.default_rng([20261123, bench.seed, 1])
     stage = PlantStage(plant, rig.plate)
     writer = new_run(bench, path).point_writer(rig.n_rotors)
     try:
-        writer.append(tare_point(tared, rig.n_rotors))
+        writer.append(tare_point(tared.time_s, rest, rig.n_rotors))
         for visit in plan_visits(plan, rig):
-            place = visit.setting.place
-            plant.command_pwm(np.array(visit.setting.pwm_us))
-            if abs(place.z_m - here_m) > MIN_MOVE:
+            plant.command_pwm(np.array(visit.pwm_us))
+            if abs(visit.target_z_m - here_m) > MIN_MOVE:
                 off_m = bench.place_sd_m * places.standard_normal()
-            stage.move(place.z_m + off_m, place.x_m, 0.0, partial(samples, plant))
+            stage.move(visit.target_z_m + off_m, visit.target_x_m, 0.0, partial(samples, plant))
             samples(plant, SETTLE_S)
-            here_m = place.z_m
+            here_m = visit.target_z_m
             read = samples(plant, plan.sample_s, bench.supply_exponent, off_m)
-            point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, is_settled=True)
+            point, _ = measure(read, visit, here_m, tared, None, rig.sensors, is_settled=True)
             writer.append(point)
     finally:
         writer.close()

@@ -6,8 +6,8 @@ from datetime import date
 import numpy as np
 import pytest
 
-from benchtool.acquire.arming import arming_warnings, require_unattended, store_check_result
 from benchtool.acquire.bench_check import check_bench
+from benchtool.acquire.operator import arming_warnings, require_unattended, store_check_result
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import BenchError, InputError

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import binom
 
 from benchtool.acquire.calibration import fit_calibration, with_drift_interval
-from benchtool.acquire.inputs import MassUncertainty
+from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
 from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.errors import CalibrationError, InputError, UnknownChoice
 from benchtool.data.calibration import format_age_warning, format_traceability, parse_calibration
@@ -17,8 +17,11 @@ MASSES = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 1.0, 0.5, 0.2, 0.0])
 G = 9.81
 
 
-def fitted(counts: np.ndarray, masses: np.ndarray = MASSES, **more: float):
-    return fit_calibration(masses, counts, date="2026-01-31", device_id="d", gravity_m_s2=G, **more)
+def fitted(counts: np.ndarray, masses: np.ndarray = MASSES, days: tuple = (), **more: object):
+    weighing = WeighingInputs(gravity=G, **more)
+    return fit_calibration(
+        masses, counts, date="2026-01-31", device_id="d", weighing=weighing, days=days
+    )
 
 
 def test_an_exact_line_comes_back():
@@ -45,20 +48,19 @@ def test_hysteresis_is_the_gap_between_up_and_down():
 
 
 @pytest.mark.parametrize(
-    ("masses", "counts", "more", "words"),
+    ("masses", "counts", "words"),
     [
-        ([0.0, 1.0, 0.0], [0.0, 100.0, 0.0], {}, "2 different masses"),
-        ([0.0, 1.0, 2.0], [0.0, 1.0], {}, "3 masses, but 2 readings"),
-        ([0.0, -1.0, 2.0], [0.0, 1.0, 2.0], {}, "mass -1 kg is out of range"),
-        ([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], {}, "not finite"),
-        ([0.0, 1.0, 2.0, 3.0], [7.0, 7.1, 6.9, 7.0], {}, "is not significant"),
-        ([0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 200.0, 330.0], {}, "% of full scale, limit 2 %"),
-        ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], {"lever_ratio": 0.0}, "lever ratio 0 is out of range"),
+        ([0.0, 1.0, 0.0], [0.0, 100.0, 0.0], "2 different masses"),
+        ([0.0, 1.0, 2.0], [0.0, 1.0], "3 masses, but 2 readings"),
+        ([0.0, -1.0, 2.0], [0.0, 1.0, 2.0], "mass -1 kg is out of range"),
+        ([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], "not finite"),
+        ([0.0, 1.0, 2.0, 3.0], [7.0, 7.1, 6.9, 7.0], "is not significant"),
+        ([0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 200.0, 330.0], "% of full scale, limit 2 %"),
     ],
 )
-def test_nonsense_is_refused(masses, counts, more, words):
+def test_nonsense_is_refused(masses, counts, words):
     with pytest.raises(CalibrationError, match=words):
-        fitted(np.array(counts), np.array(masses), **more)
+        fitted(np.array(counts), np.array(masses))
 
 
 def test_a_calibration_survives_json_and_refuses_strange_keys():
@@ -120,7 +122,7 @@ def counted(days: int, sd_day: float = 0.0, known: MassUncertainty | None = None
             np.concatenate(counts),
             np.tile(masses, days),
             days=[str(day) for day in range(days) for _ in masses],
-            uncertainty=known,
+            uncertainty=known or MassUncertainty(),
         )
         off = abs(found.slope_N_per_count * gains[days] - 1.0)
         held += [off <= found.relative_half_width(p) for p in (0.6827, 0.95)]
@@ -163,7 +165,7 @@ def test_each_source_is_a_component():
         np.tile(masses, 3),
         days=["a"] * 3 + ["b"] * 3 + ["c"] * 3,
         uncertainty=known,
-        calibrated_by="Ada",
+        operator="Ada",
         certificate="DKD 17",
     )
     parts = {part.name: part for part in found.components}
@@ -195,9 +197,10 @@ def test_days_need_masses_of_their_own_and_the_same_lever():
     with pytest.raises(CalibrationError, match="9 readings, but 1 days"):
         fitted(counts, days=["a"])
     earlier = fitted(counts)
+    other, same = WeighingInputs(gravity=G, lever_ratio=2.0), WeighingInputs(gravity=G)
     with pytest.raises(CalibrationError, match="lever ratio and gravity"):
-        with_drift_interval(earlier, MASSES, counts, "2026-02-01", 2.0, G)
-    joined = with_drift_interval(earlier, MASSES, counts, "2026-02-01", 1.0, G)
+        with_drift_interval(earlier, MASSES, counts, "2026-02-01", other)
+    joined = with_drift_interval(earlier, MASSES, counts, "2026-02-01", same)
     again = fitted(joined[1], joined[0], days=joined[2])
     assert set(again.days) == {"2026-01-31", "2026-02-01"}
     assert again.slope_N_per_count == pytest.approx(earlier.slope_N_per_count)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import benchtool as bt
-from benchtool.acquire.live_record import LiveSummary, live_plan, record_live
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.live import LiveRecording, live_plan
+from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import close_run, load_resume_state
-from benchtool.acquire.run_creation import new_live_run
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import InputError, RunInterrupted
@@ -41,29 +43,34 @@ class Hand:
         return True
 
 
-def recorded(path: Path, *levels: tuple[float, float]) -> tuple[Run, LiveSummary]:
+def live_recording(path: Path, turn: Callable[[], bool]) -> LiveRecording:
+    inputs = SweepInputs(plan=live_plan("live", RIG), runs=path)
+    return LiveRecording(inputs, RIG, RunProgress(), turn)
+
+
+def recorded(path: Path, *levels: tuple[float, float]) -> tuple[Run, LiveRecording]:
     """Return the run of a simulated bench on which pulses were held until those times."""
-    plan = live_plan("live", RIG)
     with GuardedBench(open_bench("sim:pquad?seed=4"), RIG) as bench:
-        run = new_live_run(path, plan, RIG, bench.identity)
+        live = live_recording(path, Hand(bench, *levels).turn)
+        run = live.create_run(bench.identity)
         try:
-            summary = record_live(bench, RIG, plan, run, None, Hand(bench, *levels).turn)
+            live.record(bench, run)
             assert not bench.reason
         finally:
             assert (bench.pwm_us == RIG.propulsion.pwm_stop_us).all()
     run.close()
-    return run, summary
+    return run, live
 
 
 def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
     run, summary = recorded(tmp_path, (6.0, 1000.0), (22.0, 1400.0), (23.0, 1500.0), (34.0, 1600.0))
     samples, points = read_samples(run.path), read_points(run.path)
-    assert len(samples) == summary.samples
-    assert summary.lost == 0
+    assert len(samples) == summary.recorder.quality.samples
+    assert summary.recorder.quality.lost == 0
     measured = points.select(points.column("kind") == word_to_code("kind", "reference"))
     pulses_us = measured.column("pwm1_us")
     assert set(pulses_us) == {1400.0, 1600.0}  # 1500 us were left before they had settled
-    assert len(pulses_us) == summary.points >= 4
+    assert len(pulses_us) == summary.n_points >= 4
     assert list(measured.column("repeat")[pulses_us == 1400.0][:2]) == [1.0, 2.0]
     for row, pulse_us in enumerate(pulses_us):
         # Each is the mean of its own samples, which are those after the level had settled.
@@ -83,7 +90,7 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
     entry = build_entry(RunsFolder(tmp_path), run.path.name)
     assert (entry.kind, entry.can_fit) == ("live recording", True)
     assert len(bt.runs(tmp_path, kind="live recording").query("FROM points")) == len(points) + 1
-    assert read_settings(run.path).column("n_repeats").sum() == summary.points
+    assert read_settings(run.path).column("n_repeats").sum() == summary.n_points
 
 
 def test_a_limit_ends_it_with_motors_at_zero_and_the_samples_on_the_disk(tmp_path):
@@ -100,7 +107,6 @@ def test_a_limit_ends_it_with_motors_at_zero_and_the_samples_on_the_disk(tmp_pat
 
 
 def _stopped(path: Path) -> None:
-    plan = live_plan("live", RIG)
     with GuardedBench(open_bench("sim:pquad"), RIG) as bench:
         hand = Hand(bench, (20.0, 1400.0))
 
@@ -109,4 +115,5 @@ def _stopped(path: Path) -> None:
                 raise RunInterrupted("the hand failed")
             return True
 
-        record_live(bench, RIG, plan, new_live_run(path, plan, RIG, bench.identity), None, turn)
+        live = live_recording(path, turn)
+        live.record(bench, live.create_run(bench.identity))

@@ -10,17 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.acquire.pitch_experiment import (
-    PitchExperiment,
-    arming_text,
-    check_experiment,
-    hover_pulse_us,
-)
-from benchtool.acquire.pitch_record import PitchSummary, record_pitch, summary_line
+from benchtool.acquire.inputs import RecordInputs
+from benchtool.acquire.pitch import PitchRecording, arming_text, check_experiment
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.errors import LimitExceeded, PlanError
+from benchtool.core.errors import InputError, LimitExceeded, PlanError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import load_schedule
 from benchtool.data.run.append import read_events
@@ -29,22 +24,22 @@ from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 
 RIG = load_rig_by_name("pquad")
-HOVER = PitchExperiment(seconds=40.0, collective_us=hover_pulse_us(RIG))
 ADDRESS = "sim:pquad?mode=pitch&seed=3"
+HOVER = RecordInputs(address=ADDRESS)
 
 
 def recorded(
-    path: Path, experiment: PitchExperiment = HOVER, address: str = ADDRESS
-) -> tuple[Run, PitchSummary]:
-    run = Run.create(
-        path, experiment.to_toml(), {"state": "running", "simulated": True, "experiment": "pitch"}
-    )
+    path: Path, inputs: RecordInputs = HOVER, address: str = ADDRESS
+) -> tuple[Run, PitchRecording]:
+    pitch = PitchRecording(inputs, RIG)
+    facts = {"state": "running", "simulated": True, "experiment": "pitch"}
+    run = Run.create(path, inputs.plan_text(RIG), facts)
     try:
         with GuardedBench(open_bench(address), RIG) as bench:
-            summary = record_pitch(bench, RIG, experiment, run)
+            pitch.record(bench, run)
     finally:
         run.close()
-    return run, summary
+    return run, pitch
 
 
 def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path):
@@ -83,7 +78,7 @@ def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path)
     assert np.degrees(np.abs(theta - simulated).max()) < 0.5
     assert np.degrees((theta - simulated).std()) < 0.05
     assert summary.rms_error_rad == pytest.approx(radians(1.08), rel=0.05)
-    assert "40 s" in summary_line(summary)
+    assert "40 s" in summary.summary()
 
 
 def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path):
@@ -99,10 +94,10 @@ def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path):
         "standstill",
         "ended",
     ]
-    assert summary.lost == 0
+    assert summary.recorder.quality.lost == 0
     # The ramps are in the file, too: what is told is what it holds.
-    assert summary.samples == len(samples) == run.metadata["link"]["samples"] > 500
-    assert f"{len(samples)} samples" in summary_line(summary)
+    assert summary.recorder.quality.samples == len(samples) == run.metadata["link"]["samples"] > 500
+    assert f"{len(samples)} samples" in summary.summary()
 
 
 def test_the_plate_is_sent_before_anything_spins(tmp_path):
@@ -115,7 +110,7 @@ def test_the_plate_is_sent_before_anything_spins(tmp_path):
 def test_an_angle_beyond_the_limit_stops_it_and_is_on_the_disk(tmp_path):
     path = tmp_path / "run"
     with pytest.raises(LimitExceeded, match="theta_rad"):
-        recorded(path, replace(HOVER, pitch_limit_rad=radians(1.0)))
+        recorded(path, replace(HOVER, limit_deg=1.0))
     assert Run.open(path).metadata["state"] == "stopped"
     theta = read_samples(path).column("theta_rad")
     assert np.abs(theta).max() > radians(1.0)
@@ -143,10 +138,10 @@ class Interrupted:
 
 
 def test_ctrl_c_commands_zero_at_once(tmp_path):
-    run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
+    run = Run.create(tmp_path / "run", HOVER.plan_text(RIG), {"state": "running"})
     bench = Interrupted(KeyboardInterrupt(), 3.0)
     with pytest.raises(KeyboardInterrupt), GuardedBench(bench, RIG) as guarded:  # type: ignore[arg-type]
-        record_pitch(guarded, RIG, HOVER, run)
+        PitchRecording(HOVER, RIG).record(guarded, run)
     assert bench.stops >= 1
     assert "Ctrl-C" in run.metadata["reason"]
     assert run.metadata["state"] == "stopped"
@@ -155,28 +150,30 @@ def test_ctrl_c_commands_zero_at_once(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"seconds": 0.0}, "--seconds is 0"),
-        ({"seconds": float("nan")}, "--seconds is nan"),
-        ({"collective_us": 1050.0}, "1050 us"),
-        ({"collective_us": 1960.0}, "1950 us"),
-        ({"pitch_limit_rad": 2.0}, "at most 90"),
+        ({"seconds": 0.0}, "seconds is 0"),
+        ({"seconds": float("nan")}, "seconds is nan"),
+        ({"collective": 1050.0}, "1050 us"),
+        ({"collective": 1960.0}, "1950 us"),
+        ({"limit_deg": 114.6}, "at most 90"),
         ({"plate_z_m": 0.001}, r"0\.05"),
     ],
 )
 def test_what_the_limits_do_not_allow_is_refused(changes, told):
-    with pytest.raises(PlanError, match=told):
+    with pytest.raises(InputError, match=told):
         check_experiment(replace(HOVER, **changes), RIG)
 
 
 def test_limits_of_device_and_rig_hold():
     assert check_experiment(HOVER, RIG).thrust_N == pytest.approx(1.4 * 9.81, rel=0.01)
     assert "5505 rpm" in arming_text(HOVER, RIG, check_experiment(HOVER, RIG))
+    with open_bench(ADDRESS) as bench:
+        device = bench.identity
     with pytest.raises(PlanError, match="1500 us"):
-        check_experiment(HOVER, RIG, {"pwm_us": 1500.0})
+        check_experiment(HOVER, RIG, replace(device, limits={"pwm_us": 1500.0}))
     with pytest.raises(PlanError, match="rpm"):
-        check_experiment(HOVER, RIG, {"rpm": 5000.0})
+        check_experiment(HOVER, RIG, replace(device, limits={"rpm": 5000.0}))
     with pytest.raises(PlanError, match="1700 us"):
-        check_experiment(HOVER, RIG, {}, idle_us=1700.0)
+        check_experiment(HOVER, RIG, replace(device, limits={}, pwm_idle_us=1700.0))
     weak = replace(RIG, limits=replace(RIG.limits, thrust_N=10.0))
     with pytest.raises(PlanError, match="10 N"):
         check_experiment(HOVER, weak)
@@ -185,7 +182,7 @@ def test_limits_of_device_and_rig_hold():
 def test_zero_comes_before_the_samples_of_a_beam_that_turned_too_far_are_written(
     tmp_path, monkeypatch
 ):
-    strict = replace(HOVER, pitch_limit_rad=radians(0.01))
+    strict = replace(HOVER, limit_deg=0.01)
     did: list[str] = []
     stop, write = GuardedBench.stop, RunWriter.samples
 

@@ -41,11 +41,11 @@ def test_every_setting_is_visited_once_in_every_repeat(kind):
     visits = plan_visits(plan, QUAD)
     assert [visit.point for visit in visits] == list(range(1, len(visits) + 1))
     planned = [visit for visit in visits if visit.kind != "anchor"]
-    seen = {(visit.setting.number, visit.repeat) for visit in planned}
+    seen = {(visit.setting, visit.repeat) for visit in planned}
     assert len(seen) == len(planned) == len(plan_settings(plan, QUAD)) * 5
     for repeat in range(1, 6):
-        numbers = [v.setting.number for v in planned if v.repeat == repeat]
-        assert sorted(numbers) == [setting.number for setting in plan_settings(plan, QUAD)]
+        numbers = [v.setting for v in planned if v.repeat == repeat]
+        assert sorted(numbers) == [setting.setting for setting in plan_settings(plan, QUAD)]
 
 
 def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends():
@@ -56,7 +56,7 @@ def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends():
     assert anchors[-1] == len(visits) - 1
     assert len({visits[index].setting for index in anchors}) == 1
     for index in anchors[1:-1]:
-        assert visits[index - 1].setting.place != visits[index + 1].setting.place
+        assert visits[index - 1].position != visits[index + 1].position
     none = replace(plan, order=replace(plan.order, anchor_every=0))
     assert all(visit.kind != "anchor" for visit in plan_visits(none, QUAD))
 

@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
 from benchtool.acquire.record import LinkQuality
 from benchtool.acquire.resume import (
+    SweepStart,
     close_run,
     load_resume_state,
     prepare_resume,
     require_same_device,
 )
-from benchtool.acquire.run_creation import run_metadata
-from benchtool.acquire.sweep import SweepStart
+from benchtool.acquire.session import new_run
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import word_to_code
@@ -47,8 +48,8 @@ LINK = {"lost": 5, "corrupt": 3, "repeated": 2}
 
 def begun(path: Path, done: int = 1, rows: int = 4) -> Run:
     """Return a run of two visits: with the points of some, and samples of the park and of both."""
-    facts = run_metadata(PLAN, RIG, FakeBench().identity)
-    run = Run.create(path, plan_to_toml(PLAN), facts | {"link": LINK})
+    inputs, identity = SweepInputs(out=path), FakeBench().identity
+    run = new_run(inputs, "sweep", plan_to_toml(PLAN), RIG, identity, {"link": LINK})
     samples = run.sample_writer(CHANNELS)
     time_s = 0.5 * np.arange(rows)
     for number, phase in ((0, "move"), (1, "sample"), (2, "settle")):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.calibration import fit_calibration
-from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.recalibrate import recalibrate
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.run_creation import run_metadata
-from benchtool.acquire.sweep import SweepSummary, run_sweep
+from benchtool.acquire.sweep import Sweep
 from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage
@@ -24,6 +24,7 @@ from benchtool.core.errors import (
 )
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.atomic import data_hash
+from benchtool.data.calibration import Calibration
 from benchtool.data.columns import KINDS, PHASES, word_to_code
 from benchtool.data.run.append import read_events
 from benchtool.data.run.points import Point
@@ -70,23 +71,26 @@ class Watcher(RunProgress):
 
 
 def sweep(
-    bench: FakeBench, path: Path, plan: Plan = PLAN, watcher: Watcher | None = None, **more: object
-) -> tuple[SweepSummary, Run]:
-    resolved = plan.resolved(RIG)
-    run = Run.create(
-        path, plan_to_toml(resolved), run_metadata(resolved, RIG, bench.identity, operator="me")
-    )
+    bench: FakeBench,
+    path: Path,
+    plan: Plan = PLAN,
+    watcher: Watcher | None = None,
+    calibration: Calibration | None = None,
+) -> tuple[Sweep, Run]:
+    measured = Sweep(SweepInputs(plan=plan.resolved(RIG), out=path, operator="me"), RIG)
+    measured.calibration = calibration
+    run = measured.create_run(bench.identity)
     with GuardedBench(bench, RIG) as guarded:
-        stage = DeviceStage(guarded)
-        summary = run_sweep(guarded, stage, resolved, RIG, run, watcher, **more)
-    return summary, run
+        measured.stage = DeviceStage(guarded)
+        measured.record(guarded, run, watcher)
+    return measured, run
 
 
 def test_a_sweep_measures_every_visit_once(tmp_path):
     bench, watcher = FakeBench(), Watcher()
     summary, run = sweep(bench, tmp_path / "run", watcher=watcher)
     visits = plan_visits(PLAN.resolved(RIG), RIG)
-    assert summary.measured == len(visits) == len(watcher.points)
+    assert summary.n_measured == len(visits) == len(watcher.points)
     assert watcher.words[0] == f"{len(visits)} 0"
     assert max(watcher.left_s) == watcher.left_s[0]
     assert watcher.left_s[-1] == 0.0
@@ -97,7 +101,7 @@ def test_a_sweep_measures_every_visit_once(tmp_path):
     assert run.metadata["state"] == "ended"
     assert run.metadata["operator"] == "me"
     assert run.metadata["air"]["measured"] is False
-    assert run.metadata["link"]["samples"] == summary.samples
+    assert run.metadata["link"]["samples"] == summary.recorder.quality.samples
 
 
 def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_path):
@@ -188,10 +192,10 @@ def test_a_thrust_that_creeps_is_taken_and_marked(tmp_path):
 
     bench.at.append((3.0, creep))
     summary, run = sweep(bench, tmp_path / "run", plan)
-    assert summary.unsettled == summary.measured
+    assert summary.n_unsettled == summary.n_measured
     assert not read_points(run.path).column("settled").any()
     events = read_events(run.path / "events.jsonl")
-    assert sum(event.event == "settle_timeout" for event in events) == summary.measured
+    assert sum(event.event == "settle_timeout" for event in events) == summary.n_measured
 
 
 def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path):
@@ -203,7 +207,7 @@ def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path):
     bench.at.append((8.0, drift))
     plan = replace(PLAN, tare=replace(PLAN.tare, drift_N=0.05))
     summary, run = sweep(bench, tmp_path / "run", plan)
-    assert summary.tares == 2
+    assert summary.n_tares == 2
     drifts = [e for e in read_events(run.path / "events.jsonl") if e.event == "drift"]
     assert len(drifts) == 1
     assert "anchor 2 has changed by +0.0999" in drifts[0].text
@@ -213,7 +217,7 @@ def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path):
 def test_a_tare_is_repeated_after_its_time(tmp_path):
     plan = replace(PLAN, tare=replace(PLAN.tare, every_minutes=0.2))
     summary, run = sweep(FakeBench(), tmp_path / "run", plan)
-    assert summary.tares == 2
+    assert summary.n_tares == 2
     assert 12.0 < read_points(run.path).column("elapsed_s").max() < 12.0 + 5.0
 
 
@@ -274,8 +278,9 @@ def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path):
         asked.append(bench.now_s())
         return len(watcher.points) == 2 and len(asked) < 30
 
-    summary, run = sweep(bench, tmp_path / "run", watcher=watcher, is_paused=waits)
-    assert summary.measured == len(watcher.points) > 3
+    watcher.is_paused = waits  # type: ignore[method-assign]
+    summary, run = sweep(bench, tmp_path / "run", watcher=watcher)
+    assert summary.n_measured == len(watcher.points) > 3
     between = watcher.words[watcher.words.index("paused") : watcher.words.index("went_on")]
     assert between == ["paused"]
     events = {event.event: event for event in read_events(run.path / "events.jsonl")}
@@ -300,13 +305,13 @@ def test_missed_counts_are_left_out_and_their_number_stands_beside(tmp_path):
     np.testing.assert_allclose(points.column("rpm1"), 4000.0, atol=1.5)
     assert set(points.column("rpm1_rejected")) == {1.0}
     assert not points.column("thrust_N_rejected").any()
-    assert (summary.suspect, points.column("suspect").any()) == (0, False)
+    assert (summary.n_suspect, points.column("suspect").any()) == (0, False)
     said = events_of(run, "outliers")
-    assert len(said) == summary.measured
+    assert len(said) == summary.n_measured
     assert "1 of 50 samples of rpm1 (from " in said[0]
     assert "and are excluded from the mean" in said[0]
     taken = samples.column("rpm1")[samples.column("phase") == word_to_code("phase", "sample")]
-    assert (taken < 2500.0).sum() == summary.measured  # raw samples stay
+    assert (taken < 2500.0).sum() == summary.n_measured  # raw samples stay
 
 
 def test_a_rotor_that_hunts_marks_its_points(tmp_path):
@@ -314,12 +319,12 @@ def test_a_rotor_that_hunts_marks_its_points(tmp_path):
     bench.shown_rpm = lambda time_s, rpm: np.where((time_s * 100.0).round() % 10, rpm, 0.9 * rpm)
     summary, run = sweep(bench, tmp_path / "run")
     points = read_points(run.path)
-    assert summary.suspect == summary.measured == len(points)
+    assert summary.n_suspect == summary.n_measured == len(points)
     assert points.column("suspect").all()
     np.testing.assert_allclose(points.column("rpm1"), 3960.0, atol=2.0)
     assert "none is excluded and the point is marked as suspect" in events_of(run, "suspect")[0]
     ended = read_events(run.path / "events.jsonl")[-1]
-    assert ended.text.endswith(f"{summary.measured} of them suspect")
+    assert ended.text.endswith(f"{summary.n_measured} of them suspect")
 
 
 def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_path):
@@ -334,7 +339,7 @@ def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_p
     found = next(e for e in read_events(run.path / "events.jsonl") if e.text == said)
     assert found.time_s < begun_s + 1.4  # while it runs, not at its end
     np.testing.assert_allclose(read_points(run.path).column("rpm1"), 4000.0, atol=1.0)
-    assert summary.measured == len(read_points(run.path))
+    assert summary.n_measured == len(read_points(run.path))
 
 
 def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path):

@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import pytest
 
-from benchtool.acquire.plan import plan_from_toml, plan_to_toml
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.plan import plan_from_toml
 from benchtool.acquire.resume import load_resume_state
-from benchtool.acquire.run_creation import run_metadata
-from benchtool.acquire.sweep import run_sweep
+from benchtool.acquire.sweep import Sweep
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import PlateStage
 from benchtool.core.errors import BenchtoolError, StageError
@@ -78,10 +78,11 @@ anchor_every = 0
         "plan",
     ).resolved(RIG)
     with GuardedBench(bench, RIG) as guarded:
-        run = Run.create(path, plan_to_toml(plan), run_metadata(plan, RIG, guarded.identity))
+        measured = Sweep(SweepInputs(plan=plan, out=path), RIG)
+        stage._guard = guarded
+        measured.stage = stage
         try:
-            stage._guard = guarded
-            run_sweep(guarded, stage, plan, RIG, run)
+            measured.record(guarded, measured.create_run(guarded.identity))
         finally:
             stage.highest_us = float(guarded.pwm_us.max())
     return read_points(path).column("plate_z_m").tolist()

@@ -18,7 +18,7 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     read_plan,
 )
-from benchtool.acquire.sweep_run import run_sweep_to_folder
+from benchtool.acquire.run_experiment import run_experiment
 from benchtool.acquire.visit_order import expected_duration_s, plan_visits
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import load_rig_by_name, rig_names
@@ -37,7 +37,7 @@ SHORT = Plan(
 
 def swept(plan: Plan, out: Path, **inputs: object) -> Run:
     given = SweepInputs(address="sim:pquad_single", plan=plan, out=out, yes=True, **inputs)  # type: ignore[arg-type]
-    run = run_sweep_to_folder(given, Unattended(), check_code_allowed)
+    run = run_experiment(given, Unattended(), check_code_allowed)
     assert run is not None
     return run
 
@@ -50,20 +50,18 @@ def test_a_shipped_test_keeps_the_limits_of_every_rig(name):
         check_plan(plan, rig)
         visits = plan_visits(plan, rig)
         assert {visit.kind for visit in visits} == {"reference"}
-        assert all(visit.setting.place.parked for visit in visits)
+        assert all(visit.is_parked for visit in visits)
 
 
 def test_steps_go_up_and_then_down_at_percentages_of_the_pulse_range():
     rig = load_rig_by_name("pquad_single")  # pulses from 1050 to 1950 us
-    levels = [
-        visit.setting.level_us for visit in plan_visits(read_plan("steps").resolved(rig), rig)
-    ]
+    levels = [visit.level_us for visit in plan_visits(read_plan("steps").resolved(rig), rig)]
     up = [1140.0, 1230.0, 1320.0, 1410.0, 1500.0, 1590.0, 1680.0, 1770.0]
     assert levels == up + up[::-1]
     plan = read_plan("endurance").resolved(rig)
     hour_s = expected_duration_s(plan, rig, plan_visits(plan, rig))
     assert hour_s == pytest.approx(3600.0, rel=0.05)
-    ramp = [visit.setting.level_us for visit in plan_visits(read_plan("ramp").resolved(rig), rig)]
+    ramp = [visit.level_us for visit in plan_visits(read_plan("ramp").resolved(rig), rig)]
     assert ramp == [1140.0, 1770.0] * 2
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
-from benchtool.acquire.sweep_run import run_sweep_to_folder
+from benchtool.acquire.run_experiment import run_experiment
 from benchtool.bench.addresses import (
     LOOPBACK,
     GrblAddress,
@@ -127,7 +127,7 @@ def test_a_wrong_stage_is_refused_in_a_dry_run_too(option, said):
         SweepInputs, {**given, "z_over_r": "2", "pwm": "1500"}, base=SweepInputs()
     )
     with pytest.raises(InputError, match=said):
-        run_sweep_to_folder(inputs, Unattended(), check_code_allowed)
+        run_experiment(inputs, Unattended(), check_code_allowed)
 
 
 DIGITS = "1" * 5000

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import binom, t
 
 from benchtool.acquire.calibration import fit_calibration
-from benchtool.acquire.inputs import MassUncertainty
+from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
 from benchtool.core.parameter import Parameter
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
@@ -145,10 +145,10 @@ def test_both_estimators_and_the_profile_give_students_t():
 def test_the_budget_lists_what_the_calibration_is_made_of():
     rng = np.random.default_rng(8)
     masses = np.tile([0.0, 0.2, 0.5, 1.0, 1.5], 2)
+    known = MassUncertainty(mass_scale_u=2e-3, gravity_u_m_s2=0.01)
     made = fit_calibration(
         masses, 8000.0 + 420.0 * 9.80665 * masses + rng.normal(0.0, 5.0, 10), date="2026-01-31",
-        device_id="d", uncertainty=MassUncertainty(mass_scale_u=2e-3, gravity_u_m_s2=0.01),
-        calibrated_by="Ada",
+        device_id="d", weighing=WeighingInputs(uncertainty=known, operator="Ada"),
     )  # fmt: skip
     problem = with_scale_errors(
         function_problem(

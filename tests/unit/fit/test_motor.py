@@ -11,7 +11,7 @@ import pytest
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
 from benchtool.acquire.plan import read_plan
-from benchtool.acquire.sweep_run import run_sweep_to_folder
+from benchtool.acquire.run_experiment import run_experiment
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name
@@ -39,7 +39,7 @@ TRUTH = {
 def swept(name: str, seed: int, out: Path) -> Path:
     address = f"sim:pquad_single?truth=virtual_pquad_single&seed={seed}"
     given = SweepInputs(address=address, plan=read_plan(name), out=out, yes=True)
-    run = run_sweep_to_folder(given, Unattended(), check_code_allowed)
+    run = run_experiment(given, Unattended(), check_code_allowed)
     assert run is not None
     return run.path
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import (
     OrderPart,
     Plan,
@@ -16,7 +17,7 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     plan_to_toml,
 )
-from benchtool.acquire.sweep import run_sweep
+from benchtool.acquire.sweep import Sweep
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage
 from benchtool.core.errors import FileFormatError, InputError
@@ -85,7 +86,9 @@ def swept(
         "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=flaws or Imperfections()
     )
     with GuardedBench(bench, rig) as guarded:
-        run_sweep(guarded, DeviceStage(guarded, rig.plate), plan, rig, run)
+        sweep = Sweep(SweepInputs(plan=plan), rig)
+        sweep.stage = DeviceStage(guarded, rig.plate)
+        sweep.record(guarded, run)
     return str(path)
 
 

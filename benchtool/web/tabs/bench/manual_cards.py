@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from nicegui import ui
 
-from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.acquire.inputs import WeighingInputs
+from benchtool.acquire.operator import CONFIRMATION
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
 from benchtool.core.rig import Limits, Rig

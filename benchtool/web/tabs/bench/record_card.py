@@ -8,18 +8,13 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.acquire.pitch_experiment import (
-    REQUIRED_CHANNELS,
-    arming_text,
-    expected_extremes,
-    hover_pulse_us,
-)
+from benchtool.acquire.inputs import RecordInputs, hover_pulse_us
+from benchtool.acquire.pitch import REQUIRED_CHANNELS, arming_text, check_experiment
 from benchtool.acquire.visit_order import format_duration
-from benchtool.commands.record import RecordInputs, build_experiment
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import to_arguments, with_changes
 from benchtool.core.text import format_value, pluralize
-from benchtool.web.bench_process.messages import EndRecording, StartLiveRecording, StartRecording
+from benchtool.web.bench_process.messages import EndRecording, StartLiveRecording, StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import CommandRow, confirm_arming, open_tab, show_errors, titled_card
@@ -130,15 +125,10 @@ class RecordCard:
         if identity is None or rig is None:
             raise InputError("no bench is connected; connect one first")
         inputs = self._form.make(self._base)
-        experiment = build_experiment(inputs, rig)
-        text = arming_text(experiment, rig, expected_extremes(identity, experiment, rig))
+        text = arming_text(inputs, rig, check_experiment(inputs, rig, identity))
 
         def start(typed: str, needs_page: bool) -> None:
-            recording = StartRecording(
-                experiment=experiment, runs=inputs.runs, name=inputs.name, typed=typed,
-                needs_page=needs_page,
-            )  # fmt: skip
-            self._context.bench.send(recording)
+            self._context.bench.send(StartRun(inputs, typed, needs_page))
 
         confirm_arming(self._context, self._card, text, start)
 

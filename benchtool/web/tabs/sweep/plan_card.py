@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 from nicegui import events, run, ui
 
-from benchtool.acquire.arming import arming_prompt
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
 from benchtool.acquire.visit_order import (
     expected_duration_s,
@@ -26,7 +26,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.text import format_value
 from benchtool.data.atomic import read_json
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.bench_process.messages import StartSweep
+from benchtool.web.bench_process.messages import StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
@@ -92,12 +92,11 @@ def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | Non
     }
     rows = []
     for visit in visits[:MAX_PREVIEW_ROWS]:
-        position, pwm_text = visit.setting.place, f"{visit.setting.level_us:g}"
         kind: str = visit.kind
-        z_text = f"{position.z_m / radius_m:.2f}"
+        z_text, pwm_text = f"{visit.target_z_m / radius_m:.2f}", f"{visit.level_us:g}"
         if not plan.plate.used:
             kind, z_text = "throttle", "–"
-        elif position.parked:
+        elif visit.is_parked:
             z_text = "parked"
         row = (str(visit.point), kind, z_text, pwm_text, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
@@ -232,7 +231,7 @@ class PlanCard:
         def start(typed: str, needs_page: bool) -> None:
             inputs = SweepInputs() if resume else self._form.make(self._base)
             inputs = replace(inputs, runs=self._context.runs, resume=resume)
-            self._context.bench.send(StartSweep(inputs, typed, needs_page))
+            self._context.bench.send(StartRun(inputs, typed, needs_page))
             # Scroll up to the progress.
             ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 

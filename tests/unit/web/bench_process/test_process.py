@@ -6,6 +6,7 @@ import pickle
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from http.client import HTTPConnection
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
@@ -15,8 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pytest
 
-from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.pitch_experiment import PitchExperiment
+from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.data.run.read import read_pitch, read_points
 from benchtool.data.run.run import Run
@@ -150,16 +150,15 @@ def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench):
     live = bench.wait_for(messages.LiveStatus, lambda event: len(event.weighed) == 1)
     assert live.weighed[0][0] == 0.0
     bench.send(messages.HoldThrottle("a", 1, 1300.0, (1,)))
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN)))
+    bench.send(messages.StartRun(SweepInputs(plan=PLAN)))
     assert "connected for calibration only" in bench.wait_for(messages.Notice).text
     bench.send(messages.WeighMass(1e6))
     assert "load cell rating" in bench.wait_for(messages.Notice).text
 
 
 def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
-    command = messages.StartRecording(
-        experiment=PitchExperiment(seconds=2.0, collective_us=1610.0), runs=tmp_path
-    )
+    inputs = RecordInputs(address="ADDRESS", seconds=2.0, collective=1610.0, runs=tmp_path)
+    command = messages.StartRun(inputs)
     bench.connect("sim:pquad_single")
     bench.send(command)
     assert "is not a pitch bench" in bench.wait_for(messages.Notice).text
@@ -179,11 +178,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
     assert run.metadata["samples"]["parquet_sha256"]
     assert len(read_pitch(run.path)) == pytest.approx(500, abs=5)
 
-    bench.send(
-        messages.StartRecording(
-            experiment=PitchExperiment(seconds=60.0, collective_us=1610.0), runs=tmp_path
-        )
-    )
+    bench.send(messages.StartRun(replace(inputs, seconds=60.0)))
     bench.wait_for(messages.SweepStatus, lambda event: event.remaining_s > 0.0)
     bench.send(messages.Disconnect())
     assert "a recording is under way" in bench.wait_for(messages.Notice).text
@@ -197,7 +192,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
 def test_a_sweep_runs_pauses_and_ends(bench, tmp_path):
     bench.connect("sim:pquad_single")
     bench.send(messages.SetClockSpeed(100.0))
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
+    bench.send(messages.StartRun(SweepInputs(plan=PLAN, runs=tmp_path)))
     bench.wait_for(messages.SweepStatus, lambda event: event.n_measured == 1)
     bench.send(messages.PauseSweep(True))
     bench.wait_for(messages.SweepStatus, lambda event: event.status == "paused")
@@ -216,7 +211,7 @@ def test_a_sweep_runs_pauses_and_ends(bench, tmp_path):
 
 def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(bench, tmp_path):
     bench.connect("sim:pquad_single")
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
+    bench.send(messages.StartRun(SweepInputs(plan=PLAN, runs=tmp_path)))
     bench.wait_for(messages.LiveStatus, drives_1400_us)
     for _ in range(3):
         bench.send(messages.ServerHeartbeat("the page is closed"))
@@ -251,7 +246,7 @@ def test_stop_has_a_port_of_its_own(token, tmp_path):
     server = Server(pipe, process)
     try:
         server.connect("sim:pquad_single")
-        server.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
+        server.send(messages.StartRun(SweepInputs(plan=PLAN, runs=tmp_path)))
         server.wait_for(messages.LiveStatus, drives_1400_us)
         sent = HTTPConnection("127.0.0.1", endpoint.port, timeout=TIMEOUT_S)
         sent.request("POST", "/stop", token)
