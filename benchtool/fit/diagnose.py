@@ -10,17 +10,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr
-from scipy.stats import rankdata
+from scipy.stats import spearmanr
 
 from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
 from benchtool.core.plural import pluralize
 from benchtool.fit.identifiability import Confusion, confusions
-from benchtool.fit.jacobian import select_method
 from benchtool.fit.problem import NOISE_SCALE, Problem
 from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD, Loss
-from benchtool.fit.solve import row_jacobian, solve
+from benchtool.fit.solve import derivative_method, row_jacobian, solve
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
@@ -38,9 +37,8 @@ MAX_NAMED_POINTS = 5
 class Diagnosis:
     """Diagnosis of a fit from its residuals and derivatives.
 
-    Attributes:
-        verdict: from chi2 at the stated errors; "no_verdict" if they are unknown, "scatter" if a
-            free noise parameter explains a moderate excess.
+    The verdict is from chi2 at the stated errors; "no_verdict" if they are unknown, "scatter" if a
+    free noise parameter explains a moderate excess.
     """
 
     verdict: Verdict
@@ -209,10 +207,10 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
         return Pattern(0.0, 1.0)
     whitening = problem.whitening(problem.stated_noise)
     rows = problem.rows(shape, whitening)
-    method = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
+    jacobian = row_jacobian(problem, derivative_method(problem, shape), shape, whitening)
     levels = np.zeros((len(rows), len(settings)))
     levels[: len(problem)] = whitening(1.0 * (groups[:, None] == settings))
-    columns = np.hstack([row_jacobian(problem, method)(shape, whitening), levels])
+    columns = np.hstack([jacobian, levels])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     coefficients, _, rank, _ = np.linalg.lstsq(columns, rows, rcond=1e-6)
     dof, misfit = len(rows) - int(rank), float(rows @ columns @ coefficients)
@@ -264,12 +262,9 @@ def runs_along(order: Array, rows: Array) -> Pattern:
 
 def trend_along(order: Array, rows: Array) -> Pattern:
     """Return Spearman's rank correlation of weighted residuals (m,) with a column (m,)."""
-    m = len(rows)
-    if m < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
+    if len(rows) < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
         return Pattern(0.0, 1.0)
-    r = float(np.corrcoef(rankdata(order), rankdata(rows))[0, 1])
-    t = abs(r) * np.sqrt((m - 2.0) / max(1.0 - r * r, 1e-12))
-    return Pattern(r, 2.0 * float(stdtr(m - 2, -t)))
+    return Pattern(*(float(number) for number in spearmanr(order, rows)))
 
 
 def outliers(rows: Array) -> NDArray[np.intp]:

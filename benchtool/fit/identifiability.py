@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import PART, estimate_covariance, select_method
 from benchtool.fit.problem import Problem
-from benchtool.fit.solve import row_jacobian
+from benchtool.fit.solve import PART, derivative_method, estimate_covariance, row_jacobian
 from benchtool.physics.catalogue import EFFECTS
 
 INFLATION = 5.0  # minimum ratio of sd with others free and fixed (a pair: correlation 0.98)
@@ -62,10 +61,9 @@ class Confusion:
 def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     """Return confused parameters of a result, the worst first."""
     shape, noise = problem.split(result.values)
-    lower, upper = problem.shape_bounds
     with np.errstate(all="ignore"):
-        method = select_method(problem.predict, shape, len(problem), lower, upper)
-        jacobian = row_jacobian(problem, method)(shape, problem.whitening(noise))
+        method = derivative_method(problem, shape)
+        jacobian = row_jacobian(problem, method, shape, problem.whitening(noise))
     names = problem.shape_names
     estimate = estimate_covariance(jacobian, method)
     if estimate.undetermined:
@@ -73,19 +71,13 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     confused: list[Confusion] = []
     norms = np.linalg.norm(jacobian, axis=0)
     inflation = np.sqrt(np.diag(estimate.covariance)) * norms
-    for direction in _weak_directions(jacobian / norms):
+    _, singular, directions = np.linalg.svd(jacobian / norms, full_matrices=False)
+    for direction in directions[singular < 1.0 / INFLATION][::-1]:  # the weakest first
         involved = np.abs(direction) > MIN_COMPONENT
         worst = float(inflation[involved].max())
         if worst >= INFLATION and _matters(problem, result, names, involved):
             confused.append(_build_confusion(names, np.abs(direction), worst))
     return tuple(confused)
-
-
-def _weak_directions(scaled: Array) -> list[Array]:
-    """Return weakly determined directions of the column-scaled Jacobian, the weakest first."""
-    _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
-    weak = singular < 1.0 / INFLATION
-    return list(directions[weak][::-1])
 
 
 def _matters(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,24 +10,7 @@ import numpy as np
 
 from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, effective_dof
-from benchtool.core.errors import EstimationError
 from benchtool.core.parameter import Parameters
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointPrior:
-    """Joint prior on several parameters.
-
-    Attributes:
-        parts: error sources of the first parameter, each with its share of the standard deviation
-            as columns (1, 1). Their degrees of freedom make the prior normal or Student's t.
-    """
-
-    names: tuple[str, ...]  # (p,) full names
-    mean: Array  # (p,) in the parameters' units
-    covariance: Array  # (p, p) positive definite
-    source: str = ""  # provenance (for example a calibration with date)
-    parts: tuple[ErrorSource, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +20,10 @@ class PriorRows:
     Rows have variance one; a row with finite `dof` is Student's t with scale one.
     """
 
+    names: tuple[str, ...]  # (q,) parameter of each row
     matrix: Array
     mean: Array
-    log_norm: float  # constant of the log density
-    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) error sources of each row; may be empty
+    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) error sources of each row
 
     @cached_property
     def dof(self) -> Array:
@@ -59,71 +42,27 @@ class PriorRows:
         return tuple(np.array(rows) for rows in groups.values())
 
     def __len__(self) -> int:
-        return int(self.matrix.shape[0])
+        return len(self.names)
 
 
 def prior_rows(
-    parameters: Parameters, names: Sequence[str], joint: Sequence[JointPrior]
+    parameters: Parameters, free: Sequence[str], parts: Mapping[str, tuple[ErrorSource, ...]]
 ) -> PriorRows:
-    """Return the rows of all normal priors on the free parameters `names` (n,).
+    """Return the rows of all normal priors on the free parameters (n,).
 
-    A joint prior is conditioned on the values of its fixed parameters.
+    Args:
+        parts: error sources of priors by parameter; see `Problem`.
     """
-    n = len(names)
-    mean = np.zeros(n)
-    rows: list[Array] = []
-    parts: list[tuple[ErrorSource, ...]] = []
-    log_norm = 0.0
-    taken: set[str] = set()
-    for prior in joint:
-        free = [name for name in prior.names if name in names]
-        taken.update(free)
-        if not free:
-            continue
-        block_mean, covariance = _conditioned(prior, free, parameters)
-        try:
-            root = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError as cause:
-            raise EstimationError(
-                f"the prior covariance of {', '.join(prior.names)} is not positive definite; "
-                f"allowed: variances above 0 and correlations between -1 and 1"
-            ) from cause
-        block = np.zeros((len(free), n))
-        columns = [names.index(name) for name in free]
-        block[:, columns] = np.linalg.inv(root)
-        mean[columns] = block_mean
-        rows.extend(block)
-        parts += [prior.parts if name == prior.names[0] else () for name in free]
-        log_norm -= float(np.log(np.diag(root)).sum())
-    for position, name in enumerate(names):
-        single = parameters[name].prior
-        if single.kind == "normal" and name not in taken:
-            row = np.zeros(n)
-            row[position] = 1.0 / single.sd
-            mean[position] = single.mean
-            rows.append(row)
-            parts.append(())
-            log_norm -= float(np.log(single.sd))
-    matrix = np.array(rows) if rows else np.empty((0, n))
-    log_norm -= 0.5 * len(rows) * float(np.log(2.0 * np.pi))
-    return PriorRows(matrix, mean, log_norm, tuple(parts))
-
-
-def _conditioned(
-    prior: JointPrior, free: Sequence[str], parameters: Parameters
-) -> tuple[Array, Array]:
-    """Return mean and covariance of the free parameters, given the values of the fixed ones."""
-    free_index = [prior.names.index(name) for name in free]
-    fixed_index = [i for i in range(len(prior.names)) if i not in free_index]
-    covariance = prior.covariance
-    if not fixed_index:
-        return prior.mean[free_index], covariance[np.ix_(free_index, free_index)]
-    inverse = np.linalg.inv(covariance[np.ix_(fixed_index, fixed_index)])
-    gain = covariance[np.ix_(free_index, fixed_index)] @ inverse
-    values = np.array([parameters[prior.names[i]].value for i in fixed_index])
-    shift = values - prior.mean[fixed_index]
-    return (
-        prior.mean[free_index] + gain @ shift,
-        covariance[np.ix_(free_index, free_index)]
-        - gain @ covariance[np.ix_(fixed_index, free_index)],
-    )
+    names = [name for name in free if parameters[name].prior.kind == "normal"]
+    names.sort(key=lambda name: not name.startswith("calibration."))
+    matrix, mean = np.zeros((len(names), len(free))), np.zeros(len(free))
+    all_parts = []
+    for row, name in enumerate(names):
+        position, prior = free.index(name), parameters[name].prior
+        matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
+        source = ErrorSource(
+            name=name, kind="B", unit=parameters[name].unit, sd=1.0 / float(matrix[row, position]),
+            columns=np.eye(1), origin=prior.source or "prior of the model",
+        )  # fmt: skip
+        all_parts.append(parts.get(name) or (source,))
+    return PriorRows(tuple(names), matrix, mean, tuple(all_parts))

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, Parameters
-from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
+from benchtool.core.parameter import Parameter, Parameters, Prior
+from benchtool.fit.prior import PriorRows, prior_rows
 from benchtool.physics.effects.effect import Effect
 
 IntArray = NDArray[np.intp]
@@ -48,7 +48,9 @@ class Problem:
         groups: (m,) setting number of each point; `compare` holds out a setting together.
         covariates: (m,) each, for trends of residuals ("z_over_R", "time_s").
         error_sources: errors shared by points, in addition to `standard_error`.
-        joint_priors: normal priors on several parameters, for example of a calibration.
+        prior_parts: by parameter, the error sources of its prior (of a calibration), each with its
+            share of the standard deviation as columns (1, 1). Their degrees of freedom make the
+            prior normal or Student's t.
         facts: copied into the result (counts, hashes).
         missing: missing(covariate) -> effects that can explain a trend of residuals over it.
     """
@@ -63,7 +65,7 @@ class Problem:
     labels: tuple[str, ...] = ()  # (m,) names of the points for messages; numbered by default
     groups: IntArray | None = None
     covariates: Mapping[str, Array] = field(default_factory=dict)
-    joint_priors: tuple[JointPrior, ...] = ()
+    prior_parts: Mapping[str, tuple[ErrorSource, ...]] = field(default_factory=dict)
     facts: Mapping[str, str | int | float | bool | None] = field(default_factory=dict)
     missing: Callable[[str], Sequence[Effect]] = lambda covariate: ()
 
@@ -148,7 +150,7 @@ class Problem:
     @cached_property
     def priors(self) -> PriorRows:
         """All normal priors on the shape parameters."""
-        return prior_rows(self.parameters, self.shape_names, self.joint_priors)
+        return prior_rows(self.parameters, self.shape_names, self.prior_parts)
 
     @cached_property
     def dof(self) -> int:
@@ -179,8 +181,8 @@ class Problem:
         quadrature: Array = np.hypot(self.standard_error * scale, extra_sd)
         return quadrature
 
-    def shared(self, noise: float | None = None) -> Array:
-        """Return the columns (m, r) of all error sources at a value of the free noise parameter."""
+    def shared_by_source(self, noise: float | None = None) -> list[Array]:
+        """Return the columns (m, r) of each error source at a value of the free noise parameter."""
         scale, _ = self._scale_and_sd(noise)
         columns = []
         for source in self.error_sources:
@@ -189,7 +191,11 @@ class Problem:
                 value = self.parameters[source.parameter].value if noise is None else noise
                 factor = value / source.sd
             columns.append(source.columns * factor)
-        return np.concatenate([np.empty((len(self), 0)), *columns], axis=1)
+        return columns
+
+    def shared(self, noise: float | None = None) -> Array:
+        """Return the columns (m, r) of all error sources, see `shared_by_source`."""
+        return np.concatenate([np.empty((len(self), 0)), *self.shared_by_source(noise)], axis=1)
 
     def whitening(self, noise: float | None = None, factor: float = 1.0) -> Whitening:
         """Return the whitening of residuals at a value of the free noise parameter.
@@ -282,7 +288,8 @@ class Problem:
 
     def with_calibration(
         self,
-        covariance: Array,
+        scale_sd: float,
+        offset_sd_N: float,
         source: str = "",
         *,
         rows: NDArray[np.bool_] | None = None,
@@ -295,21 +302,23 @@ class Problem:
         are free, with the prior of the calibration around 1 and 0.
 
         Args:
-            covariance: (2, 2) of scale and offset: 1, N.
             rows: (m,) True for points that used this calibration; None means all.
             name: suffix of the parameters' names if there are several calibrations.
-            parts: error sources of the scale, see `JointPrior`.
+            parts: error sources of the scale, see `prior_parts`.
         """
         weight = 1.0 if rows is None else rows.astype(float)
         suffix = f"@{name}" if name else ""
-        sd = np.sqrt(np.diag(covariance))
-        scale = Parameter(
-            f"scale{suffix}", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source
-        )
-        offset = Parameter(
-            f"offset_N{suffix}", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
-        )
-        names = (f"calibration.scale{suffix}", f"calibration.offset_N{suffix}")
+
+        def nuisance(kind: str, unit: str, value: float, sd: float) -> tuple[str, Parameter]:
+            prior = Prior("normal", value, sd, source)
+            parameter = Parameter(
+                f"{kind}{suffix}", unit, value, value,
+                prior=prior, free=True, tolerance=sd, source=source,
+            )  # fmt: skip
+            return f"calibration.{parameter.name}", parameter
+
+        scale = nuisance("scale", "1", 1.0, scale_sd)
+        offset = nuisance("offset_N", "N", 0.0, offset_sd_N)
         predict_all = self.predict
 
         def predict(values: Any) -> Any:
@@ -319,15 +328,8 @@ class Problem:
         return replace(
             self,
             predict=predict,
-            parameters=Parameters(
-                (*self.parameters.items(), (names[0], scale), (names[1], offset))
-            ),
-            joint_priors=(
-                *self.joint_priors,
-                JointPrior(
-                    names, np.array([1.0, 0.0]), np.asarray(covariance, float), source, parts
-                ),
-            ),
+            parameters=Parameters((*self.parameters.items(), scale, offset)),
+            prior_parts={**self.prior_parts, scale[0]: parts},
         )
 
 

@@ -64,7 +64,7 @@ def test_a_profile_follows_the_bend_of_the_model():
     low, high = result["a"].interval_68
     assert high == pytest.approx(np.log(mean + sd), rel=1e-3)
     assert low == pytest.approx(np.log(mean - sd), rel=1e-3)
-    one_sided = add_profile_intervals(problem, fit_least_squares(problem), ["a"])["a"].interval_95
+    one_sided = add_profile_intervals(problem, fit_least_squares(problem))["a"].interval_95
     assert one_sided[1] == pytest.approx(np.log(mean + 1.959964 * sd), rel=1e-3)
 
 

@@ -30,10 +30,6 @@ def by_the_book(problem: Problem, values: Array) -> float:
         prior = problem.parameters[name].prior
         if prior.kind == "normal":
             total -= 0.5 * ((value - prior.mean) / prior.sd) ** 2
-    for joint in problem.joint_priors:
-        away = np.array([values[problem.free_names.index(name)] for name in joint.names])
-        away -= joint.mean
-        total -= 0.5 * float(away @ np.linalg.solve(joint.covariance, away))
     return total - float(np.log(noise.get("noise.scale", 1.0)))
 
 
