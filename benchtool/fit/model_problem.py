@@ -1,4 +1,4 @@
-"""Estimation problem for a ground-effect model and steady bench conditions."""
+"""Estimation problems of a ground-effect model in steady conditions, and of a function."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError
-from benchtool.fit.problem import IntArray, Problem
+from benchtool.core.parameter import Parameter, Parameters
+from benchtool.fit.problem import NOISE_SCALE, IntArray, Predict, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics.active_effects import find_trend_effects
 from benchtool.physics.bases import require_motor, thrust_ratio
@@ -146,3 +147,35 @@ def _prediction(
         return thrust_ratio(model, basis, near.flow(full), far.flow(full), full)
 
     return predict
+
+
+def noise_parameter() -> Parameter:
+    """Return a free `noise.scale`, a common factor on the standard errors."""
+    description = "factor on the stated standard errors"
+    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=description)
+
+
+def function_problem(
+    name: str,
+    parameters: Mapping[str, Parameter],
+    predict: Predict,
+    observed: Array,
+    standard_error: Array | None = None,
+    **fields: Any,
+) -> Problem:
+    """Return the problem of a vectorised function, see `Predict`.
+
+    Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
+    """
+    all_parameters = Parameters(parameters.items())
+    if standard_error is None:
+        standard_error = np.ones(len(observed))
+        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
+    return Problem(
+        model=name,
+        parameters=all_parameters,
+        predict=predict,
+        observed=np.asarray(observed, float),
+        standard_error=np.asarray(standard_error, float),
+        **fields,
+    )

@@ -23,10 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array_type import Array
-from benchtool.core.error_source import ErrorSource, Whitening
+from benchtool.core.error_source import ErrorSource, Whitening, effective_dof
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters, Prior
-from benchtool.fit.prior import PriorRows, prior_rows
 from benchtool.physics.effects.effect import Effect
 
 IntArray = NDArray[np.intp]
@@ -150,7 +149,7 @@ class Problem:
     @cached_property
     def priors(self) -> PriorRows:
         """All normal priors on the shape parameters."""
-        return prior_rows(self.parameters, self.shape_names, self.prior_parts)
+        return _prior_rows(self.parameters, self.shape_names, self.prior_parts)
 
     @cached_property
     def dof(self) -> int:
@@ -339,37 +338,60 @@ def normal_log_density(whitened: Array, sigma: Array) -> Array:
     return density
 
 
-def noise_parameter() -> Parameter:
-    """Return a free `noise.scale`, a common factor on the standard errors."""
-    description = "factor on the stated standard errors"
-    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=description)
-
-
-def function_problem(
-    name: str,
-    parameters: Mapping[str, Parameter],
-    predict: Predict,
-    observed: Array,
-    standard_error: Array | None = None,
-    **fields: Any,
-) -> Problem:
-    """Return the problem of a vectorised function, see `Predict`.
-
-    Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
-    """
-    all_parameters = Parameters(parameters.items())
-    if standard_error is None:
-        standard_error = np.ones(len(observed))
-        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
-    return Problem(
-        model=name,
-        parameters=all_parameters,
-        predict=predict,
-        observed=np.asarray(observed, float),
-        standard_error=np.asarray(standard_error, float),
-        **fields,
-    )
-
-
 def _is_noise(name: str) -> bool:
     return name in (NOISE_SCALE, NOISE_PLACE) or name.startswith(NOISE_SD)
+
+
+@dataclass(frozen=True, eq=False)
+class PriorRows:
+    """All priors as rows (q,) = matrix (q, n) @ (values - mean).
+
+    Rows have variance one; a row with finite `dof` is Student's t with scale one.
+    """
+
+    names: tuple[str, ...]  # (q,) parameter of each row
+    matrix: Array
+    mean: Array
+    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) error sources of each row
+
+    @cached_property
+    def dof(self) -> Array:
+        """Degrees of freedom of each row's variance (q,)."""
+        shares = [np.array([part.columns.item() for part in row]) for row in self.parts]
+        dofs = [np.array([part.dof for part in row]) for row in self.parts]
+        return np.array([effective_dof(*row) for row in zip(shares, dofs, strict=True)])
+
+    @cached_property
+    def estimated(self) -> tuple[Array, ...]:
+        """Indices of the rows with finite `dof`, grouped by a common scatter estimate."""
+        groups: dict[str, list[int]] = {}
+        for row in np.flatnonzero(np.isfinite(self.dof)):
+            name = next((part.scatter for part in self.parts[row] if part.scatter), f"row {row}")
+            groups.setdefault(name, []).append(int(row))
+        return tuple(np.array(rows) for rows in groups.values())
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def _prior_rows(
+    parameters: Parameters, free: Sequence[str], parts: Mapping[str, tuple[ErrorSource, ...]]
+) -> PriorRows:
+    """Return the rows of all normal priors on the free parameters (n,).
+
+    Args:
+        parts: error sources of priors by parameter; see `Problem`.
+    """
+    names = [name for name in free if parameters[name].prior.kind == "normal"]
+    names.sort(key=lambda name: not name.startswith("calibration."))
+    matrix, mean = np.zeros((len(names), len(free))), np.zeros(len(free))
+    all_parts = []
+    for row, name in enumerate(names):
+        position, prior = free.index(name), parameters[name].prior
+        matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
+        source = ErrorSource(
+            name=name, kind="B", unit=parameters[name].unit, sd=1.0 / float(matrix[row, position]),
+            columns=np.eye(1), origin=prior.source or "prior of the model",
+        )  # fmt: skip
+        all_parts.append(parts.get(name) or (source,))
+    return PriorRows(tuple(names), matrix, mean, tuple(all_parts))

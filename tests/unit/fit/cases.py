@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.problem import Problem, function_problem, noise_parameter
+from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
+from benchtool.fit.problem import Problem
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 

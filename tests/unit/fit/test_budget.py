@@ -14,7 +14,8 @@ from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.parameter import Prior
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.budget import MonteCarlo

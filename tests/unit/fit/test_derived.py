@@ -11,7 +11,7 @@ from benchtool.core.errors import EstimationError
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import function_problem
+from benchtool.fit.model_problem import function_problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.effects.partial_coverage import derived, factors

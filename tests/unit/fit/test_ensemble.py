@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from benchtool.core.errors import EstimationError, InputError, NotConverged
 from benchtool.fit.diagnose import find_error
 from benchtool.fit.ensemble import check_convergence, fit_ensemble, split_rhat
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import log_probability
 from tests.unit.fit.cases import SMALL, X, free, line_problem
 

@@ -15,7 +15,8 @@ from benchtool.acquire.inputs import MassUncertainty
 from benchtool.core.parameter import Parameter
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe

@@ -10,8 +10,7 @@ import pytest
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Prior
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.problem import function_problem
+from benchtool.fit.model_problem import function_problem, problem_from_model
 from benchtool.physics.bases import ground_effect_ratio
 from tests.unit.fit.cases import (
     QUAD_TRUTH,
