@@ -250,14 +250,19 @@ def runs_along(order: Array, rows: Array) -> Pattern:
     """
     values, position = np.unique(order, return_inverse=True)
     positive = np.bincount(position, rows) > 0.0
-    up, down = int(positive.sum()), int((~positive).sum())
-    n = len(values)
-    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if n else 0
-    if up < 3 or down < 3:
+    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if len(values) else 0
+    if positive.sum() < 3 or (~positive).sum() < 3:
         return Pattern(runs, 1.0, runs)
-    expected = 1.0 + 2.0 * up * down / n
-    variance = 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0))
-    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / np.sqrt(variance))), expected)
+    expected, sd = expected_runs(positive)
+    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / sd)), expected)
+
+
+def expected_runs(positive: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return mean and sd of the number of runs for independent signs (Wald-Wolfowitz)."""
+    above, total = int(positive.sum()), len(positive)
+    mixed = 2.0 * above * (total - above)
+    variance = mixed * (mixed - total) / (total**2 * (total - 1)) if total > 1 else 0.0
+    return 1.0 + mixed / max(total, 1), float(np.sqrt(max(variance, 0.0)))
 
 
 def trend_along(order: Array, rows: Array) -> Pattern:

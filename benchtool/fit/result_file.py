@@ -73,27 +73,20 @@ def write_result(folder: Path, output: FitOutput) -> None:
     tables = result_tables(output)
     replace_json(folder / FIT_FILE, tables)
     if tables["answer"] != "none":
-        _write_model(folder, output)
+        model, loaded = output.fitted, output.loaded
+        if tables["problem"]:
+            model = replace(model, provenance={**model.provenance, "rejected": tables["problem"]})
+        rig, text = export_rig_reference(model.rig)
+        if text:
+            replace_text(folder / rig, text)
+        fitted = LoadedModel(model=model, columns=loaded.columns, row_filter=loaded.row_filter)
+        replace_text(folder / "model.toml", model_to_toml(fitted, rig))
     for result in output.results:
         if len(result.samples):
             header = ",".join(estimate.name for estimate in result.estimates)
             path = folder / "samples.csv"
             with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
                 np.savetxt(file, result.samples, "%.9g", delimiter=",", header=header, comments="")
-
-
-def _write_model(folder: Path, output: FitOutput) -> None:
-    problem = find_error(output.results)
-    model = output.fitted
-    if problem is not None:
-        model = replace(model, provenance={**model.provenance, "rejected": str(problem)})
-    fitted = LoadedModel(
-        model=model, columns=output.loaded.columns, row_filter=output.loaded.row_filter
-    )
-    rig, text = export_rig_reference(model.rig)
-    if text:
-        replace_text(folder / rig, text)
-    replace_text(folder / "model.toml", model_to_toml(fitted, rig))
 
 
 def _result_table(result: FitResult) -> dict[str, Any]:
