@@ -55,7 +55,6 @@ def fit(inputs: FitArguments) -> None:
 
     from benchtool.commands.terminal.show_fit import print_fit, progress_status
     from benchtool.fit.diagnose import find_error
-    from benchtool.report.fit.stored_fit import to_stored_fit
     from benchtool.results import fit_result
 
     command = shlex.join(["benchtool", *sys.argv[1:]])
@@ -66,7 +65,7 @@ def fit(inputs: FitArguments) -> None:
         raise InputError("--cluster is for several fits; add --each, or remove it")
     with progress_status() as report:
         result = fit_result(inputs, report, _permit(inputs))
-    print_fit(to_stored_fit(result.found))
+    print_fit(result.found)
     if inputs.out is not None:
         (page,) = result.save(inputs.out, [command])
         has_model = (inputs.out / "model.toml").is_file()
@@ -86,7 +85,7 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
     from benchtool.commands.terminal.show_fit import print_fit, print_runs
     from benchtool.fit.diagnose import find_error
     from benchtool.fit.fit_data import recipe_model
-    from benchtool.report.fit.stored_fit import stored_from
+    from benchtool.fit.result_file import parse_fit
 
     recipe = inputs.recipe
     if inputs.run_filters:
@@ -117,12 +116,10 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
         cluster=inputs.cluster,
         processes=0 if inputs.run_filters else None,
     )
-    fits = {
-        name: stored_from(row["result"], name) for name, row in outcomes.items() if row["result"]
-    }
-    for name, stored_fit in fits.items() if inputs.run_filters else ():
+    fits = {name: parse_fit(row["result"], name) for name, row in outcomes.items() if row["result"]}
+    for name, summary in fits.items() if inputs.run_filters else ():
         print(f"\n{name}")
-        print_fit(stored_fit)
+        print_fit(summary)
     if fits:
         print_runs(fits)
     if inputs.out is not None:
@@ -131,7 +128,7 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
         if len(folders) > 1 and not inputs.run_filters:
             print(f"compare the rigs with: {shlex.join(['benchtool', 'pool', *folders])}")
     raise_first(outcomes)
-    for problem in filter(None, (find_error(stored_fit.results) for stored_fit in fits.values())):
+    for problem in filter(None, (find_error(summary.results) for summary in fits.values())):
         raise problem
 
 

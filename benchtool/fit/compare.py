@@ -3,39 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.fit.jacobian import DerivativeMethod, select_method
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem, normal_log_density
-from benchtool.fit.solve import row_jacobian
+from benchtool.fit.solve import DerivativeMethod, derivative_method, derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
-    """Cross-validation score of one model.
-
-    Attributes:
-        held_out_log_score: mean log density of held-out points, larger is better; nan if the fit
-            of a training set failed.
-        aic, bic: of the fit to all points (Akaike 1974; Schwarz 1978).
-    """
+    """Cross-validation score of one model; held-out scores are nan if a training fit failed."""
 
     model: str  # its name
-    held_out_log_score: float
+    held_out_log_score: float  # mean log density of held-out points, larger is better
     held_out_log_score_se: float  # its standard error over settings
     behind_best: float  # sum over points of log density lost against the best model
     behind_best_se: float  # its standard error over settings
     held_out_rms: float  # of held-out residuals, in the unit of the observations
-    aic: float
-    bic: float
+    aic: float  # of the fit to all points (Akaike 1974)
+    bic: float  # of the fit to all points (Schwarz 1978)
     chi2_per_dof: float  # of the fit to all points
     parameters: int  # number of free parameters
 
@@ -49,10 +42,10 @@ class Score:
 class Comparison:
     """Cross-validation scores of all models, best first."""
 
-    scores: tuple[Score, ...]  # (k,)
     folds: int  # number of folds
     settings: int  # number of settings
     seed: int  # of the folds
+    scores: tuple[Score, ...]  # (k,)
 
     @property
     def sentence(self) -> str:
@@ -105,7 +98,7 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
         for problem, (density, residuals) in zip(problems, held_out, strict=True)
     ]
     order = np.argsort([-log_score for log_score in sums], kind="stable")
-    return Comparison(tuple(scores[index] for index in order), count, len(settings), seed)
+    return Comparison(count, len(settings), seed, tuple(scores[index] for index in order))
 
 
 def _held_out(problem: Problem, fold: IntArray, count: int) -> tuple[Array, Array]:
@@ -113,13 +106,15 @@ def _held_out(problem: Problem, fold: IntArray, count: int) -> tuple[Array, Arra
     density, residuals = np.full(len(problem), np.nan), np.full(len(problem), np.nan)
     for fold_number in range(count):
         test = np.flatnonzero(fold == fold_number)
-        training = problem.subset(np.flatnonzero(fold != fold_number))
-        try:
-            result = fit_least_squares(training)
-        except EstimationError:
-            continue
-        density[test], residuals[test] = predictive_density(problem.subset(test), training, result)
+        with suppress(EstimationError):
+            density[test], residuals[test] = hold_out(problem, test)
     return density, residuals
+
+
+def hold_out(problem: Problem, test: IntArray) -> tuple[Array, Array]:
+    """Return predictive log density and residual (k,) of points for a fit to all others."""
+    training = problem.subset(np.setdiff1d(np.arange(len(problem)), test))
+    return predictive_density(problem.subset(test), training, fit_least_squares(training))
 
 
 def predictive_density(
@@ -131,7 +126,6 @@ def predictive_density(
     Machine Learning, 2006, eqs. 2.38 and 2.42; the shared errors take the place of the process).
     """
     shape, noise = problem.split(result.values)
-    lower, upper = problem.shape_bounds
     # The gain matrix maps whitened training residuals to the shared errors at these points.
     whitening = training.whitening(noise)
     whitened_shared = whitening(training.shared(noise))
@@ -140,7 +134,7 @@ def predictive_density(
     training_rows = whitening(training.residuals(result.values))
     residuals = problem.residuals(result.values) - gain @ training_rows
     with np.errstate(all="ignore"):
-        method = select_method(problem.predict, shape, len(problem), lower, upper)
+        method = derivative_method(problem, shape)
         training_slopes = whitening(_slopes(training, method, shape))
         slopes = _slopes(problem, method, shape) - gain @ training_slopes
     shared_variance = np.maximum(np.sum(shared**2, axis=1) - np.sum(gain**2, axis=1), 0.0)
@@ -159,9 +153,7 @@ def predictive_density(
 
 def _slopes(problem: Problem, method: DerivativeMethod, shape: Array) -> Array:
     """Return d prediction / d shape (m, n_shape)."""
-    n_points = len(problem)
-    identity = Whitening(np.ones(n_points), np.empty((n_points, 0)))
-    return row_jacobian(problem, method)(shape, identity)[:n_points]
+    return derivatives(problem.predict, shape, len(problem), problem.shape_bounds, method)
 
 
 def _score(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.special import stdtrit
@@ -19,13 +20,12 @@ from scipy.special import stdtrit
 from benchtool.core.errors import EstimationError, InputError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.core.units import Array
-from benchtool.fit.compare import predictive_density
+from benchtool.fit.compare import hold_out
 from benchtool.fit.diagnose import find_error, with_diagnosis
-from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.physics.bases import with_rig_blades
-from benchtool.physics.catalogue import thrust_laws
+from benchtool.physics.catalogue import EFFECTS, thrust_laws
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -38,6 +38,64 @@ MAX_KNOTS = 8  # knots of a tabulated law, at most two fewer than distances; ass
 
 SIGNIFICANCE = 0.01  # p-value of Wilcoxon's test; small, because folds share distances
 
+TABLES = {name for name, effect in EFFECTS.items() if effect.knots_setting}  # tabulated laws
+
+Verdict = Literal["best", "indistinguishable", "behind", "refused", "not applied"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawScore:
+    """Score of one law; numbers are nan if it was not fitted."""
+
+    law: str  # name of its effect
+    verdict: Verdict
+    reason: str = ""  # reason of a verdict "refused" or "not applied"
+    one_with: tuple[str, ...] = ()  # equivalent laws (other parameters)
+    parameters: int = 0  # number of free parameters, with k and noise
+    values: str = ""  # fitted parameters as text
+    chi2_per_dof: float = np.nan  # of the fit to all distances
+    behind: float = np.nan  # mean loss of log score per distance against the best
+    behind_se: float = np.nan  # its standard error, corrected for overlapping folds
+    losses: tuple[float, ...] = ()  # of log score at each distance against the best
+    held_out_rms: float = np.nan  # of held-out residuals, in the unit of the observations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawComparison:
+    """Scores of all laws, best first, and the compared distances."""
+
+    scores: tuple[LawScore, ...]
+    distances: tuple[float, ...]  # z/R, increasing
+
+    def find_laws(self, *verdicts: Verdict) -> list[str]:
+        """Return the names of the laws with one of these verdicts."""
+        return [score.law for score in self.scores if score.verdict in verdicts]
+
+    @property
+    def sentence(self) -> str:
+        """Return one sentence: best law, rejected laws, indistinguishable laws."""
+        near, far = self.distances[0], self.distances[-1]
+        where = f"At these {len(self.distances)} distances (z/R {near:.3g} to {far:.3g})"
+        leading = self.find_laws("best", "indistinguishable")
+        if not leading:
+            nearest = self.scores[0].law
+            return f"{where} the bench follows none of the laws: {nearest} comes nearest"
+        best, *others = leading
+        if others:
+            summary = f"{best} predicts best; {_listed(others)} cannot be distinguished from it"
+        elif best in TABLES:
+            summary = f"the bench follows no law with a formula; {best} describes it"
+        else:
+            summary = f"the bench follows {best}"
+        verdicts: tuple[Verdict, ...] = ("behind", "refused", "not applied")
+        groups = {verdict: self.find_laws(verdict) for verdict in verdicts}
+        parts = [f"{verdict}: {_listed(laws)}" for verdict, laws in groups.items() if laws]
+        return "; ".join([f"{where} {summary}", *parts])
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:-1]) + (" and " if names[:-1] else "") + names[-1]
+
 
 def compare_laws(
     model: Model, build_problem: Callable[[Model], Problem], z_over_R: Array
@@ -47,11 +105,7 @@ def compare_laws(
     Args:
         model: model whose law is replaced; its other free parameters (k, plate offset, K_b) are
             fitted with each law.
-        build_problem: returns the problem of a model on the data.
         z_over_R: (m,) smallest distance of each point of the problem.
-
-    Raises:
-        InputError: too few distances.
     """
     group = distance_groups(z_over_R)
     distances = [float(z_over_R[group == number].mean()) for number in range(group.max() + 1)]
@@ -189,11 +243,8 @@ def _cross_validate(trial: _Trial, group: IntArray, distances: list[float]) -> _
         return trial
     density, squares = np.zeros(len(distances)), 0.0
     for number, distance in enumerate(distances):
-        test = np.flatnonzero(group == number)
-        training = problem.subset(np.flatnonzero(group != number))
         try:
-            result = fit_least_squares(training)
-            logs, residuals = predictive_density(problem.subset(test), training, result)
+            logs, residuals = hold_out(problem, np.flatnonzero(group == number))
         except EstimationError as error:
             return replace(trial, refused=f"without z/R {distance:.3g}: {error}")
         density[number] = logs.sum()
@@ -211,9 +262,6 @@ def with_law(
     the law's parameters cover an effective radius; a tabulated law gets knots from the distances.
 
     Args:
-        model: model with its original law.
-        effect: the other law.
-        distances: z/R, increasing.
         is_oge_known: the thrust out of ground effect is known independently, so that a tabulated
             law gets a knot beyond the largest distance.
     """
@@ -240,6 +288,13 @@ def with_law(
 
 
 def _score_law(trial: _Trial, best: _Trial, distances: int) -> LawScore:
+    """Return the score of a law against the best one.
+
+    A large loss at one distance makes the standard error of the mean as large as the mean itself,
+    so that a law is also behind if it loses at significantly many distances (Wilcoxon's test).
+    """
+    from scipy.stats import wilcoxon
+
     behind, se, lost = np.nan, np.nan, np.empty(0)
     if trial.density is not None and best.density is not None:
         lost = best.density - trial.density
@@ -252,7 +307,9 @@ def _score_law(trial: _Trial, best: _Trial, distances: int) -> LawScore:
         verdict = "refused"
     elif trial is best:
         verdict = "best"
-    elif behind > stdtrit(distances - 1, 0.975) * se or _lost_everywhere(trial, best):
+    elif behind > stdtrit(distances - 1, 0.975) * se or (
+        lost.any() and wilcoxon(lost, alternative="greater").pvalue < SIGNIFICANCE
+    ):
         verdict = "behind"
     whole, prefix = trial.whole, f"{trial.law}."
     return LawScore(
@@ -272,18 +329,3 @@ def _score_law(trial: _Trial, best: _Trial, distances: int) -> LawScore:
         losses=tuple(lost.tolist()),
         held_out_rms=trial.rms,
     )
-
-
-def _lost_everywhere(trial: _Trial, best: _Trial) -> bool:
-    """Return True if a law loses at significantly many distances (Wilcoxon's test).
-
-    A large loss at one distance makes the standard error of the mean as large as the mean itself.
-    """
-    from scipy.stats import wilcoxon
-
-    assert trial.density is not None
-    assert best.density is not None
-    lost = best.density - trial.density
-    if not lost.any():
-        return False
-    return bool(wilcoxon(lost, alternative="greater").pvalue < SIGNIFICANCE)

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr
-from scipy.stats import rankdata
+from scipy.stats import spearmanr
 
 from benchtool.core.choices import Loss
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
@@ -18,10 +18,9 @@ from benchtool.core.fit_result import FitResult
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.fit.identifiability import Confusion, confusions
-from benchtool.fit.jacobian import select_method
 from benchtool.fit.problem import NOISE_SCALE, Problem
 from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD
-from benchtool.fit.solve import row_jacobian, solve
+from benchtool.fit.solve import derivative_method, row_jacobian, solve
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
@@ -39,9 +38,8 @@ MAX_NAMED_POINTS = 5
 class Diagnosis:
     """Diagnosis of a fit from its residuals and derivatives.
 
-    Attributes:
-        verdict: from chi2 at the stated errors; "no_verdict" if they are unknown, "scatter" if a
-            free noise parameter explains a moderate excess.
+    The verdict is from chi2 at the stated errors; "no_verdict" if they are unknown, "scatter" if a
+    free noise parameter explains a moderate excess.
     """
 
     verdict: Verdict
@@ -210,10 +208,10 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
         return Pattern(0.0, 1.0)
     whitening = problem.whitening(problem.stated_noise)
     rows = problem.rows(shape, whitening)
-    method = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
+    jacobian = row_jacobian(problem, derivative_method(problem, shape), shape, whitening)
     levels = np.zeros((len(rows), len(settings)))
     levels[: len(problem)] = whitening(1.0 * (groups[:, None] == settings))
-    columns = np.hstack([row_jacobian(problem, method)(shape, whitening), levels])
+    columns = np.hstack([jacobian, levels])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     coefficients, _, rank, _ = np.linalg.lstsq(columns, rows, rcond=1e-6)
     dof, misfit = len(rows) - int(rank), float(rows @ columns @ coefficients)
@@ -253,24 +251,26 @@ def runs_along(order: Array, rows: Array) -> Pattern:
     """
     values, position = np.unique(order, return_inverse=True)
     positive = np.bincount(position, rows) > 0.0
-    up, down = int(positive.sum()), int((~positive).sum())
-    n = len(values)
-    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if n else 0
-    if up < 3 or down < 3:
+    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if len(values) else 0
+    if positive.sum() < 3 or (~positive).sum() < 3:
         return Pattern(runs, 1.0, runs)
-    expected = 1.0 + 2.0 * up * down / n
-    variance = 2.0 * up * down * (2.0 * up * down - n) / (n * n * (n - 1.0))
-    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / np.sqrt(variance))), expected)
+    expected, sd = expected_runs(positive)
+    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / sd)), expected)
+
+
+def expected_runs(positive: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return mean and sd of the number of runs for independent signs (Wald-Wolfowitz)."""
+    above, total = int(positive.sum()), len(positive)
+    mixed = 2.0 * above * (total - above)
+    variance = mixed * (mixed - total) / (total**2 * (total - 1)) if total > 1 else 0.0
+    return 1.0 + mixed / max(total, 1), float(np.sqrt(max(variance, 0.0)))
 
 
 def trend_along(order: Array, rows: Array) -> Pattern:
     """Return Spearman's rank correlation of weighted residuals (m,) with a column (m,)."""
-    m = len(rows)
-    if m < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
+    if len(rows) < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
         return Pattern(0.0, 1.0)
-    r = float(np.corrcoef(rankdata(order), rankdata(rows))[0, 1])
-    t = abs(r) * np.sqrt((m - 2.0) / max(1.0 - r * r, 1e-12))
-    return Pattern(r, 2.0 * float(stdtr(m - 2, -t)))
+    return Pattern(*(float(number) for number in spearmanr(order, rows)))
 
 
 def outliers(rows: Array) -> NDArray[np.intp]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,11 +47,6 @@ def fit_ensemble(
     The number of steps follows from the autocorrelation time. The outcome `not_converged` contains
     a remedy. Samples (n_samples, n_free) are ordered by step, then ensemble, then walker, so that
     they reshape to (-1, facts["ensembles"], facts["walkers"], n_free).
-
-    Args:
-        walkers: walkers of each ensemble; even, at least twice the free parameters plus 2.
-        max_steps: maximum steps of each walker.
-        seed: seed of initial positions and moves.
     """
     n_free = len(problem.free_names)
     if walkers % 2 or walkers < 2 * n_free + 2:
@@ -72,83 +66,23 @@ def fit_ensemble(
             (IslandDifference(ENSEMBLES), 0.5),
             (proposal_around_least_squares(problem, least_squares), 0.5),
         ]
-        sampler = build_sampler(probability, start, moves, int(rng.integers(2**32)))
-        chains, convergence = sample_until_converged(sampler, start, walkers, max_steps, progress)
-    return _result(problem, least_squares, sampler, chains, convergence, walkers, seed, max_steps)
-
-
-def build_sampler(
-    probability: Callable[[Array], Array], start: Array, moves: Any, seed: int
-) -> Any:
-    """Return emcee's sampler for walkers (ensembles * walkers, n), seeded."""
-    sampler = EnsembleSampler(*start.shape, probability, moves=moves, vectorize=True)
-    sampler.random_state = np.random.MT19937(seed).state
-    return sampler
-
-
-def advance(
-    sampler: Any, state: Any, steps: int, report: Callable[[int], None] | None = None
-) -> Any:
-    """Advance the sampler by `steps` and return its state."""
-    for step, latest in enumerate(
-        sampler.sample(state, iterations=steps, skip_initial_state_check=True), 1
-    ):
-        state = latest
-        if report is not None and step % REPORT_EVERY == 0:
-            report(step)
-    return state
-
-
-def sample_until_converged(
-    sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress
-) -> tuple[Array, Convergence]:
-    """Return chains (steps, ensembles, walkers, n) and their convergence, or that at max_steps."""
-    done, target = 0, min(FIRST_STEPS, max_steps)
-    state: Any = start
-    while True:
-        report = partial(_report, progress, done, target)
-        state = advance(sampler, state, target - done, report)
-        done = target
-        chain = sampler.get_chain()[int(BURN_IN_SHARE * done) :]
-        chains = chain.reshape(chain.shape[0], ENSEMBLES, walkers, chain.shape[2])
-        convergence = check_convergence(chains)
-        if convergence.is_converged or done >= max_steps:
-            return chains, convergence
-        needed_steps = 1.05 * TAU_LENGTHS / (1.0 - BURN_IN_SHARE) * convergence.slowest_tau_steps
-        target = int(min(max(needed_steps, 1.3 * done), max_steps, 4.0 * done))
-
-
-def _report(progress: Progress, before: int, whole: int, step: int) -> None:
-    progress(before + step, whole)
-
-
-def _result(
-    problem: Problem,
-    least_squares: FitResult | None,
-    sampler: Any,
-    chains: Array,
-    convergence: Convergence,
-    walkers: int,
-    seed: int,
-    max_steps: int,
-) -> FitResult:
-    n_free = chains.shape[3]
+        seed_of_moves = int(rng.integers(2**32))
+        sampler, chains, convergence = sample_until_converged(
+            probability, start, moves, seed_of_moves, max_steps, progress
+        )
+        best = sampler.get_chain(flat=True)[int(np.argmax(sampler.get_log_prob(flat=True)))]
+        if least_squares is not None and np.all(np.isfinite(least_squares.values)):
+            maximum = probability(least_squares.values[None, :])[0]
+            if maximum >= np.max(sampler.get_log_prob(flat=True)):
+                best = least_squares.values
     tau = convergence.slowest_tau_steps
-    draws_per_step = ENSEMBLES * walkers
     thin = max(1, int(tau / 5.0) if np.isfinite(tau) else 1)
     draws = chains[::thin].reshape(-1, n_free)
-    stride = max(thin, -(-chains.shape[0] * draws_per_step // MAX_DRAWS))
-    samples = chains[::stride].reshape(-1, n_free)
+    stride = max(thin, -(-chains.shape[0] * len(start) // MAX_DRAWS))
     estimates = tuple(
         from_draws(name, problem.parameters[name], draws[:, i], _bound(problem, name, draws[:, i]))
         for i, name in enumerate(problem.free_names)
     )
-    log_probs = sampler.get_log_prob(flat=True)
-    best = sampler.get_chain(flat=True)[int(np.argmax(log_probs))]
-    if least_squares is not None and np.all(np.isfinite(least_squares.values)):
-        with np.errstate(all="ignore"):
-            if log_probability(problem)(least_squares.values[None, :])[0] >= np.max(log_probs):
-                best = least_squares.values
     chi2, log_likelihood = problem.quality(best)
     steps = int(sampler.iteration)
     return FitResult(
@@ -160,7 +94,7 @@ def _result(
         chi2=chi2,
         dof=problem.dof,
         log_likelihood=log_likelihood,
-        outcome=_outcome(problem, convergence, steps, max_steps, draws_per_step),
+        outcome=_outcome(problem, convergence, steps, max_steps, steps * len(start)),
         warnings=tuple(
             f"the posterior of {estimate.name} {estimate.bound} "
             f"{_format_bound(problem, estimate)} and is truncated, which biases other estimates: "
@@ -168,7 +102,7 @@ def _result(
             for estimate in estimates
             if estimate.bound
         ),
-        samples=np.ascontiguousarray(samples),
+        samples=np.ascontiguousarray(chains[::stride].reshape(-1, n_free)),
         facts={
             **problem.facts,
             "points": len(problem),
@@ -183,6 +117,38 @@ def _result(
             "acceptance": float(np.mean(sampler.acceptance_fraction)),
         },
     )
+
+
+def sample_until_converged(
+    probability: Callable[[Array], Array],
+    start: Array,
+    moves: Any,
+    seed: int,
+    max_steps: int,
+    progress: Progress = lambda done, expected: None,
+) -> tuple[Any, Array, Convergence]:
+    """Return emcee's sampler, the chains after burn-in, and their convergence at the last step.
+
+    Initial positions are (ensembles * walkers, n), chains (steps, ensembles, walkers, n).
+    """
+    sampler: Any = EnsembleSampler(*start.shape, probability, moves=moves, vectorize=True)
+    sampler.random_state = np.random.MT19937(seed).state
+    done, target = 0, min(FIRST_STEPS, max_steps)
+    state: Any = start
+    while True:
+        steps = sampler.sample(state, iterations=target - done, skip_initial_state_check=True)
+        for step, latest in enumerate(steps, 1):
+            state = latest
+            if step % REPORT_EVERY == 0:
+                progress(done + step, target)
+        done = target
+        chain = sampler.get_chain()[int(BURN_IN_SHARE * done) :]
+        chains = chain.reshape(chain.shape[0], ENSEMBLES, -1, chain.shape[2])
+        convergence = check_convergence(chains)
+        if convergence.is_converged or done >= max_steps:
+            return sampler, chains, convergence
+        needed_steps = 1.05 * TAU_LENGTHS / (1.0 - BURN_IN_SHARE) * convergence.slowest_tau_steps
+        target = int(min(max(needed_steps, 1.3 * done), max_steps, 4.0 * done))
 
 
 def _bound(problem: Problem, name: str, draws: Array) -> str:
@@ -203,9 +169,8 @@ def _format_bound(problem: Problem, estimate: Estimate) -> str:
 
 
 def _outcome(
-    problem: Problem, convergence: Convergence, steps: int, max_steps: int, draws_per_step: int
+    problem: Problem, convergence: Convergence, steps: int, max_steps: int, evaluations: int
 ) -> Outcome:
-    evaluations = steps * draws_per_step
     if convergence.is_converged:
         return Outcome(
             "converged",
@@ -254,19 +219,14 @@ class Convergence:
         return largest if np.isfinite(largest) else float("inf")
 
     @property
-    def is_long_enough(self) -> bool:
-        """True if the chains have `TAU_LENGTHS` autocorrelation times."""
-        return self.steps >= TAU_LENGTHS * self.slowest_tau_steps
-
-    @property
     def is_mixed(self) -> bool:
         """True if the ensembles agree."""
         return bool(np.all(self.rhat < RHAT_LIMIT))
 
     @property
     def is_converged(self) -> bool:
-        """True if both criteria are met."""
-        return self.is_long_enough and self.is_mixed
+        """True if the ensembles agree over `TAU_LENGTHS` autocorrelation times."""
+        return self.is_mixed and self.steps >= TAU_LENGTHS * self.slowest_tau_steps
 
 
 def split_rhat(chains: Array) -> Array:

@@ -47,14 +47,7 @@ NO_PLATE_Z_OVER_R = 1e6  # recordings without a plate are beyond it (`OUT_OF_GRO
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitData:
-    """Points of a fit.
-
-    Attributes:
-        groups: (n,) setting number of each point; None if the data do not number settings.
-        error_sources: errors shared by points, over all n.
-        reference: (n,) reference conditions of each ratio: the parked plate.
-        load_cells: load cell calibrations of the points.
-    """
+    """Points of a fit."""
 
     points: Recording  # all points (n rows)
     conditions: Conditions  # of all points
@@ -64,26 +57,32 @@ class FitData:
     used: NDArray[np.bool_]  # (n,) False for excluded points
     left_out: tuple[str, ...]  # messages: excluded points and reasons
     z_over_R: Array  # (n,) least distance over the rig's radius
-    groups: NDArray[np.intp] | None
     hashes: Mapping[str, str]  # SHA-256 by data path
-    reference: Conditions | None = None
-    error_sources: tuple[ErrorSource, ...] = ()
+    reference: Conditions | None = None  # (n,) of each ratio: the parked plate
+    error_sources: tuple[ErrorSource, ...] = ()  # shared by points (n)
     load_cells: LoadCells = field(default_factory=LoadCells)
     visits: Visits  # visits of the points (n)
     by_thrust: Array | None = None  # (n, n) change of each ratio by each thrust: 1/N
 
-    def bench_errors(self, model: Model) -> tuple[ErrorSource, ...]:
-        """Return the errors of the bench on every observation (n,), at a model's values."""
+    def shared_errors(self, model: Model) -> tuple[ErrorSource, ...]:
+        """Return the errors shared by the used points, at a model's values."""
         sources = bench_errors(model, self.conditions, self.visits)
-        if self.by_thrust is None:
-            return sources
-        changed_sources = ((source, self.by_thrust @ source.columns) for source in sources)
-        # A scale error common to all thrusts cancels in their ratios.
-        return tuple(
-            replace(source, columns=columns)
-            for source, columns in changed_sources
-            if np.abs(columns[self.used]).max() > MIN_EFFECT
-        )
+        if self.by_thrust is not None:
+            changed_sources = ((source, self.by_thrust @ source.columns) for source in sources)
+            # A scale error common to all thrusts cancels in their ratios.
+            sources = tuple(
+                replace(source, columns=columns)
+                for source, columns in changed_sources
+                if np.abs(columns[self.used]).max() > MIN_EFFECT
+            )
+        return tuple(source.select(self.rows) for source in (*self.error_sources, *sources))
+
+    @property
+    def groups(self) -> NDArray[np.intp] | None:
+        """Setting number of each point (n,); None if the data do not number settings."""
+        if "setting" not in self.points or not np.isfinite(self.points.column("setting")).all():
+            return None
+        return self.points.column("setting").astype(np.intp)
 
     @property
     def rows(self) -> NDArray[np.intp]:
@@ -126,12 +125,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         InputError: data that lack a channel the basis needs, or have no usable point.
     """
     hashes = _hashes(recipe.data)
-    table_options = {
-        "columns": recipe.columns,
-        "calibration": recipe.calibration,
-        "where": recipe.where,
-    }
-    table_arguments = [f"--{name}" for name, value in table_options.items() if value]
+    options = ("columns", "calibration", "where")
+    table_arguments = [f"--{name}" for name in options if getattr(recipe, name)]
     if table_arguments and all(map(is_run, recipe.data)):
         raise InputError(
             f"{' and '.join(table_arguments)} can be given for a CSV table only: {recipe.data[0]} "
@@ -181,6 +176,15 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         by_thrust = block_diag(*(ratio.thrust_jacobian for ratio in run_ratios))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
+        # The load cell drifts between a visit and its references; the tare error is in both.
+        reference = Conditions.build(
+            model.rig,
+            speed_rad_s=conditions.speed_rad_s,
+            plate_z_m=np.concatenate([_parked_m(part) for part in parts]),
+            voltage_V=conditions.voltage_V,
+            elapsed_s=share @ np.nan_to_num(conditions.elapsed_s),
+            time_s=share @ np.nan_to_num(conditions.time_s),
+        )
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
         max_thrust_N = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
         raise InputError(
@@ -195,30 +199,16 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
             f"{recipe.data[0]} --flip thrust_N and fit the result"
         )
     z_over_R = model.z_over_R(conditions)
-    nearest = recipe.min_z_over_R
-    nearest = model.nearest_z_over_R if nearest is None else nearest
+    nearest = model.nearest_z_over_R if recipe.min_z_over_R is None else recipe.min_z_over_R
     used, left_out = _select_points(observed, error, conditions.is_complete, z_over_R, nearest)
     if used.any() and z_over_R[used].min() >= NO_PLATE_Z_OVER_R and model.parameters["R_m"].free:
         left_out += (
             "no point has a plate distance, so that R_m cannot be determined; fit the thrust curve "
             "with benchtool motor, or k alone with --fix R_m",
         )
-    groups = None
     if recipe.basis != "joint" and not has_ratios:
-        parked_m = np.concatenate([_parked_m(part) for part in parts])
-        # The load cell drifts between a visit and its references; the tare error is in both.
-        reference = Conditions.build(
-            model.rig,
-            speed_rad_s=conditions.speed_rad_s,
-            plate_z_m=parked_m,
-            voltage_V=conditions.voltage_V,
-            elapsed_s=share @ np.nan_to_num(conditions.elapsed_s),
-            time_s=share @ np.nan_to_num(conditions.time_s),
-        )
         # A reference over itself is 1 and carries no information.
         used = used & (points.column("kind") != word_to_code("kind", "reference"))
-    if "setting" in points and np.isfinite(points.column("setting")).all():
-        groups = points.column("setting").astype(np.intp)
     return FitData(
         points=points,
         conditions=conditions,
@@ -228,7 +218,6 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         used=used,
         left_out=(*left_out, *_data_warnings(recipe.data, parts)),
         z_over_R=z_over_R,
-        groups=groups,
         hashes=hashes,
         reference=reference,
         error_sources=sources,

@@ -1,4 +1,4 @@
-"""Identifiability: separation of the parameters of one fit, and of rival models."""
+"""Identifiability: separation of the parameters of one fit."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky
-from scipy.optimize import lsq_linear
 
 from benchtool.core.fit_result import FitResult
 from benchtool.core.units import Array
-from benchtool.fit.jacobian import PART, estimate_covariance, select_method
 from benchtool.fit.problem import Problem
-from benchtool.fit.solve import row_jacobian
+from benchtool.fit.solve import PART, derivative_method, estimate_covariance, row_jacobian
 from benchtool.physics.catalogue import EFFECTS
 
 INFLATION = 5.0  # minimum ratio of sd with others free and fixed (a pair: correlation 0.98)
@@ -64,10 +61,9 @@ class Confusion:
 def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     """Return confused parameters of a result, the worst first."""
     shape, noise = problem.split(result.values)
-    lower, upper = problem.shape_bounds
     with np.errstate(all="ignore"):
-        method = select_method(problem.predict, shape, len(problem), lower, upper)
-        jacobian = row_jacobian(problem, method)(shape, problem.whitening(noise))
+        method = derivative_method(problem, shape)
+        jacobian = row_jacobian(problem, method, shape, problem.whitening(noise))
     names = problem.shape_names
     estimate = estimate_covariance(jacobian, method)
     if estimate.undetermined:
@@ -75,19 +71,13 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     confused: list[Confusion] = []
     norms = np.linalg.norm(jacobian, axis=0)
     inflation = np.sqrt(np.diag(estimate.covariance)) * norms
-    for direction in _weak_directions(jacobian / norms):
+    _, singular, directions = np.linalg.svd(jacobian / norms, full_matrices=False)
+    for direction in directions[singular < 1.0 / INFLATION][::-1]:  # the weakest first
         involved = np.abs(direction) > MIN_COMPONENT
         worst = float(inflation[involved].max())
         if worst >= INFLATION and _matters(problem, result, names, involved):
             confused.append(_build_confusion(names, np.abs(direction), worst))
     return tuple(confused)
-
-
-def _weak_directions(scaled: Array) -> list[Array]:
-    """Return weakly determined directions of the column-scaled Jacobian, the weakest first."""
-    _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
-    weak = singular < 1.0 / INFLATION
-    return list(directions[weak][::-1])
 
 
 def _matters(
@@ -130,28 +120,3 @@ def _build_confusion(
     else:
         remedy = "measure at further plate distances and throttle levels, or state a prior"
     return Confusion(involved, inflation, open_directions, remedy)
-
-
-UNDETERMINED_HINT = 25.0  # mean ratio below which two effects form a class: a draw may be 10
-
-
-def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> float:
-    """Return twice the expected log-likelihood ratio of the truth to the best rival model.
-
-    Second-order approximation. Rival effects are free within the bounds; all other parameters,
-    true effects included, stay within tolerance. Models with a small ratio are indistinguishable.
-
-    Args:
-        matrix: (k, k) Fisher information, each parameter in units of its tolerance.
-        sizes: (k,) true values, in tolerances past neutral.
-        low: (k,) lower bounds of the rival model, in tolerances past neutral.
-        high: (k,) upper bounds.
-    """
-    diagonal = np.diag(matrix)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    root = cholesky(scale[:, None] * matrix * scale + 1e-10 * np.eye(len(sizes)))
-    lowest, highest = (low - sizes) / scale, (high - sizes) / scale
-    # lsq_linear needs bounds that differ.
-    highest = np.maximum(highest, lowest + 1e-9)
-    best = lsq_linear(root, np.zeros(len(sizes)), bounds=(lowest, highest), method="bvls")
-    return 2.0 * float(best.cost)

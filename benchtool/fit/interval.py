@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,22 +14,21 @@ from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.parameter import Parameter
 from benchtool.core.units import Array
-from benchtool.fit.jacobian import central_differences, complex_step, select_method
+from benchtool.fit.solve import derivatives, select_method
 from benchtool.physics.effects.effect import Derived
 
 PROBABILITIES = (0.6827, 0.95)  # 68 %: one standard deviation of a normal distribution
 
 
-def half_widths(dof: float | None) -> tuple[float, float]:
+def half_widths(dof: float) -> tuple[float, float]:
     """Return the two half widths in standard deviations.
 
     Args:
         dof: degrees of freedom that the scale of the errors was estimated from (Student's t);
-            None when the errors were stated (normal).
+            inf when the errors were stated (normal).
     """
     upper = [0.5 + 0.5 * p for p in PROBABILITIES]
-    nu = np.inf if dof is None else dof
-    width_68, width_95 = (ndtri(p) if np.isinf(nu) else stdtrit(nu, p) for p in upper)
+    width_68, width_95 = (ndtri(p) if np.isinf(dof) else stdtrit(dof, p) for p in upper)
     return float(width_68), float(width_95)
 
 
@@ -100,17 +100,19 @@ def from_draws(name: str, parameter: Parameter, draws: Array, bound: str = "") -
 def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
     """Return the result with derived quantities.
 
-    Least squares uses the delta method with exact derivatives; emcee evaluates every draw.
+    Least squares uses the delta method with exact derivatives; emcee evaluates every draw. A
+    quantity has notes on inputs at a bound or not determined.
     """
-    names = [estimate.name for estimate in result.estimates]
-    estimates = tuple(
-        _from_draws(quantity, names, result)
-        if len(result.samples)
-        else _from_covariance(quantity, names, result)
-        for quantity in quantities
-    )
-    pairs = zip(estimates, quantities, strict=True)
-    derived = tuple(_with_bound_notes(*pair, result) for pair in pairs)
+    derived = []
+    for quantity in quantities:
+        is_sampled = len(result.samples) > 0
+        estimate = (_from_draws if is_sampled else _from_covariance)(quantity, result)
+        values = _AccessRecorder({item.name: item.value for item in result.estimates})
+        quantity.function(values)
+        inputs = [item for item in result.estimates if item.name in values.names]
+        bound = "; ".join(f"{item.name} {item.bound}" for item in inputs if item.bound)
+        open_ = "; ".join(f"{item.name} is not" for item in inputs if item.open) or estimate.open
+        derived.append(replace(estimate, bound=bound, open=open_))
     return replace(result, derived=(*result.derived, *derived))
 
 
@@ -126,20 +128,8 @@ class _AccessRecorder(dict[str, float]):
         return super().__getitem__(name)
 
 
-def _with_bound_notes(derived: Estimate, quantity: Derived, result: FitResult) -> Estimate:
-    """Return a derived quantity with notes on inputs at a bound or not determined."""
-    values = _AccessRecorder({item.name: item.value for item in result.estimates})
-    quantity.function(values)
-    inputs = [item for item in result.estimates if item.name in values.names]
-    return replace(
-        derived,
-        bound="; ".join(f"{item.name} {item.bound}" for item in inputs if item.bound),
-        open="; ".join(f"{item.name} is not" for item in inputs if item.open) or derived.open,
-    )
-
-
-def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
-    draws = quantity.function(dict(zip(names, result.samples.T, strict=True)))
+def _from_draws(quantity: Derived, result: FitResult) -> Estimate:
+    draws = _evaluate(quantity, result, result.samples.T)
     finite = np.broadcast_to(np.asarray(draws, float), (len(result.samples),))
     if not np.all(np.isfinite(finite)):
         raise EstimationError(
@@ -149,31 +139,31 @@ def _from_draws(quantity: Derived, names: Sequence[str], result: FitResult) -> E
     return from_draws(quantity.name, Parameter(quantity.name, quantity.unit, 0.0), finite)
 
 
+def _evaluate(quantity: Derived, result: FitResult, values: Any) -> Any:
+    """Return a quantity at values (n_free, ...) of the estimates."""
+    names = (estimate.name for estimate in result.estimates)
+    return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
+
+
 def delta_gradient(quantity: Derived, result: FitResult) -> Array:
     """Return the gradient (n_free,) of a quantity with respect to the estimates."""
-    names, values = [estimate.name for estimate in result.estimates], result.values
-
-    def predict(values: Any) -> Any:
-        return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
-
+    values, predict = result.values, partial(_evaluate, quantity, result)
     unbounded = np.full(len(values), np.inf)
-    if select_method(predict, values, 1, -unbounded, unbounded) == "complex_step":
-        gradient: Array = complex_step(predict, values, 1)[0]
-    else:
-        gradient = central_differences(predict, values, 1, -unbounded, unbounded)[0]
+    method = select_method(predict, values, 1, -unbounded, unbounded)
+    gradient: Array = derivatives(predict, values, 1, (-unbounded, unbounded), method)[0]
     return gradient
 
 
-def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult) -> Estimate:
+def _from_covariance(quantity: Derived, result: FitResult) -> Estimate:
     gradient = delta_gradient(quantity, result)
     used = gradient != 0.0
     covariance = result.covariance[np.ix_(used, used)]
     sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))
-    dof = result.dof if any(name.startswith("noise.") for name in names) else None
+    has_noise = any(estimate.name.startswith("noise.") for estimate in result.estimates)
     return interval_around(
         quantity.name,
         Parameter(quantity.name, quantity.unit, 0.0),
-        float(quantity.function(dict(zip(names, result.values, strict=True)))),
+        float(_evaluate(quantity, result, result.values)),
         sd,
-        half_widths(dof),
+        half_widths(result.dof if has_noise else np.inf),
     )

@@ -1,20 +1,20 @@
-"""Estimation problem for a ground-effect model and steady bench conditions."""
+"""Estimation problems of a ground-effect model in steady conditions, and of a function."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from benchtool.core.error_source import ErrorSource
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
+from benchtool.core.parameter import Parameter, Parameters
 from benchtool.core.units import Array
-from benchtool.fit.problem import IntArray, Problem
+from benchtool.fit.problem import NOISE_SCALE, IntArray, Predict, Problem
 from benchtool.fit.recipe import Basis
-from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.active_effects import find_trend_effects
 from benchtool.physics.bases import require_motor, thrust_ratio
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
@@ -22,9 +22,8 @@ from benchtool.physics.model import Model
 from benchtool.physics.precomputed import PrecomputedModel
 from benchtool.physics.tolerances import with_tolerances
 
-BASES: tuple[Basis, ...] = get_args(Basis)
-
 SAME_DISTANCE_M = 1e-3  # plate distances that round to the same multiple are one setting
+SAME_LEVEL = 0.02  # speed resolution of a throttle level, relative to the fastest: voltage sags
 
 
 def problem_from_model(
@@ -34,45 +33,27 @@ def problem_from_model(
     standard_error: Array | None = None,
     *,
     basis: Basis = "joint",
-    nearest_z_over_R: float | None = VALIDITY_Z_OVER_R,
     groups: IntArray | None = None,
     reference: Conditions | None = None,
     error_sources: tuple[ErrorSource, ...] = (),
 ) -> Problem:
     """Return the problem of a model's free parameters and points in steady state.
 
-    Points below the model's valid distance are left out; the facts contain their number
-    (`left_out_near`). In a fit of ratios k is fixed (fact `held`): it only relates a tare error or
-    drift to the thrust.
+    In a fit of ratios k is fixed (fact `held`): it only relates a tare error or drift to the
+    thrust.
 
     Args:
         conditions: conditions of m points.
         observed: (m,) thrust of the whole vehicle in N for basis "joint", else T_IGE/T_OGE.
         standard_error: (m,) of the observations; None means equal and unknown.
-        basis: quantity at which thrusts are compared; "joint" fits newtons.
-        nearest_z_over_R: points below are left out; None includes all.
         groups: (m,) settings; by default from the plate's position.
         reference: (m,) reference conditions of each ratio; None means no plate. A parked plate
             still has a ground effect of some per mille, which would bias R and K_b.
         error_sources: errors shared by the m points.
     """
-    if basis not in BASES:
-        raise UnknownChoice("basis", basis, BASES)
     if len(observed) != len(conditions):
         raise InputError(f"{len(conditions)} conditions, but {len(observed)} points were observed")
-    distance = model.z_over_R(conditions)
-    used = np.arange(len(conditions))
-    if nearest_z_over_R is not None:
-        used = np.flatnonzero(distance >= nearest_z_over_R * (1.0 - 1e-9))
-        if not used.size:
-            raise InputError(
-                f"all {len(conditions)} points are nearer than z/R {nearest_z_over_R:g}; measure "
-                f"farther away, or allow nearer points"
-            )
-    left_out = len(conditions) - len(used)
-    conditions = conditions.select(used)
-    far = conditions.out_of_ground_effect() if reference is None else reference.select(used)
-    facts: dict[str, str | int | float | bool | None] = {"left_out_near": left_out}
+    facts: dict[str, str | int | float | bool | None] = {"left_out_near": 0}  # key of result.json
     parameters = with_tolerances(model, "sweep")
     if standard_error is None:
         standard_error = np.ones(len(observed))
@@ -81,28 +62,30 @@ def problem_from_model(
         parameters = parameters.with_replaced("noise.scale", scale.as_free())
         facts["standard_errors"] = "unknown, taken as equal"
     model = model.with_values(parameters)
+    far: Conditions | None = None
     if basis != "joint":
+        far = conditions.out_of_ground_effect() if reference is None else reference
         facts["held"] = "k" if model.parameters["k"].free else ""
         model = model.with_fixed("k")
         if basis == "equal_power" and model.is_torque_driven and model.rig.motor is None:
             facts["power"] = "of the shafts: the rig describes no motor"
-    speed = conditions.speed_rad_s.max(axis=0)
+    z_over_R, speed = model.z_over_R(conditions), conditions.speed_rad_s.max(axis=0)
     step = SAME_LEVEL * float(speed.max()) or 1.0
     columns = {
-        "z_over_R": distance[used],
+        "z_over_R": z_over_R,
         "speed_rad_s": np.round(speed / step) * step,
         "time_s": conditions.time_s,
     }
     return Problem(
         model=model.name,
         parameters=model.parameters,
-        predict=_prediction(model, conditions, None if basis == "joint" else far, basis),
-        observed=np.asarray(observed, float)[used],
-        standard_error=np.asarray(standard_error, float)[used],
-        error_sources=tuple(source.select(used) for source in error_sources),
+        predict=_prediction(model, conditions, far, basis),
+        observed=np.asarray(observed, float),
+        standard_error=np.asarray(standard_error, float),
+        error_sources=error_sources,
         basis=basis,
-        labels=_labels(conditions, distance[used]),
-        groups=plate_settings(conditions) if groups is None else groups[used],
+        labels=_labels(conditions, z_over_R),
+        groups=plate_settings(conditions) if groups is None else groups,
         covariates=_varying(columns),
         facts=facts,
         missing=partial(find_trend_effects, model, conditions),
@@ -119,9 +102,6 @@ def plate_settings(conditions: Conditions) -> IntArray:
         ]
     )
     return np.unique(table, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
-
-
-SAME_LEVEL = 0.02  # speed resolution of a throttle level, relative to the fastest: voltage sags
 
 
 def _varying(columns: Mapping[str, Array]) -> dict[str, Array]:
@@ -167,3 +147,35 @@ def _prediction(
         return thrust_ratio(model, basis, near.flow(full), far.flow(full), full)
 
     return predict
+
+
+def noise_parameter() -> Parameter:
+    """Return a free `noise.scale`, a common factor on the standard errors."""
+    description = "factor on the stated standard errors"
+    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=description)
+
+
+def function_problem(
+    name: str,
+    parameters: Mapping[str, Parameter],
+    predict: Predict,
+    observed: Array,
+    standard_error: Array | None = None,
+    **fields: Any,
+) -> Problem:
+    """Return the problem of a vectorised function, see `Predict`.
+
+    Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
+    """
+    all_parameters = Parameters(parameters.items())
+    if standard_error is None:
+        standard_error = np.ones(len(observed))
+        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
+    return Problem(
+        model=name,
+        parameters=all_parameters,
+        predict=predict,
+        observed=np.asarray(observed, float),
+        standard_error=np.asarray(standard_error, float),
+        **fields,
+    )

@@ -12,8 +12,8 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.data.run.entry import read_result
 from benchtool.data.run.read import find_differences
-from benchtool.fit.result_file import read_result
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 
@@ -22,17 +22,12 @@ DRAWS = 400  # parameter draws of an uncertainty band
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NominalModel:
-    """Model at its nominal values, with draws of uncertain parameters.
-
-    Attributes:
-        draws: (d, 1) by parameter; empty without covariance and priors.
-        fitted_to: paths of the data of its fit; empty for a model without a fit.
-    """
+    """Model at its nominal values, with draws of uncertain parameters."""
 
     model: Model  # at its values
-    draws: Mapping[str, Array] = field(default_factory=dict)
+    draws: Mapping[str, Array] = field(default_factory=dict)  # (d, 1) by parameter; may be empty
     spread: str = ""  # source of the draws as text; empty without draws
-    fitted_to: tuple[str, ...] = ()
+    fitted_to: tuple[str, ...] = ()  # paths of the data of its fit; empty without a fit
 
 
 def model_file(name: str) -> str:

@@ -22,11 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.error_source import ErrorSource, Whitening
+from benchtool.core.error_source import ErrorSource, Whitening, effective_dof
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, Parameters
+from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.units import Array
-from benchtool.fit.prior import JointPrior, PriorRows, prior_rows
 from benchtool.physics.effects.effect import Effect
 
 IntArray = NDArray[np.intp]
@@ -48,7 +47,9 @@ class Problem:
         groups: (m,) setting number of each point; `compare` holds out a setting together.
         covariates: (m,) each, for trends of residuals ("z_over_R", "time_s").
         error_sources: errors shared by points, in addition to `standard_error`.
-        joint_priors: normal priors on several parameters, for example of a calibration.
+        prior_parts: by parameter, the error sources of its prior (of a calibration), each with its
+            share of the standard deviation as columns (1, 1). Their degrees of freedom make the
+            prior normal or Student's t.
         facts: copied into the result (counts, hashes).
         missing: missing(covariate) -> effects that can explain a trend of residuals over it.
     """
@@ -63,7 +64,7 @@ class Problem:
     labels: tuple[str, ...] = ()  # (m,) names of the points for messages; numbered by default
     groups: IntArray | None = None
     covariates: Mapping[str, Array] = field(default_factory=dict)
-    joint_priors: tuple[JointPrior, ...] = ()
+    prior_parts: Mapping[str, tuple[ErrorSource, ...]] = field(default_factory=dict)
     facts: Mapping[str, str | int | float | bool | None] = field(default_factory=dict)
     missing: Callable[[str], Sequence[Effect]] = lambda covariate: ()
 
@@ -148,7 +149,7 @@ class Problem:
     @cached_property
     def priors(self) -> PriorRows:
         """All normal priors on the shape parameters."""
-        return prior_rows(self.parameters, self.shape_names, self.joint_priors)
+        return _prior_rows(self.parameters, self.shape_names, self.prior_parts)
 
     @cached_property
     def dof(self) -> int:
@@ -179,8 +180,8 @@ class Problem:
         quadrature: Array = np.hypot(self.standard_error * scale, extra_sd)
         return quadrature
 
-    def shared(self, noise: float | None = None) -> Array:
-        """Return the columns (m, r) of all error sources at a value of the free noise parameter."""
+    def shared_by_source(self, noise: float | None = None) -> list[Array]:
+        """Return the columns (m, r) of each error source at a value of the free noise parameter."""
         scale, _ = self._scale_and_sd(noise)
         columns = []
         for source in self.error_sources:
@@ -189,7 +190,11 @@ class Problem:
                 value = self.parameters[source.parameter].value if noise is None else noise
                 factor = value / source.sd
             columns.append(source.columns * factor)
-        return np.concatenate([np.empty((len(self), 0)), *columns], axis=1)
+        return columns
+
+    def shared(self, noise: float | None = None) -> Array:
+        """Return the columns (m, r) of all error sources, see `shared_by_source`."""
+        return np.concatenate([np.empty((len(self), 0)), *self.shared_by_source(noise)], axis=1)
 
     def whitening(self, noise: float | None = None, factor: float = 1.0) -> Whitening:
         """Return the whitening of residuals at a value of the free noise parameter.
@@ -282,7 +287,8 @@ class Problem:
 
     def with_calibration(
         self,
-        covariance: Array,
+        scale_sd: float,
+        offset_sd_N: float,
         source: str = "",
         *,
         rows: NDArray[np.bool_] | None = None,
@@ -295,21 +301,23 @@ class Problem:
         are free, with the prior of the calibration around 1 and 0.
 
         Args:
-            covariance: (2, 2) of scale and offset: 1, N.
             rows: (m,) True for points that used this calibration; None means all.
             name: suffix of the parameters' names if there are several calibrations.
-            parts: error sources of the scale, see `JointPrior`.
+            parts: error sources of the scale, see `prior_parts`.
         """
         weight = 1.0 if rows is None else rows.astype(float)
         suffix = f"@{name}" if name else ""
-        sd = np.sqrt(np.diag(covariance))
-        scale = Parameter(
-            f"scale{suffix}", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source
-        )
-        offset = Parameter(
-            f"offset_N{suffix}", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
-        )
-        names = (f"calibration.scale{suffix}", f"calibration.offset_N{suffix}")
+
+        def nuisance(kind: str, unit: str, value: float, sd: float) -> tuple[str, Parameter]:
+            prior = Prior("normal", value, sd, source)
+            parameter = Parameter(
+                f"{kind}{suffix}", unit, value, value,
+                prior=prior, free=True, tolerance=sd, source=source,
+            )  # fmt: skip
+            return f"calibration.{parameter.name}", parameter
+
+        scale = nuisance("scale", "1", 1.0, scale_sd)
+        offset = nuisance("offset_N", "N", 0.0, offset_sd_N)
         predict_all = self.predict
 
         def predict(values: Any) -> Any:
@@ -319,15 +327,8 @@ class Problem:
         return replace(
             self,
             predict=predict,
-            parameters=Parameters(
-                (*self.parameters.items(), (names[0], scale), (names[1], offset))
-            ),
-            joint_priors=(
-                *self.joint_priors,
-                JointPrior(
-                    names, np.array([1.0, 0.0]), np.asarray(covariance, float), source, parts
-                ),
-            ),
+            parameters=Parameters((*self.parameters.items(), scale, offset)),
+            prior_parts={**self.prior_parts, scale[0]: parts},
         )
 
 
@@ -337,37 +338,60 @@ def normal_log_density(whitened: Array, sigma: Array) -> Array:
     return density
 
 
-def noise_parameter() -> Parameter:
-    """Return a free `noise.scale`, a common factor on the standard errors."""
-    description = "factor on the stated standard errors"
-    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=description)
-
-
-def function_problem(
-    name: str,
-    parameters: Mapping[str, Parameter],
-    predict: Predict,
-    observed: Array,
-    standard_error: Array | None = None,
-    **fields: Any,
-) -> Problem:
-    """Return the problem of a vectorised function, see `Predict`.
-
-    Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
-    """
-    all_parameters = Parameters(parameters.items())
-    if standard_error is None:
-        standard_error = np.ones(len(observed))
-        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
-    return Problem(
-        model=name,
-        parameters=all_parameters,
-        predict=predict,
-        observed=np.asarray(observed, float),
-        standard_error=np.asarray(standard_error, float),
-        **fields,
-    )
-
-
 def _is_noise(name: str) -> bool:
     return name in (NOISE_SCALE, NOISE_PLACE) or name.startswith(NOISE_SD)
+
+
+@dataclass(frozen=True, eq=False)
+class PriorRows:
+    """All priors as rows (q,) = matrix (q, n) @ (values - mean).
+
+    Rows have variance one; a row with finite `dof` is Student's t with scale one.
+    """
+
+    names: tuple[str, ...]  # (q,) parameter of each row
+    matrix: Array
+    mean: Array
+    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) error sources of each row
+
+    @cached_property
+    def dof(self) -> Array:
+        """Degrees of freedom of each row's variance (q,)."""
+        shares = [np.array([part.columns.item() for part in row]) for row in self.parts]
+        dofs = [np.array([part.dof for part in row]) for row in self.parts]
+        return np.array([effective_dof(*row) for row in zip(shares, dofs, strict=True)])
+
+    @cached_property
+    def estimated(self) -> tuple[Array, ...]:
+        """Indices of the rows with finite `dof`, grouped by a common scatter estimate."""
+        groups: dict[str, list[int]] = {}
+        for row in np.flatnonzero(np.isfinite(self.dof)):
+            name = next((part.scatter for part in self.parts[row] if part.scatter), f"row {row}")
+            groups.setdefault(name, []).append(int(row))
+        return tuple(np.array(rows) for rows in groups.values())
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def _prior_rows(
+    parameters: Parameters, free: Sequence[str], parts: Mapping[str, tuple[ErrorSource, ...]]
+) -> PriorRows:
+    """Return the rows of all normal priors on the free parameters (n,).
+
+    Args:
+        parts: error sources of priors by parameter; see `Problem`.
+    """
+    names = [name for name in free if parameters[name].prior.kind == "normal"]
+    names.sort(key=lambda name: not name.startswith("calibration."))
+    matrix, mean = np.zeros((len(names), len(free))), np.zeros(len(free))
+    all_parts = []
+    for row, name in enumerate(names):
+        position, prior = free.index(name), parameters[name].prior
+        matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
+        source = ErrorSource(
+            name=name, kind="B", unit=parameters[name].unit, sd=1.0 / float(matrix[row, position]),
+            columns=np.eye(1), origin=prior.source or "prior of the model",
+        )  # fmt: skip
+        all_parts.append(parts.get(name) or (source,))
+    return PriorRows(tuple(names), matrix, mean, tuple(all_parts))

@@ -6,7 +6,6 @@ the half width in standard deviations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,34 +14,21 @@ from scipy.optimize import brentq
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.interval import half_widths
-from benchtool.fit.jacobian import DerivativeMethod, estimate_covariance
+from benchtool.fit.least_squares import parameter_dof
 from benchtool.fit.problem import Problem
-from benchtool.fit.solve import row_jacobian, solve
-from benchtool.fit.uncertainty.parameter_dof import parameter_dof
+from benchtool.fit.solve import RANK_LIMIT, estimate_covariance, row_jacobian, solve
 
 MAX_SEARCH_SDS = 64.0  # search range of an end in standard deviations; beyond: the bound
 
 
-def add_profile_intervals(
-    problem: Problem, result: FitResult, names: Sequence[str] | None = None
-) -> FitResult:
-    """Return a least-squares result whose intervals come from profiles.
-
-    Args:
-        result: of `fit_least_squares` with linear loss.
-        names: profiled parameters; None means all shape parameters.
-    """
+def add_profile_intervals(problem: Problem, result: FitResult) -> FitResult:
+    """Return a least-squares result of linear loss with intervals of all shape parameters."""
     if result.method != "least_squares" or result.facts.get("loss") != "linear":
         raise EstimationError(
             "profile intervals need a least-squares result with linear loss; fit that first"
         )
-    selected = problem.shape_names if names is None else tuple(names)
     fitted = problem.at(result.values)
-    profiled = {
-        name: _profile(fitted, result, result[name])
-        for name in selected
-        if name in fitted.free_names
-    }
+    profiled = {name: _profile(fitted, result, result[name]) for name in problem.shape_names}
     return replace(
         result,
         estimates=tuple(profiled.get(estimate.name, estimate) for estimate in result.estimates),
@@ -56,22 +42,17 @@ def _profile(problem: Problem, result: FitResult, estimate: Estimate) -> Estimat
     shape, noise = problem.split(result.values)
     whitening = problem.whitening(noise)
     min_chi2 = float(np.sum(problem.rows(shape, whitening) ** 2))
-    method: DerivativeMethod = (
-        "complex_step"
-        if result.facts.get("derivatives") == "complex_step"
-        else "central_differences"
-    )
+    method = next(name for name in RANK_LIMIT if name == result.facts.get("derivatives"))
     position = problem.shape_names.index(estimate.name)
     others = np.delete(shape, position)
     parameter = problem.parameters[estimate.name]
 
     def rise(value: float, target: float) -> float:
         nonlocal others
-        fixed = problem.fixed(estimate.name, value) if len(shape) > 1 else None
-        if fixed is None:
+        if len(shape) == 1:
             rows = problem.rows(np.array([value]), whitening)
             return float(rows @ rows) - min_chi2 - target
-        solution = solve(fixed, whitening, others, method=method)
+        solution = solve(problem.fixed(estimate.name, value), whitening, others, method=method)
         others = solution.shape
         return solution.chi2 - min_chi2 - target
 
@@ -92,7 +73,7 @@ def _profile(problem: Problem, result: FitResult, estimate: Estimate) -> Estimat
             near, reach = far, 1.6 * reach
         return float(bound)
 
-    jacobian = row_jacobian(problem, method)(shape, whitening)
+    jacobian = row_jacobian(problem, method, shape, whitening)
     covariance = estimate_covariance(jacobian, method).covariance
     dof, growth = parameter_dof(problem, jacobian, covariance, whitening)
     widths = [float(growth[position]) * width for width in half_widths(float(dof[position]))]

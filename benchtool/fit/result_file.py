@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import MISSING, asdict, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from benchtool.core.errors import EstimationError, ModelRejected
-from benchtool.core.fit_result import FitResult
+from benchtool.core.errors import EstimationError, FileFormatError, ModelRejected
+from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import atomic_writer, json_ready, replace_json, replace_text
-from benchtool.data.run.entry import FIT_FILE, FIT_FORMAT
-from benchtool.data.run.entry import read_result as read_result
+from benchtool.data.run.entry import FIT_FILE, FIT_FORMAT, read_result
+from benchtool.fit.compare import Comparison, Score
+from benchtool.fit.compare_laws import LawComparison, LawScore
 from benchtool.fit.diagnose import find_error
-from benchtool.fit.run_recipe import FitOutput
+from benchtool.fit.run_recipe import FitOutput, FitSummary
+from benchtool.fit.uncertainty.budget import parse_budget, with_budget
 from benchtool.physics.model_file import LoadedModel, model_to_toml
 
+T = TypeVar("T")
 Answer = Literal["given", "model rejected", "none"]  # status of the fit's estimates
 
 
@@ -37,26 +41,23 @@ def result_tables(output: FitOutput) -> dict[str, Any]:
         "answer": answer,
         "problem": "" if problem is None else str(problem),
         "recipe": recipe,
-        "model": output.loaded.model.name,
-        "rig": output.loaded.model.rig.name,
-        "basis": output.recipe.basis,
-        "simulated": output.data.points.simulated,
+        "model": output.model,
+        "rig": output.rig,
+        "basis": output.basis,
+        "simulated": output.simulated,
         "points": {
-            "read": len(output.data.points),
-            "used": len(output.data.rows),
-            "left_out": list(output.data.left_out),
+            "read": output.read,
+            "used": output.used,
+            "left_out": list(output.left_out),
         },
-        "results": {result.method: _result(result) for result in output.results},
+        "results": {result.method: _result_table(result) for result in output.results},
     }
     if output.budget is not None:
         tables["budget"] = output.budget.tables()
     if output.comparison is not None:
         tables["comparison"] = {
             "sentence": output.comparison.sentence,
-            "folds": output.comparison.folds,
-            "settings": output.comparison.settings,
-            "seed": output.comparison.seed,
-            "scores": [asdict(score) for score in output.comparison.scores],
+            **asdict(output.comparison),
         }
     if output.laws is not None:
         tables["laws"] = {"sentence": output.laws.sentence, **asdict(output.laws)}
@@ -72,7 +73,14 @@ def write_result(folder: Path, output: FitOutput) -> None:
     tables = result_tables(output)
     replace_json(folder / FIT_FILE, tables)
     if tables["answer"] != "none":
-        _write_model(folder, output)
+        model, loaded = output.fitted, output.loaded
+        if tables["problem"]:
+            model = replace(model, provenance={**model.provenance, "rejected": tables["problem"]})
+        rig, text = export_rig_reference(model.rig)
+        if text:
+            replace_text(folder / rig, text)
+        fitted = LoadedModel(model=model, columns=loaded.columns, row_filter=loaded.row_filter)
+        replace_text(folder / "model.toml", model_to_toml(fitted, rig))
     for result in output.results:
         if len(result.samples):
             header = ",".join(estimate.name for estimate in result.estimates)
@@ -81,21 +89,7 @@ def write_result(folder: Path, output: FitOutput) -> None:
                 np.savetxt(file, result.samples, "%.9g", delimiter=",", header=header, comments="")
 
 
-def _write_model(folder: Path, output: FitOutput) -> None:
-    problem = find_error(output.results)
-    model = output.fitted
-    if problem is not None:
-        model = replace(model, provenance={**model.provenance, "rejected": str(problem)})
-    fitted = LoadedModel(
-        model=model, columns=output.loaded.columns, row_filter=output.loaded.row_filter
-    )
-    rig, text = export_rig_reference(model.rig)
-    if text:
-        replace_text(folder / rig, text)
-    replace_text(folder / "model.toml", model_to_toml(fitted, rig))
-
-
-def _result(result: FitResult) -> dict[str, Any]:
+def _result_table(result: FitResult) -> dict[str, Any]:
     tables = asdict(result)
     estimates, derived = (
         {item.pop("name"): item for item in tables[key]} for key in ("estimates", "derived")
@@ -113,3 +107,81 @@ def _result(result: FitResult) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "facts": dict(result.facts),
     }
+
+
+def read_fit(folder: Path) -> FitSummary:
+    """Read the fit of a folder."""
+    return parse_fit(read_result(folder), str(folder / FIT_FILE))
+
+
+def parse_fit(tables: Mapping[str, Any], where: str) -> FitSummary:
+    """Parse the contents of a result.json; `where` is its location for error messages."""
+    try:
+        points = tables["points"]
+        shared: dict[str, Any] = {"model": str(tables["model"]), "basis": str(tables["basis"])}
+        results = tuple(
+            _parse_result(method, table, shared) for method, table in tables["results"].items()
+        )
+        if not results:
+            raise FileFormatError(where, "results are empty; fit again")
+        budget = parse_budget(tables["budget"]) if tables.get("budget") else None
+        return FitSummary(
+            rig=str(tables.get("rig", "")),
+            simulated=bool(tables["simulated"]),
+            read=int(points["read"]),
+            used=int(points["used"]),
+            left_out=tuple(points["left_out"]),
+            results=with_budget(results, budget),
+            comparison=_parse_scores(Comparison, Score, tables.get("comparison")),
+            budget=budget,
+            laws=_parse_scores(LawComparison, LawScore, tables.get("laws")),
+            **shared,
+        )
+    except KeyError as error:
+        raise FileFormatError(where, f"key {error} is missing; fit again") from error
+    except (TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(where, f"invalid fit result ({error}); fit again") from error
+
+
+def _parse_result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> FitResult:
+    order, estimates, derived = table["order"], table["estimates"], table["derived"]
+    return FitResult(
+        method=method,
+        estimates=tuple(_build(Estimate, estimates[name], name=name) for name in order),
+        derived=tuple(_build(Estimate, item, name=name) for name, item in derived.items()),
+        covariance=np.array(table["covariance"], float),
+        chi2=_parse(table["chi2"], float),
+        dof=int(table["dof"]),
+        log_likelihood=_parse(table["log_likelihood"], float),
+        outcome=Outcome(**table["outcome"]),
+        warnings=tuple(table["warnings"]),
+        facts=table["facts"],
+        **shared,
+    )
+
+
+def _parse_scores(cls: type[T], kind: type[Any], table: Mapping[str, Any] | None) -> T | None:
+    if not table:
+        return None
+    counts = dict.fromkeys(("folds", "settings", "seed"), 0)  # optional in the file
+    return _build(cls, counts | dict(table), scores=tuple(_build(kind, x) for x in table["scores"]))
+
+
+def _build(cls: type[T], table: Mapping[str, Any], **values: Any) -> T:
+    """Build a dataclass from a table by its field types; fields with defaults are optional."""
+    record: Any = cls
+    kinds = get_type_hints(cls)
+    for item in fields(record):
+        if item.name not in values and (item.default is MISSING or item.name in table):
+            values[item.name] = _parse(table[item.name], kinds[item.name])
+    instance: T = cls(**values)
+    return instance
+
+
+def _parse(value: Any, kind: Any) -> Any:
+    """Convert a JSON value to its type; null means nan."""
+    if get_origin(kind) is tuple:
+        return tuple(_parse(item, get_args(kind)[0]) for item in value)
+    if kind is float:
+        return float("nan") if value is None else float(value)
+    return kind(value) if kind in (int, str) else value

@@ -14,7 +14,7 @@ LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
 HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)
 # Variance inflation without outliers: mean(psi^2) / mean(psi')^2 over the normal distribution,
 # integrated numerically. With stated errors it is the lower limit.
-NORMAL_INFLATION: dict[Loss, float] = {"linear": 1.0, "soft_l1": 1.0790, "huber": 1.0526}
+NORMAL_INFLATION: dict[Loss, float] = {"soft_l1": 1.0790, "huber": 1.0526}
 
 MAD_TO_SD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
@@ -73,8 +73,6 @@ def robust_inflation(rows: Array, dof: float, loss: Loss, *, is_stated: bool) ->
         dof: degrees of freedom of the residuals.
         is_stated: errors are stated, not fitted; the factor of normal residuals is then a minimum.
     """
-    if loss == "linear":
-        return 1.0
     if loss == "soft_l1":
         root = np.sqrt(1.0 + rows**2)
         psi, slope = rows / root, 1.0 / root**3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,26 +13,37 @@ from benchtool.core.choices import BudgetMethod
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
+from benchtool.core.parameter import Parameters
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.read import find_parts
 from benchtool.fit.compare import Comparison, compare
-from benchtool.fit.compare_laws import compare_laws
+from benchtool.fit.compare_laws import LawComparison, compare_laws
 from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
-from benchtool.fit.law_scores import LawComparison
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import LAWS, Recipe
+from benchtool.fit.solve import solve
 from benchtool.fit.uncertainty.budget import Budget, with_budget
-from benchtool.fit.uncertainty.density import STANDARD_K, Density, air_density
-from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources, misfit
+from benchtool.fit.uncertainty.fixed_parameters import (
+    STANDARD_K,
+    Density,
+    air_density,
+    fixed_parameter_sources,
+    misfit,
+)
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
-from benchtool.fit.uncertainty.monte_carlo import monte_carlo
-from benchtool.fit.uncertainty.propagation import Propagation, bound_sources, make_budget, propagate
+from benchtool.fit.uncertainty.propagation import (
+    Propagation,
+    bound_sources,
+    make_budget,
+    monte_carlo,
+    propagate,
+)
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -43,48 +54,65 @@ Propagated = tuple[Propagation, tuple[ErrorSource, ...], list[tuple[ErrorSource,
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class FitOutput:
-    """Output of a fit.
+class FitSummary:
+    """Results of a fit, as in result.json.
 
     Attributes:
+        results: one for each method, in the recipe's order; without samples if read from a file.
         comparison: cross-validation of the recipe's models; None without models to compare.
         budget: of the first method's estimates; None if the data do not determine all.
-        density: of the air; None if not measured.
         laws: cross-validation of ground-effect laws; None if not requested.
     """
+
+    model: str  # name
+    rig: str  # name
+    basis: str
+    simulated: bool  # True if any of the data is simulated
+    read: int  # number of points
+    used: int
+    left_out: tuple[str, ...]  # messages: excluded points and reasons
+    results: tuple[FitResult, ...] = ()
+    comparison: Comparison | None = None
+    budget: Budget | None = None
+    laws: LawComparison | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of all results, each once."""
+        return tuple(dict.fromkeys(line for result in self.results for line in result.warnings))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitOutput(FitSummary):
+    """Output of a fit: its results, data and model."""
 
     recipe: Recipe  # merged runs are replaced by their parts
     loaded: LoadedModel  # the model before the fit
     data: FitData  # the points
     problem: Problem  # input of both estimators
-    results: tuple[FitResult, ...]  # one for each method, in the recipe's order
-    comparison: Comparison | None = None
-    budget: Budget | None = None
-    laws: LawComparison | None = None
-    density: Density | None = None
-
-    @property
-    def simulated(self) -> bool:
-        """True if any of the data is simulated."""
-        return self.data.points.simulated
+    density: Density | None  # of the air; None if not measured
 
     @property
     def fitted(self) -> Model:
         """The model at the first method's estimates, noise parameters unchanged."""
-        return _apply_estimates(self.loaded.model, self.results[0], self.recipe.name)
+        estimates = self.results[0].estimates
+        model = _at_values(self.loaded.model, {item.name: item.value for item in estimates})
+        items = dict(model.parameters)
+        for item in estimates:
+            if item.name in items and not item.name.startswith("noise."):
+                source = ", ".join(filter(None, (self.recipe.name, item.bound)))
+                items[item.name] = replace(items[item.name], source=f"fitted: {source}")
+        return model.with_values(Parameters(items.items()))
 
 
-def _apply_estimates(model: Model, result: FitResult, name: str) -> Model:
-    """Return a model at a result's estimates, noise parameters unchanged."""
-    parameters = model.parameters
-    for estimate in result.estimates:
-        if estimate.name in parameters and not estimate.name.startswith("noise."):
-            parameter = parameters[estimate.name]
-            value = float(np.clip(estimate.value, parameter.lower, parameter.upper))
-            source = ", ".join(filter(None, (name, estimate.bound)))
-            fitted = replace(parameter.with_value(value), source=f"fitted: {source}")
-            parameters = parameters.with_replaced(estimate.name, fitted)
-    return model.with_values(parameters)
+def _at_values(model: Model, values: Mapping[str, float]) -> Model:
+    """Return a model at fitted values, noise parameters unchanged."""
+    items = dict(model.parameters)
+    for name, value in values.items():
+        if name in items and not name.startswith("noise."):
+            value = float(np.clip(value, items[name].lower, items[name].upper))
+            items[name] = items[name].with_value(value)
+    return model.with_values(Parameters(items.items()))
 
 
 @np.errstate(all="ignore")  # values that are not finite are excluded or raise by name
@@ -116,16 +144,27 @@ def run_recipe(
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
-    models = _load_models(recipe, loaded.model, permit)
-    problem = recipe_problem(loaded.model, recipe, data)
-    estimates = (_estimate(problem, recipe, name, progress, profile) for name in recipe.methods)
-    density = air_density(recipe.air, recipe.data)
-    results = tuple(_add_diagnosis(loaded.model, data, problem, e, density) for e in estimates)
-    comparison, laws = None, None
+    others = _load_models(recipe, loaded.model, permit)
+    fit = FitOutput(
+        model=loaded.model.name,
+        rig=loaded.model.rig.name,
+        basis=recipe.basis,
+        simulated=data.points.simulated,
+        read=len(data.points),
+        used=len(data.rows),
+        left_out=data.left_out,
+        recipe=recipe,
+        loaded=loaded,
+        data=data,
+        problem=recipe_problem(loaded.model, recipe, data),
+        density=air_density(recipe.air, recipe.data),
+    )
+    results = tuple(_estimate(fit, method, progress, profile) for method in recipe.methods)
+    fit = replace(fit, results=results)
     if set(recipe.compare) - {LAWS}:
-        models = [_prepare_comparison(other, loaded.model, recipe) for other in models]
-        problems = [problem, *(recipe_problem(model, recipe, data) for model in models)]
-        comparison = compare(problems, seed=recipe.seed)
+        others = [_prepare_comparison(other, loaded.model, recipe) for other in others]
+        problems = [fit.problem, *(recipe_problem(other, recipe, data) for other in others)]
+        fit = replace(fit, comparison=compare(problems, seed=recipe.seed))
     if LAWS in recipe.compare:
         progress("laws", 0, 1)
         laws = compare_laws(
@@ -133,18 +172,16 @@ def run_recipe(
             lambda model: recipe_problem(model, recipe, data),
             data.z_over_R[data.rows],
         )
-    output = FitOutput(
-        recipe=recipe,
-        loaded=loaded,
-        data=data,
-        problem=problem,
-        results=results,
-        comparison=comparison,
-        laws=laws,
-        density=density,
-    )
-    made = _budget(output, budget == "mc", progress)
-    return replace(output, budget=made, results=with_budget(results, made))
+        fit = replace(fit, laws=laws)
+    propagated = propagate_uncertainty(fit)
+    if propagated is None:
+        return fit
+    made = make_budget(*propagated, traceability=data.load_cells.traceability)
+    if budget == "mc":
+        made = replace(
+            made, monte_carlo=monte_carlo(*propagated, seed=recipe.seed, progress=progress)
+        )
+    return replace(fit, budget=made, results=with_budget(results, made))
 
 
 def _load_models(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
@@ -165,8 +202,7 @@ def propagate_uncertainty(output: FitOutput) -> Propagated | None:
     quantity, with its name. None if the data leave a parameter open.
     """
     model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
-    free = [estimate.name for estimate in result.estimates]
-    propagation = propagate(problem, result, _quantities(model, free, output.density))
+    propagation = propagate(problem, result, _quantities(model, result, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
     sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     if propagation is None:
@@ -184,40 +220,20 @@ def propagate_uncertainty(output: FitOutput) -> Propagated | None:
     return propagation, sources, quantity_errors
 
 
-def _budget(output: FitOutput, use_monte_carlo: bool, progress: Progress) -> Budget | None:
-    propagated = propagate_uncertainty(output)
-    if propagated is None:
-        return None
-    by_propagation = make_budget(*propagated, traceability=output.data.load_cells.traceability)
-    if not use_monte_carlo:
-        return by_propagation
-    return replace(
-        by_propagation,
-        monte_carlo=monte_carlo(*propagated, seed=output.recipe.seed, progress=progress),
-    )
-
-
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     """Return the model with the noise parameter of the recipe free."""
-    kind = recipe.noise
+    kind, items = recipe.noise, dict(model.parameters)
     short_names = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
-    plate_noise = model.parameters[NOISE_PLACE]
-    if plate_noise.free and plate_noise.value == 0.0:
-        model = model.with_values(
-            model.parameters.with_replaced(NOISE_PLACE, plate_noise.with_value(PLACE_START_M))
-        )
     if kind == "auto":
-        is_noise_set = bool(short_names & {"scale", "sd_N"}) or plate_noise.free
+        is_noise_set = bool(short_names & {"scale", "sd_N"}) or items[NOISE_PLACE].free
         kind = "stated" if errors == "stated" or is_noise_set else "scale"
-    for name in ("noise.scale", "noise.sd_N"):
-        is_free = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
-        if name.rpartition(".")[2] in short_names:  # --free and --fix override --noise
-            is_free = model.parameters[name].free
-        item = model.parameters[name]
-        if is_free and name == "noise.sd_N" and item.value == 0.0:
-            item = item.with_value(1e-3)
-        model = model.with_values(model.parameters.with_replaced(name, replace(item, free=is_free)))
-    return model
+    for name, free_by in (("noise.scale", "scale"), ("noise.sd_N", "add")):
+        if name.rpartition(".")[2] not in short_names:  # --free and --fix override --noise
+            items[name] = replace(items[name], free=kind == free_by)
+    for name, start in (("noise.sd_N", 1e-3), (NOISE_PLACE, PLACE_START_M)):
+        if items[name].free and items[name].value == 0.0:
+            items[name] = items[name].with_value(start)
+    return model.with_values(Parameters(items.items()))
 
 
 PLACE_START_M = 1e-4  # initial value of a free `noise.place_m` without rig data; assumed
@@ -227,22 +243,8 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
     """Return the problem with the errors of the bench at the solution.
 
     The effect of a position error on thrust depends on the model's parameters: it is computed at
-    the initial values, and again at the estimates of a first fit.
+    the initial values, and again at the solution for these errors.
     """
-    first = _build_problem(model, model, recipe, data)
-    if not first.error_sources:
-        return first
-    fixed_noise = first
-    if first.noise_name is not None:
-        fixed_noise = first.fixed(first.noise_name, first.parameters[first.noise_name].value)
-    try:
-        result = fit_least_squares(fixed_noise)
-    except EstimationError:
-        return first
-    return _build_problem(model, _apply_estimates(model, result, recipe.name), recipe, data)
-
-
-def _build_problem(model: Model, near: Model, recipe: Recipe, data: FitData) -> Problem:
     rows = data.rows
     problem = problem_from_model(
         model,
@@ -250,54 +252,72 @@ def _build_problem(model: Model, near: Model, recipe: Recipe, data: FitData) -> 
         data.observed[rows],
         None if data.errors == "none" else data.standard_error[rows],
         basis=recipe.basis,
-        nearest_z_over_R=None,
         groups=None if data.groups is None else data.groups[rows],
         reference=None if data.reference is None else data.reference.select(rows),
-        error_sources=tuple(
-            source.select(rows) for source in (*data.error_sources, *data.bench_errors(near))
-        ),
+        error_sources=data.shared_errors(model),
     )
     if "thrust_N" not in data.points:
-        return replace(problem, facts={**problem.facts, "data": "ratios"})
-    if recipe.basis != "joint":
-        return problem  # the calibration's scale cancels in a ratio of two thrusts
-    errors = [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]
-    return with_scale_errors(problem, errors)
+        problem = replace(problem, facts={**problem.facts, "data": "ratios"})
+    elif recipe.basis == "joint":  # the calibration's scale cancels in a ratio of two thrusts
+        problem = with_scale_errors(
+            problem, [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]
+        )
+    if not problem.error_sources:
+        return problem
+    try:
+        shape = solve(problem, problem.whitening()).shape
+    except EstimationError:
+        return problem
+    near = _at_values(model, dict(zip(problem.shape_names, shape, strict=True)))
+    return replace(problem, error_sources=data.shared_errors(near))
 
 
 def _prepare_comparison(other: Model, model: Model, recipe: Recipe) -> Model:
     """Return another model of the same rig with the same noise and nuisance parameters free."""
-    effect_names = {effect.name for effect in other.effects}
+    shared, own_names = {"noise.scale", "noise.sd_N"}, {effect.name for effect in other.effects}
     for effect in model.effects:
-        is_nuisance = effect.subsystem in ("sensor", "plate")
-        if effect.name not in effect_names and is_nuisance:
+        if effect.name not in own_names and effect.subsystem in ("sensor", "plate"):
             other = other.with_effect(effect)
-            for name, parameter in model.parameters.items():
-                if name.startswith(f"{effect.name}."):
-                    other = other.with_values(other.parameters.with_replaced(name, parameter))
-    for name in ("noise.scale", "noise.sd_N"):
-        other = other.with_values(other.parameters.with_replaced(name, model.parameters[name]))
+            shared |= {name for name in model.parameters if name.startswith(f"{effect.name}.")}
+    items = {**other.parameters, **{name: model.parameters[name] for name in shared}}
+    other = other.with_values(Parameters(items.items()))
     return other if recipe.basis == "joint" else other.with_fixed("k")
 
 
-def _estimate(
-    problem: Problem, recipe: Recipe, method: str, progress: Progress, profile: bool
-) -> FitResult:
+def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) -> FitResult:
+    """Return the result of a method with diagnosis, derived quantities and data hashes."""
+    recipe, data, problem = fit.recipe, fit.data, fit.problem
+    notes: tuple[str, ...] = ()
     if method == "least_squares":
         progress("least squares", 0, 1)
         result = fit_least_squares(problem, loss=recipe.loss)
-        return add_profile_intervals(problem, result) if profile else result
-    result = fit_ensemble(
-        problem,
-        walkers=recipe.walkers,
-        max_steps=recipe.max_steps,
-        seed=recipe.seed,
-        progress=partial(progress, "emcee"),
+        result = add_profile_intervals(problem, result) if profile else result
+    else:
+        result = fit_ensemble(
+            problem,
+            walkers=recipe.walkers,
+            max_steps=recipe.max_steps,
+            seed=recipe.seed,
+            progress=partial(progress, "emcee"),
+        )
+        if recipe.loss != "linear":
+            loss = f"--loss {recipe.loss}"
+            notes = (f"emcee uses the full weight of every point: {loss} is of least squares",)
+    facts = {
+        **result.facts,
+        "benchtool": __version__,
+        "simulated": fit.simulated,
+        **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
+    }
+    warnings = (
+        *_far_from_rig(fit.loaded.model, result),
+        *data.left_out,
+        *data.load_cells.warnings,
+        *result.warnings,
+        *notes,
     )
-    if recipe.loss == "linear":
-        return result
-    note = f"emcee uses the full weight of every point: --loss {recipe.loss} is of least squares"
-    return replace(result, warnings=(*result.warnings, note))
+    result = with_diagnosis(problem, replace(result, facts=facts, warnings=warnings))
+    return with_derived(result, _quantities(fit.loaded.model, result, fit.density))
 
 
 FAR_FROM_RIG = 3.0  # ratio of k to the rig's that indicates a unit error or another rig; assumed
@@ -316,29 +336,9 @@ def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
     )
 
 
-def _add_diagnosis(
-    model: Model, data: FitData, problem: Problem, result: FitResult, density: Density | None
-) -> FitResult:
-    """Return the result with diagnosis, derived quantities, warnings and data hashes."""
+def _quantities(model: Model, result: FitResult, density: Density | None) -> list[Derived]:
+    """Return quantities derived from the fitted parameters, and from the air density."""
     free = [estimate.name for estimate in result.estimates]
-    facts = {
-        **result.facts,
-        "benchtool": __version__,
-        "simulated": data.points.simulated,
-        **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
-    }
-    warnings = (
-        *_far_from_rig(model, result),
-        *data.left_out,
-        *data.load_cells.warnings,
-        *result.warnings,
-    )
-    result = replace(result, facts=facts, warnings=warnings)
-    return with_derived(with_diagnosis(problem, result), _quantities(model, free, density))
-
-
-def _quantities(model: Model, free: Sequence[str], density: Density | None) -> list[Derived]:
-    """Return quantities derived from the free parameters, and from the air density."""
     quantities = [density.standard_k] if density is not None and "k" in free else []
     if "R_m" in free:
         radius = model.rig.propulsion.radius_m

@@ -26,11 +26,7 @@ def log_probability(problem: Problem) -> LogProbability:
     """
     predict, observed = problem.predict, problem.observed
     lower, upper = problem.parameters.bounds()
-    shape_index = problem.shape_index
-    all_shape = problem.noise_name is None
-    likelihood = _likelihood(problem)
-    prior = _prior(problem)
-    m = len(problem)
+    likelihood, prior, m = _likelihood(problem), _prior(problem), len(problem)
     buffers: dict[int, Array] = {}
 
     def evaluate(walkers: Array) -> Array:
@@ -39,14 +35,13 @@ def log_probability(problem: Problem) -> LogProbability:
         any_outside = outside.any()
         inside = np.minimum(np.maximum(walkers, lower), upper) if any_outside else walkers
         columns = np.ascontiguousarray(inside.T)
-        shape = columns if all_shape else columns[shape_index]
+        shape = columns if problem.noise_name is None else columns[problem.shape_index]
         rows = buffers.get(w)
         if rows is None:
             rows = buffers[w] = np.empty((w, m))
         np.subtract(predict(shape[:, :, None]), observed, out=rows)
         value = likelihood(rows, columns)
-        if prior is not None:
-            value += prior(shape, columns)
+        value += prior(shape, columns)
         if any_outside:
             value[outside] = -np.inf
         np.copyto(value, -np.inf, where=np.isnan(value))
@@ -63,28 +58,20 @@ def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
         unscaled = [
             item.value for name, item in problem.parameters.items() if name.startswith("noise.sd")
         ] + [not source.scaled for source in problem.error_sources]
-        if problem.noise_name is None:
+        if problem.noise_name is None or not any(unscaled):
+            position = None if problem.noise_name is None else problem.free_names.index(NOISE_SCALE)
 
-            def fixed_noise(rows: Array, columns: Array) -> Array:
+            def one_factor(rows: Array, columns: Array) -> Array:
                 rows = whiten(rows)
                 value: Array = np.einsum("wm,wm->w", rows, rows)
                 value *= -0.5
+                if position is not None:
+                    scale = columns[position]
+                    value /= scale * scale
+                    value -= m * np.log(scale)
                 return value
 
-            return fixed_noise
-        if not any(unscaled):
-            position = problem.free_names.index(NOISE_SCALE)
-
-            def scaled_noise(rows: Array, columns: Array) -> Array:
-                rows = whiten(rows)
-                value: Array = np.einsum("wm,wm->w", rows, rows)
-                scale = columns[position]
-                value *= -0.5
-                value /= scale * scale
-                value -= m * np.log(scale)
-                return value
-
-            return scaled_noise
+            return one_factor
     return _variances(problem)
 
 
@@ -136,8 +123,8 @@ def _variances(problem: Problem) -> Callable[[Array, Array], Array]:
     return variable_noise
 
 
-def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
-    """Return the function (shape (n_shape, w), free (n_free, w)) -> log prior (w,), or None."""
+def _prior(problem: Problem) -> Callable[[Array, Array], Array]:
+    """Return the function (shape (n_shape, w), free (n_free, w)) -> log prior (w,)."""
     rows = problem.priors
     matrix, mean, normal_rows = rows.matrix, rows.mean[:, None], np.isinf(rows.dof)
     name = problem.noise_name
@@ -145,17 +132,13 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
     noise = None if name is None else problem.parameters[name].prior
     in_log = name == NOISE_SCALE and noise is not None and noise.kind == "uniform"
     normal = noise if noise is not None and noise.kind == "normal" else None
-    if not len(rows) and not in_log and normal is None:
-        return None
 
     def evaluate(shape: Array, columns: Array) -> Array:
-        value = np.zeros(columns.shape[1])
-        if len(rows):
-            whitened = matrix @ (shape - mean)
-            value -= 0.5 * np.einsum("qw,qw->w", whitened[normal_rows], whitened[normal_rows])
-            for group in rows.estimated:
-                dof, squares = rows.dof[group[0]], np.sum(whitened[group] ** 2, axis=0)
-                value -= 0.5 * (dof + len(group)) * np.log1p(squares / dof)
+        whitened = matrix @ (shape - mean)
+        value: Array = -0.5 * np.einsum("qw,qw->w", whitened[normal_rows], whitened[normal_rows])
+        for group in rows.estimated:
+            dof, squares = rows.dof[group[0]], np.sum(whitened[group] ** 2, axis=0)
+            value -= 0.5 * (dof + len(group)) * np.log1p(squares / dof)
         if in_log:
             value -= np.log(columns[position])
         elif normal is not None:

@@ -20,9 +20,9 @@ from benchtool.explain.answer import ExplainResult
 from benchtool.explain.law_search.search import find_dependence
 from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import pitch_track
-from benchtool.fit.law_scores import LawComparison, LawScore
+from benchtool.fit.compare_laws import LawComparison, LawScore
 from benchtool.fit.motor.constants import MotorFit, fit_motor
-from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
+from benchtool.fit.pool import RigValues, pool_rigs
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.compare.page import compare_runs

@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from rich.progress import TextColumn, TimeRemainingColumn
 
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
-from benchtool.report.fit.stored_fit import StoredFit
-from benchtool.report.fit.tables import printed, wanted_rank
+from benchtool.fit.run_recipe import FitSummary
+from benchtool.report.fit.page import terminal_blocks
+from benchtool.report.fit.tables import value_cells, wanted_rank
 from benchtool.report.page import Paragraph, Table, Warnings
 
 MAX_COLUMNS = 5  # of a table on a terminal
@@ -28,10 +29,10 @@ def progress_status() -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
-def print_fit(fit: StoredFit) -> None:
+def print_fit(fit: FitSummary) -> None:
     """Print the sections of a fit report."""
     console = Output()
-    for section in fit.blocks:
+    for section in terminal_blocks(fit):
         if isinstance(section, Table):
             width = max(MAX_COLUMNS, section.text_columns + 3)
             print_table(console, section.select_columns(range(min(width, len(section.header)))))
@@ -41,17 +42,15 @@ def print_fit(fit: StoredFit) -> None:
             console.print_lines(section.text)
 
 
-def print_runs(fits: Mapping[str, StoredFit]) -> None:
+def print_runs(fits: Mapping[str, FitSummary]) -> None:
     """Print a table with one row per run."""
     first = next(iter(fits.values())).results[0]
     names = [item.name for item in (*first.estimates, *first.derived)]
     names.sort(key=lambda name: (wanted_rank(name), name.startswith("noise.")))
     names = names[: MAX_COLUMNS - 2]
-    rows = []
-    for run, fit in fits.items():
-        result = fit.results[0]
-        estimates = {item.name: item for item in (*result.estimates, *result.derived)}
-        values = [printed(estimates[name]) if name in estimates else "–" for name in names]
-        rows.append((run, *values, f"{result.chi2_per_dof:.3g}"))
+    rows = [
+        (run, *value_cells(fit.results[0], names), f"{fit.results[0].chi2_per_dof:.3g}")
+        for run, fit in fits.items()
+    ]
     head = ("run", *names, "chi2/dof")
     print_table(Output(), Table("Separate fits: value ± standard uncertainty.", head, rows))

@@ -25,6 +25,7 @@ from benchtool.data.column_map import (
     guess_columns,
     name_and_unit,
 )
+from benchtool.data.columns import speed_columns
 from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.read import is_run, load_rig_for_data
@@ -36,7 +37,6 @@ NONE = "none"
 OGE_WORDS = ("inf", "infinity", "∞", "far", "oge", "ref", "reference", "park", "parked")
 MAX_NEAREST_OVER_R = 30.0  # a larger minimum distance is a unit error; assumed
 DEFAULT_RPM = 6000.0  # for an unknown speed; assumed
-_SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 _ERROR = re.compile(
     r"(?P<stem>.*?)[\s_]*(?:std|stdev|stddev|sd|se|sem|err|error|sigma|fehler|stabw|standardabweichung|streuung)"
 )
@@ -46,16 +46,9 @@ PLACEHOLDER = ColumnSource(column="COLUMN", unit="UNIT")  # for the user to comp
 def prepare_table(options: dict[str, Any]) -> tuple[str, ...]:
     """Add column map, rig, model and basis of a table to the options of `benchtool fit`.
 
-    No-op for runs, and for tables with a column map or a model file that describes the columns.
-
-    Args:
-        options: inputs by name, changed in place.
-
-    Returns:
-        Row filters COLUMN=VALUE, one for each run of the table to fit separately.
-
-    Raises:
-        InputError: all missing items, the command to complete, and the map so far.
+    Return row filters COLUMN=VALUE, one for each run of the table to fit separately. No-op for
+    runs, and for tables with a column map or a model file that describes the columns. The error for
+    missing items contains the command to complete and the map so far.
     """
     names = {item.name for item in items(TableInputs)}
     table = build_inputs(
@@ -131,16 +124,13 @@ def _radius(
 def build_radius_rig(first: str, radius_m: float | None, *, is_stand: bool) -> str:
     """Return the text of a rig file that contains the rotor radius only.
 
-    Args:
-        radius_m: None means the diameter in the test stand table; without one, return "".
-        is_stand: the table is from a test stand, which also gives the number of rotors.
+    Without `radius_m` it is from the diameter in the test stand table; without one, return "". A
+    test stand table also gives the number of rotors.
     """
     source, n_rotors = "given as the rotor radius of a table", 1
     if is_stand:
         recording = import_file(first).recording
-        n_rotors = max(
-            1, sum(name.startswith("rpm") and name[3:].isdigit() for name in recording.names)
-        )
+        n_rotors = max(1, len(speed_columns(recording.names, "rpm")))
         if radius_m is None and "diameter_m" in recording.provenance:
             radius_m = 0.5 * float(recording.provenance["diameter_m"])
             source = "the file's own diameter"
@@ -149,13 +139,13 @@ def build_radius_rig(first: str, radius_m: float | None, *, is_stand: bool) -> s
     data: dict[str, Any] = {"name": Path(first).stem}
     if n_rotors > 1:
         # Positions have no effect without a plate; with one, a full rig file is needed.
-        position = {"x_m": 0.0, "y_m": 0.0}
         no_source = {"source": "not known, and without a plate of no effect"}
         data["rotors"] = [
-            {"name": f"rotor {i + 1}", "spin": {"value": 1 - 2 * (i % 2)} | no_source}
-            | {key: {"value": value} | no_source for key, value in position.items()}
+            {"name": f"rotor {i + 1}"}
+            | {key: {"value": value} | no_source
+               for key, value in (("spin", 1 - 2 * (i % 2)), ("x_m", 0.0), ("y_m", 0.0))}
             for i in range(n_rotors)
-        ]
+        ]  # fmt: skip
     data["propulsion"] = {"source": source, "radius_m": radius_m}
     return tomli_w.dumps(data)
 
@@ -311,10 +301,8 @@ class _Columns:
                 cell = self._find(self.options.rpm, "--rpm")
                 self.map["rpm1"] = ColumnSource(column=cell, unit=name_and_unit(cell)[1])
             return
-        speeds = {name: source for name, source in guess.items() if _SPEED.fullmatch(name)}
-        measured = {name: source for name, source in speeds.items() if name.startswith("rpm")}
-        if measured or speeds:
-            self.map |= measured or speeds
+        if names := speed_columns(guess, "rpm") or speed_columns(guess):
+            self.map |= {name: guess[name] for name in names}
             return
         self.map["rpm1"] = ColumnSource(constant=DEFAULT_RPM, unit="rpm")
         if "thrust_N" in self.map:

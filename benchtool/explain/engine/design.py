@@ -17,12 +17,16 @@ import numpy as np
 
 from benchtool.core.schedule import Schedule
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import (
+    BoundedRegion,
+    Linearisation,
+    finite_differences,
+)
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, CandidateEffect, Judgement
 from benchtool.explain.engine.posterior import probabilities
 from benchtool.explain.engine.verdict import DECISION_PROBABILITY, NextExperiment
-from benchtool.fit.bounded_least_squares import BoundedRegion, Linearisation, finite_differences
 from benchtool.physics.effects.effect import Subsystem
 
 NONE = "nothing beyond tolerance"

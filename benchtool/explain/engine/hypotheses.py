@@ -16,15 +16,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import Evidence
-from benchtool.explain.engine.shared_errors import AMPLITUDES, PRIOR_WIDTH_FACTOR, SharedErrors
-from benchtool.fit.bounded_least_squares import (
+from benchtool.explain.engine.bounded_least_squares import (
     BoundedRegion,
     Linearisation,
     MinimizationResult,
+    evidence_against,
     finite_differences,
 )
-from benchtool.fit.identifiability import evidence_against
+from benchtool.explain.engine.evidence import Evidence
+from benchtool.explain.engine.shared_errors import AMPLITUDES, PRIOR_WIDTH_FACTOR, SharedErrors
 from benchtool.tasks import run_tasks
 
 NO_AMPLITUDES: Mapping[str, float] = MappingProxyType({})

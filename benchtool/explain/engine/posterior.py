@@ -15,6 +15,7 @@ from math import exp, log
 import numpy as np
 
 from benchtool.core.errors import EstimationError
+from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT
 from benchtool.explain.engine.describe import find_effect
 from benchtool.explain.engine.evidence import Subject
 from benchtool.explain.engine.held_out import ValidationScore
@@ -22,7 +23,6 @@ from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Progress, Trial
 from benchtool.explain.engine.shared_errors import AMPLITUDES
 from benchtool.explain.engine.verdict import EXCESS_ERROR, Kind, UnnamedEffect
-from benchtool.fit.identifiability import UNDETERMINED_HINT
 
 EFFECTS_MISSING = 0.3  # prior probability of an effect, shared among them; assumed
 UNNAMED = 0.1  # prior probability of a discrepancy, shared among them; assumed

@@ -15,8 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import (
+    BoundedSearch,
+    Linearisation,
+    finite_differences,
+)
 from benchtool.explain.engine.evidence import Evidence
-from benchtool.fit.bounded_least_squares import BoundedSearch, Linearisation, finite_differences
 
 PRIOR_WIDTH_FACTOR = 5.0  # prior sd of an effect beyond tolerance, in tolerances; assumed
 AMPLITUDES = (3.0, 10.0, 30.0)  # sizes of a discrepancy beyond tolerance, in its sd; assumed

@@ -26,7 +26,6 @@ from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
 from benchtool.core.text import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.fit.motor.law import ThrustLaw, choose_law, level_numbers, solve_levels
-from benchtool.fit.motor.points import ThrottlePoints, concatenate_points
 from benchtool.fit.motor.response import (
     Solution,
     StepResponse,
@@ -34,7 +33,7 @@ from benchtool.fit.motor.response import (
     step_lags,
     t_estimate,
 )
-from benchtool.fit.motor.runs import read_motor_data
+from benchtool.fit.motor.runs import ThrottlePoints, concatenate_points, read_motor_data
 
 MIN_LEVELS = 4  # throttle levels of a curve: one more than its parameters; assumed
 MAX_EXPONENT_SD = 0.25  # above it the voltage exponent is set to 1 with this sd; assumed
@@ -81,19 +80,14 @@ class FullThrottle(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MotorFit:
-    """Motor constants and the data of their fit.
-
-    Attributes:
-        estimates: in the order of the laws in the module docstring; `open` if not determined.
-        mass_kg: vehicle mass for the hover point; None if unknown.
-    """
+    """Motor constants and the data of their fit."""
 
     names: tuple[str, ...]
     rig: Rig
     points: ThrottlePoints
     steps: tuple[StepResponse, ...]
-    estimates: tuple[Estimate, ...]
-    mass_kg: float | None
+    estimates: tuple[Estimate, ...]  # in the order of the laws in the module docstring
+    mass_kg: float | None  # of the vehicle, for the hover point; None if unknown
     simulated: bool
     full: FullThrottle  # throttle 1
     law: ThrustLaw | None  # thrust over speed; None without measured speed

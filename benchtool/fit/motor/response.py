@@ -14,7 +14,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns
-from benchtool.fit.motor.points import column_or_nan
+from benchtool.fit.interval import half_widths
 
 MIN_STEP_US = 20.0  # minimum change of pulse width within one sample; assumed
 FIT_WINDOW_S = 0.6  # ten times a typical lag, before the voltage sags; assumed
@@ -67,13 +67,13 @@ def t_estimate(
     name: str, unit: str, value: float, sd: float, dof: int, open_: str = "", note: str = ""
 ) -> Estimate:
     """Return an estimate with intervals from Student's t."""
-    from scipy.stats import t
+    interval_68, interval_95 = ((value - w * sd, value + w * sd) for w in half_widths(dof))
+    return Estimate(name, unit, value, sd, interval_68, interval_95, note, open_)
 
-    def interval(level: float) -> tuple[float, float]:
-        half = float(t.ppf(0.5 + 0.5 * level, dof)) * sd
-        return value - half, value + half
 
-    return Estimate(name, unit, value, sd, interval(0.6827), interval(0.95), note, open_)
+def column_or_nan(recording: Recording, name: str) -> Array:
+    """Return a column (n,); nan if the recording lacks it."""
+    return recording.column(name) if name in recording else np.full(len(recording), np.nan)
 
 
 def step_responses(samples: Recording, rig: Rig) -> tuple[StepResponse, ...]:

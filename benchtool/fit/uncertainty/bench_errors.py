@@ -32,25 +32,15 @@ MIN_SHARE = 5e-4
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Visits:
-    """Grouping of points by plate position and tare, for shared errors.
+    """Grouping of points by plate position and tare, for shared errors."""
 
-    Attributes:
-        stay: (n,) number of the stay at one plate position.
-        zero_s: (n,) time since the last tare, or since the first point without any tare.
-        tared: (n,) number of that tare.
-        tare: (n,) True for a tare point: standstill, residual zero.
-        rounded: (n,) True if the distance is not on the sensor's grid, so that it is rounded.
-        one_sided: every position was approached from one side, so that backlash is no scatter.
-        calibrated: thrust has a calibration, whose scale error is a separate source.
-    """
-
-    stay: NDArray[np.intp]
-    zero_s: Array
-    tared: NDArray[np.intp]
-    tare: Mask
-    rounded: Mask
-    one_sided: bool
-    calibrated: bool
+    stay: NDArray[np.intp]  # (n,) number of the stay at one plate position
+    zero_s: Array  # (n,) time since the last tare, or since the first point without any tare
+    tared: NDArray[np.intp]  # (n,) number of that tare
+    tare: Mask  # (n,) True for a tare point: standstill, residual zero
+    rounded: Mask  # (n,) True if the distance is not on the sensor's grid, so that it is rounded
+    one_sided: bool  # all positions were approached from one side, so that backlash is no scatter
+    calibrated: bool  # thrust has a calibration, whose scale error is a separate source
     zero: ZeroNoise
 
     @classmethod

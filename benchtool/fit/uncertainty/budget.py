@@ -28,69 +28,44 @@ MIN_RELATIVE_VALUE = 0.01  # in standard uncertainties; a smaller value is 0, wi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetLine:
-    """Error source with its contribution to each quantity.
-
-    Attributes:
-        sd: standard uncertainty in `unit`; typical if it differs between points.
-        dof: degrees of freedom of `sd`; inf if stated.
-        scatter: name of the scatter estimate of `sd` that several lines share.
-        correlation: points that share one error, as text.
-        origin: reference or assumption.
-        in_fit: True if the fit's intervals contain it.
-        contribution: (n,) standard uncertainty of each quantity due to it, in its unit.
-        sensitivity: (n,) change of each quantity over that of the source; absolute value if points
-            have independent errors.
-    """
+    """Error source with its contribution to each of n quantities."""
 
     name: str
     kind: EvaluationType
     unit: str
-    sd: float
+    sd: float  # standard uncertainty; typical if it differs between points
     distribution: str
-    dof: float
-    correlation: str
-    origin: str
-    in_fit: bool
-    contribution: tuple[float, ...]
-    sensitivity: tuple[float, ...]
-    scatter: str = ""
+    dof: float  # of `sd`; inf if stated
+    correlation: str  # points that share one error, as text
+    origin: str  # reference or assumption
+    in_fit: bool  # True if the fit's intervals contain it
+    contribution: tuple[float, ...]  # (n,) standard uncertainty of each quantity, in its unit
+    sensitivity: tuple[float, ...]  # (n,) change over that of the source; absolute if independent
+    scatter: str = ""  # name of the scatter estimate of `sd` that several lines share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonteCarlo:
-    """Result of refits of simulated data.
-
-    Attributes:
-        sd, low, high: (n,) standard deviation of each quantity's error, and ends of its central
-            interval of probability `COVERAGE`, in its unit.
-    """
+    """Result of refits of simulated data, for n quantities in their units."""
 
     draws: int
     seed: int
-    sd: tuple[float, ...]
-    low: tuple[float, ...]
-    high: tuple[float, ...]
+    sd: tuple[float, ...]  # (n,) standard deviation of each quantity's error
+    low: tuple[float, ...]  # (n,) lower end of its central interval of probability `COVERAGE`
+    high: tuple[float, ...]  # (n,) upper end
 
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """Uncertainty of a fit's quantities by source.
-
-    Attributes:
-        names, units, values: (n,) of the quantities.
-        fit_sd: (n,) standard deviations of the fit.
-        lines: independent sources of the combined standard uncertainty.
-        correlation: (n, n) of the quantities' errors, from all sources.
-        traceability: statements on calibrations: device, date, certificate.
-    """
+    """Uncertainty of a fit's n quantities by source."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: tuple[float, ...]
-    fit_sd: tuple[float, ...]
-    lines: tuple[BudgetLine, ...]
-    correlation: tuple[tuple[float, ...], ...]
-    traceability: tuple[str, ...] = ()
+    fit_sd: tuple[float, ...]  # standard deviations of the fit
+    lines: tuple[BudgetLine, ...]  # independent sources of the combined standard uncertainty
+    correlation: tuple[tuple[float, ...], ...]  # (n, n) of the errors, from all sources
+    traceability: tuple[str, ...] = ()  # statements on calibrations: device, date, certificate
     monte_carlo: MonteCarlo | None = None
 
     @cached_property

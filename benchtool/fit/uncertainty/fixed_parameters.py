@@ -1,25 +1,32 @@
-"""Error sources outside of a fit's covariance: fixed parameters and law errors."""
+"""Error sources outside of a fit's covariance: fixed parameters, law errors, air density."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchtool.core.air import STANDARD_DENSITY_KG_M3, Air, relative_density_sd
 from benchtool.core.choices import Distribution
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
+from benchtool.data.run.read import is_run
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.fit.problem import Problem
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.effect import Derived, Effect
 from benchtool.physics.model import Model
 from benchtool.physics.tolerances import default_tolerances
 
 READING = ("sensor", "plate")  # subsystems between bench and reading; in every budget
+STANDARD_K = "k_standard_air"  # k at 1.225 kg/m3, as a quantity of a fit
 LAW = "law of "  # prefix of the source for the error of an effect's law, not of the bench
 
 
@@ -31,10 +38,8 @@ def fixed_parameter_sources(
     A parameter has its normal prior; without one, a parameter of a reading effect is uniform within
     its tolerance (GUM, 4.3.7). A thrust effect contributes its `law_error`.
 
-    Args:
-        model: at its fitted values, the fitted parameters free.
-        conditions: of the m points.
-        reference: (m,) reference conditions of each ratio.
+    The model is at its fitted values, the fitted parameters free. `reference` are the reference
+    conditions (m,) of each ratio.
     """
     full = _with_readings(model)
     values, index = full.parameters.values_array(), {n: k for k, n in enumerate(full.parameters)}
@@ -115,3 +120,54 @@ def _prior_uncertainty(
     origin = "assumed by benchtool" if tolerance == default else "stated by the model"
     half_width = tolerance or 0.0
     return half_width / sqrt(3.0), "uniform", f"{origin}: {item.value:g} ± {half_width:g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Density:
+    """Air density, its standard uncertainty (kg/m3), and its origin."""
+
+    kg_m3: float
+    sd: float
+    origin: str
+
+    @property
+    def standard_k(self) -> Derived:
+        """The thrust coefficient at 1.225 kg/m3."""
+        factor = STANDARD_DENSITY_KG_M3 / self.kg_m3
+        return Derived(STANDARD_K, "N/(rad/s)2", lambda values: factor * values["k"])
+
+    def source(self, standard_k: float) -> tuple[ErrorSource, str]:
+        """Return the error source of the standard k due to density, and the quantity's name."""
+        source = ErrorSource(
+            name="air density", kind="B", unit="kg/m3", sd=self.sd, origin=self.origin,
+            columns=np.array([[-standard_k * self.sd / self.kg_m3]]),
+        )  # fmt: skip
+        return source, STANDARD_K
+
+
+def air_density(air: Air, paths: Sequence[str]) -> Density | None:
+    """Return the density from user input, else from the runs; None if a run lacks it.
+
+    The mean of several runs; the uncertainty includes their scatter.
+    """
+    facts: list[dict[str, Any]] = [air.facts()]
+    origin = "stated"
+    if not facts[0]["measured"]:
+        facts = [read_metadata(Path(path)).get("air") or {} for path in paths if is_run(path)]
+        origin = "measured by the operator"
+        if len(facts) < len(paths) or not all(entry.get("measured") for entry in facts):
+            return None
+    densities = np.array([entry["density_kg_m3"] for entry in facts])
+    relative_sd = max(
+        relative_density_sd(entry["temperature_degC"], entry["pressure_Pa"], entry["humidity"])
+        for entry in facts
+    )
+    mean = float(densities.mean())
+    first = facts[0]
+    return Density(
+        kg_m3=mean,
+        sd=float(np.hypot(relative_sd * mean, densities.std())),
+        origin=f"{origin}: {first['temperature_degC']:g} degC, "
+        f"{0.01 * first['pressure_Pa']:g} hPa, {100.0 * first['humidity']:.0f} %; "
+        "assumed ± 1 degC, 2 hPa, 20 %",
+    )

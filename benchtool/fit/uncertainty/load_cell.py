@@ -48,11 +48,9 @@ class LoadCells:
 
 
 def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | None) -> LoadCells:
-    """Return the load cell calibrations of a fit's data.
+    """Return the load cell calibrations of data paths with their points.
 
-    Args:
-        paths, parts: data paths, and the points of each.
-        table: calibration file for tables; None if unknown.
+    `table` is the calibration file for tables; None if unknown.
     """
     owners = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     by_id: dict[str, tuple[Mapping[str, Any], list[int]]] = {}
@@ -141,7 +139,8 @@ def with_scale_errors(problem: Problem, errors: Sequence[ScaleError]) -> Problem
         if relative_sd == 0.0 or not error.rows.any():
             continue
         problem = problem.with_calibration(
-            np.diag([relative_sd**2, TARED_ZERO_N**2]),
+            relative_sd,
+            TARED_ZERO_N,
             f"calibration {calibration['id']}",
             rows=error.rows,
             name="" if len(errors) == 1 else str(calibration["id"]),

@@ -2,14 +2,14 @@
 
 With whitened Jacobian J and covariance C of a fit, the gain C J^T propagates each source's columns
 to the estimates. Sources within the fit reproduce its covariance; fixed parameters of uncertain
-value and errors of laws are added.
+value and errors of laws are added. Monte Carlo checks the linear propagation (JCGM 101:2008): each
+draw adds errors to the prediction of the fitted model and to the priors and refits the full model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,38 +17,38 @@ from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.units import Array
 from benchtool.fit.interval import delta_gradient
-from benchtool.fit.jacobian import DerivativeMethod, estimate_covariance, select_method
 from benchtool.fit.problem import Problem
-from benchtool.fit.solve import row_jacobian
-from benchtool.fit.uncertainty.budget import Budget, BudgetLine
+from benchtool.fit.solve import (
+    DerivativeMethod,
+    derivative_method,
+    estimate_covariance,
+    row_jacobian,
+)
+from benchtool.fit.uncertainty.budget import COVERAGE, Budget, BudgetLine, MonteCarlo
 from benchtool.physics.effects.effect import Derived
 
 ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}  # defaults
 POINTS = "scatter of the points"  # name of the scatter shared by `repeat` and bounded sources
 MIN_CONTRIBUTION = 1e-4  # of a source, relative to every combined uncertainty
 
+DRAWS = 2000  # ends of the 95 % interval then scatter by some 4 % of its half width
+CLOSE = 1e-4  # step of a converged refit, in standard deviations
+MAX_STEPS = 20  # Gauss-Newton steps of a refit; two or three are typical
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Propagation:
-    """Linear propagation of errors to a fit's quantities: shape parameters, then derived ones.
-
-    Attributes:
-        items: (n,) estimates of the quantities.
-        derived: functions of the derived quantities.
-        shape: (n_shape,) linearisation point.
-        sd: (n_shape,) standard deviations there.
-        gain: (n, m + q) change of the quantities by whitened rows: points, then priors.
-    """
+    """Linear propagation of errors to a fit's quantities: shape parameters, then derived ones."""
 
     problem: Problem
-    items: tuple[Estimate, ...]
-    derived: tuple[Derived, ...]
-    shape: Array
-    sd: Array
+    items: tuple[Estimate, ...]  # (n,) estimates of the quantities
+    derived: tuple[Derived, ...]  # functions of the derived quantities
+    shape: Array  # (n_shape,) linearisation point
+    sd: Array  # (n_shape,) standard deviations there
     noise: float | None
     whitening: Whitening
-    derivatives: DerivativeMethod
-    gain: Array
+    method: DerivativeMethod  # of derivatives
+    gain: Array  # (n, m + q) change of the quantities by whitened rows: points, then priors
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,9 +74,9 @@ def propagate(
     shape, noise = problem.split(result.values)
     # A robust loss inflates the independent errors by this factor.
     whitening = problem.whitening(noise, float(result.facts.get("loss_factor") or 1.0))
-    derivatives = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
-    jacobian = row_jacobian(problem, derivatives)(shape, whitening)
-    uncertainty = estimate_covariance(jacobian, derivatives)
+    method = derivative_method(problem, shape)
+    jacobian = row_jacobian(problem, method, shape, whitening)
+    uncertainty = estimate_covariance(jacobian, method)
     if uncertainty.undetermined or not np.isfinite(result.covariance).all():
         return None
     index = problem.shape_index
@@ -90,7 +90,7 @@ def propagate(
         sd=np.sqrt(np.diag(uncertainty.covariance)),
         noise=noise,
         whitening=whitening,
-        derivatives=derivatives,
+        method=method,
         gain=slopes @ uncertainty.covariance @ jacobian.T,
     )
 
@@ -186,42 +186,116 @@ def _fit_sources(linear: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
     """Yield the sources of the fit's covariance, with their changes (n, r)."""
     problem, m = linear.problem, len(linear.problem)
     sigma = linear.whitening.sigma
-    is_free = problem.noise_name is not None
-    noise_dof: dict[str, Any] = {"dof": float(problem.dof), "distribution": "student_t"}
     repeat = ErrorSource(
         name="repeat",
         kind="A",
         unit="N" if problem.basis == "joint" else "1",
         sd=float(np.sqrt(np.mean(sigma**2))),
         columns=sigma[:, None],
-        origin=f"scatter of the points: {problem.noise_name} fitted"
-        if is_free
-        else "stated errors",
-        **(noise_dof | {"scatter": POINTS} if is_free else {}),
+        origin="stated errors",
     )
+    if problem.noise_name is not None:
+        repeat = replace(
+            repeat, origin=f"scatter of the points: {problem.noise_name} fitted",
+            dof=float(problem.dof), distribution="student_t", scatter=POINTS,
+        )  # fmt: skip
     # One error per point: gain times the whitened diagonal matrix, without building it.
     changes = linear.whitening((linear.gain[:, :m] * sigma).T).T
     yield _line(repeat, changes, True, "each point its own")
-    shared = problem.shared(linear.noise)
-    offsets = np.cumsum([0, *(source.columns.shape[1] for source in problem.error_sources)])
-    for source, first, end in zip(problem.error_sources, offsets[:-1], offsets[1:], strict=True):
-        yield _line(source, linear.changes(shared[:, first:end]), True)
-    sources = {name: joint.source for joint in problem.joint_priors for name in joint.names}
-    for index, row in enumerate(problem.priors.matrix):
-        last = int(np.flatnonzero(row)[-1])
-        name = problem.shape_names[last]
-        parameter = problem.parameters[name]
-        prior = ErrorSource(
-            name=name,
-            kind="B",
-            unit=parameter.unit,
-            sd=float(1.0 / abs(row[last])),
-            columns=np.empty((m, 0)),
-            origin=sources.get(name) or parameter.prior.source or "prior of the model",
-        )
-        change = linear.gain[:, m + index, None] * np.sign(row[last])
-        for source in problem.priors.parts[index]:
-            changes = change @ source.columns
-            yield _line(source, changes, True, "all points of the calibration share it")
-        if not problem.priors.parts[index]:
-            yield _line(prior, change, True, "all points share it")
+    shared = problem.shared_by_source(linear.noise)
+    for source, columns in zip(problem.error_sources, shared, strict=True):
+        yield _line(source, linear.changes(columns), True)
+    priors = problem.priors
+    for row, (name, parts) in enumerate(zip(priors.names, priors.parts, strict=True), m):
+        is_calibration = name in problem.prior_parts
+        correlation = "all points of the calibration share it" if is_calibration else ""
+        for source in parts:
+            yield _line(source, linear.gain[:, row, None] @ source.columns, True, correlation)
+
+
+def monte_carlo(
+    linear: Propagation,
+    outside: Sequence[ErrorSource] = (),
+    quantity_errors: Sequence[tuple[ErrorSource, str]] = (),
+    *,
+    draws: int = DRAWS,
+    seed: int = 1,
+    progress: Callable[[str, int, int], None] = lambda what, done, expected: None,
+) -> MonteCarlo:
+    """Return deviations of refits from the fit's values; sources as in `make_budget`."""
+    rng, problem = np.random.default_rng(seed), linear.problem
+    m, shared = len(problem), problem.shared_by_source(linear.noise)
+    errors = []
+    for _ in range(draws):
+        factor = 1.0  # common scale of errors with fitted noise (JCGM 101, 6.4.9)
+        if problem.noise_name is not None:
+            factor = float(np.sqrt(problem.dof / rng.chisquare(problem.dof)))
+        error = factor * linear.whitening.sigma * rng.standard_normal(m)
+        scales = {POINTS: factor}
+        for source, columns in zip(problem.error_sources, shared, strict=True):
+            scale = factor if source.scaled else 1.0
+            error += scale * (columns @ draw_source(source, rng))
+        for source in outside:
+            error += source.columns @ draw_source(source, rng, scales)
+        priors = [
+            sum((source.columns @ draw_source(source, rng, scales)).item() for source in parts)
+            for parts in problem.priors.parts
+        ]
+        errors.append(np.concatenate([linear.whitening(error), priors]))
+    shapes = np.empty((draws, len(linear.shape)))
+    for row, error in enumerate(errors):
+        progress("Monte Carlo", row, draws)
+        shapes[row] = _refit(linear, error)
+    deviations = linear.quantities(shapes) - linear.quantities(linear.shape[None])
+    for source, name in quantity_errors:
+        deviations[:, linear.names.index(name)] += [
+            (source.columns @ draw_source(source, rng)).item() for _ in range(draws)
+        ]
+    low, high = np.quantile(deviations, [0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE], axis=0)
+    return MonteCarlo(
+        draws=draws,
+        seed=seed,
+        sd=tuple(deviations.std(axis=0, ddof=1).tolist()),
+        low=tuple(low.tolist()),
+        high=tuple(high.tolist()),
+    )
+
+
+def draw_source(
+    source: ErrorSource, rng: np.random.Generator, scales: dict[str, float] | None = None
+) -> Array:
+    """Return one draw (r,) of a source, of standard uncertainty 1 (JCGM 101, 6.4).
+
+    Args:
+        scales: scale of each shared scatter in this draw; updated in place.
+    """
+    r, scale = source.columns.shape[1], 1.0
+    if source.distribution == "uniform":
+        draw = rng.uniform(-np.sqrt(3.0), np.sqrt(3.0), r)
+    elif source.distribution == "triangular":
+        draw = rng.triangular(-np.sqrt(6.0), 0.0, np.sqrt(6.0), r)
+    else:
+        if np.isfinite(source.dof):
+            scale = float(np.sqrt(source.dof / rng.chisquare(source.dof)))
+            if source.scatter and scales is not None:
+                scale = scales.setdefault(source.scatter, scale)
+        draw = scale * rng.standard_normal(r)
+    return np.asarray(draw, float)
+
+
+def _refit(linear: Propagation, error: Array) -> Array:
+    """Return the least-squares shape (n_shape,) for errors of the whitened rows (m + q,)."""
+    problem, whitening = linear.problem, linear.whitening
+    lower, upper = problem.shape_bounds
+    target = problem.rows(linear.shape, whitening) + error
+    shape = linear.shape
+    for _ in range(MAX_STEPS):
+        rows = problem.rows(shape, whitening) - target
+        slopes = row_jacobian(problem, linear.method, shape, whitening)
+        norms = np.linalg.norm(slopes, axis=0)
+        step = np.linalg.lstsq(slopes / norms, -rows, rcond=None)[0] / norms
+        next_shape: Array = np.clip(shape + step, lower, upper)
+        if np.all(np.abs(next_shape - shape) <= CLOSE * linear.sd):
+            return next_shape
+        shape = next_shape
+    return shape

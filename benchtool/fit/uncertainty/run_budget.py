@@ -20,7 +20,7 @@ from benchtool.data.run.read import load_rig_for_data
 from benchtool.fit.fit_data import REFERENCE_Z_OVER_R, FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import function_problem, noise_parameter
+from benchtool.fit.model_problem import function_problem, noise_parameter
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget

@@ -200,16 +200,9 @@ def best_table(comparison: RunComparison) -> Table | None:
             value_with_sd(*result.values[key]) if key in result.values else "–" for key in columns
         ]
         has_rank = comparison.ranked_by in result.values
-        remark = result.remark or ("" if has_rank else "no efficiency: no current channel")
-        rows.append(
-            (
-                str(rank) if has_rank else "–",
-                result.run,
-                *cells,
-                _behind(comparison, result),
-                remark or "–",
-            )
-        )
+        remark = result.remark or ("–" if has_rank else "no efficiency: no current channel")
+        place = str(rank) if has_rank else "–"
+        rows.append((place, result.run, *cells, _behind(comparison, result), remark))
     return Table(
         f"At {comparison.thrust_N:g} N, the most efficient first "
         f"({TITLES[comparison.ranked_by]}): interpolated from rows within a factor 1.5, ± standard "

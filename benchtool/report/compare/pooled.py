@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
-from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +18,15 @@ from benchtool.core.parameter import resolve_name
 from benchtool.core.text import pluralize
 from benchtool.data.atomic import json_ready, make_folder, replace_json
 from benchtool.data.run.entry import FIT_FILE
-from benchtool.fit.pool.hierarchy import Difference, PooledEstimates, RigValues, pool_rigs
+from benchtool.fit.pool import Difference, PooledEstimates, RigValues, pool_rigs
+from benchtool.fit.result_file import read_fit
+from benchtool.fit.run_recipe import FitSummary
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import save_figure, write_report
 from benchtool.report.fit.page import refuse_full
-from benchtool.report.fit.stored_fit import StoredFit, read_stored
-from benchtool.report.numbers import display_unit, format_number, value_with_sd
+from benchtool.report.fit.tables import name_with_unit
+from benchtool.report.numbers import format_number, value_with_sd
 from benchtool.report.page import Table
 from benchtool.report.palette import BLUE, GREY, PALE
 
@@ -57,24 +58,22 @@ def pool_fits(
             f"{pluralize(len(folders), 'fit')} given; minimum for pooling: 2; give folders of "
             f"benchtool fit RUN --model MODEL --out FITS/RUN"
         )
-    fits = {name: read_stored(folder) for name, folder in _names(folders).items()}
+    fits = {name: read_fit(folder) for name, folder in _names(folders).items()}
     hashes = _check_fits(fits)
-    fitted_names = list(dict.fromkeys(name for fit in fits.values() for name in _budget(fit).names))
-    requested = [resolve_name(name, fitted_names, "fitted parameter") for name in (*of, *shared)]
+    units = {k: v for fit in fits.values() for k, v in _units(fit).items()}
+    requested = [resolve_name(name, units, "fitted parameter") for name in (*of, *shared)]
     names = list(dict.fromkeys(requested)) or [
         name
-        for name in fitted_names
-        if _is_physics(name, fits) and sum(name in _budget(fit).names for fit in fits.values()) > 1
+        for name in units
+        if _is_physics(name, fits) and sum(name in _units(fit) for fit in fits.values()) > 1
     ]
     if not names:
         raise InputError(
             f"no dimensionless parameter is in two of these fits; select some with --of: "
-            f"{', '.join(fitted_names)}"
+            f"{', '.join(units)}"
         )
     rigs = [_values(name, fit, names) for name, fit in fits.items()]
     pooled = pool_rigs(rigs, names, requested[len(of) :], seed=seed)
-    units = {k: v for fit in fits.values() for k, v in zip(_budget(fit).names, _budget(fit).units,
-                                                           strict=True)}  # fmt: skip
     return PooledFits(
         pooled=pooled,
         units={name: units[name] for name in names},
@@ -99,11 +98,13 @@ def _names(folders: Sequence[Path]) -> dict[str, Path]:
     }
 
 
-def _budget(fit: StoredFit) -> Any:
-    return fit.budget
+def _units(fit: FitSummary) -> dict[str, str]:
+    """Return the units of a fit's quantities by name."""
+    assert fit.budget is not None  # _check_fits
+    return dict(zip(fit.budget.names, fit.budget.units, strict=True))
 
 
-def _check_fits(fits: Mapping[str, StoredFit]) -> dict[str, str]:
+def _check_fits(fits: Mapping[str, FitSummary]) -> dict[str, str]:
     """Raise if fits cannot be pooled; return the hashes of their data."""
     first = next(iter(fits))
     owner: dict[str, str] = {}
@@ -127,23 +128,21 @@ def _check_fits(fits: Mapping[str, StoredFit]) -> dict[str, str]:
     return hashes
 
 
-def _is_physics(name: str, fits: Mapping[str, StoredFit]) -> bool:
+def _is_physics(name: str, fits: Mapping[str, FitSummary]) -> bool:
     """Return True for dimensionless parameters, except those of noise, sensors and the plate."""
     effect = EFFECTS.get(name.partition(".")[0])
     if name.startswith("noise.") or (effect and effect.subsystem in ("sensor", "plate")):
         return False
-    return any(
-        dict(zip(_budget(fit).names, _budget(fit).units, strict=True)).get(name) == "1"
-        for fit in fits.values()
-    )
+    return any(_units(fit).get(name) == "1" for fit in fits.values())
 
 
-def _values(label: str, fit: StoredFit, names: Sequence[str]) -> RigValues:
+def _values(label: str, fit: FitSummary, names: Sequence[str]) -> RigValues:
     """Return the values of a fit with the covariance of its whole budget.
 
     Each standard uncertainty is that of the normal distribution with the same 95 % interval.
     """
-    budget, result = _budget(fit), fit.results[0]
+    budget, result = fit.budget, fit.results[0]
+    assert budget is not None  # _check_fits
     fitted = tuple(name for name in names if name in budget.names)
     for item in (*result.estimates, *result.derived):
         if item.name in fitted and (item.bound or item.open):
@@ -171,16 +170,6 @@ MAX_COLUMNS = 3  # panels per row of the forest plot
 MIN_PROBABILITY = 1e-6  # smallest reported; errors are not normal in the far tails
 
 
-def _iterate_parameters(pooled_fits: PooledFits) -> Iterator[tuple[int, str, bool]]:
-    """Yield index and name of each parameter, and True if rigs share its value."""
-    yield from zip(
-        range(len(pooled_fits.units)),
-        pooled_fits.pooled.names,
-        pooled_fits.pooled.shared,
-        strict=True,
-    )
-
-
 def _span(low: float, high: float) -> str:
     return f"{format_number(low, '.4g')} to {format_number(high, '.4g')}"
 
@@ -189,9 +178,9 @@ def summary(pooled_fits: PooledFits) -> str:
     """Return lines on means, spread between rigs, and differences."""
     pooled = pooled_fits.pooled
     lines = []
-    for k, name, shared in _iterate_parameters(pooled_fits):
+    for k, name in enumerate(pooled.names):
         mean = value_with_sd(float(pooled.mean[:, k].mean()), float(pooled.mean[:, k].std()))
-        if shared:
+        if pooled.shared[k]:
             lines.append(f"{name}, common to all rigs: {mean}.")
             continue
         pairs = pooled.differences[name]
@@ -245,19 +234,17 @@ def differences_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
 
 def rigs_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
     """Return each rig's values, separate and pooled, as rows of a table."""
-    rows = []
-    for k, name, shared in _iterate_parameters(pooled_fits):
-        for rig_index, value, sd in pooled_fits.pooled.find_values(name):
-            draws = (
-                pooled_fits.pooled.mean[:, k]
-                if shared
-                else pooled_fits.pooled.rig_values[:, rig_index, k]
-            )
+    rows, pooled = [], pooled_fits.pooled
+    for k, name in enumerate(pooled.names):
+        for rig_index, value, sd in pooled.find_values(name):
+            is_shared = pooled.shared[k]
+            draws = pooled.mean[:, k] if is_shared else pooled.rig_values[:, rig_index, k]
             low, high = np.quantile(draws, [0.025, 0.975]).tolist()
             rows.append({
-                "parameter": name, "rig": pooled_fits.pooled.rigs[rig_index].name, "unit":
-                pooled_fits.units[name], "value": value, "sd": sd, "pooled": float(draws.mean()),
-                "pooled_sd": float(draws.std()), "low_95": low, "high_95": high,
+                "parameter": name, "rig": pooled.rigs[rig_index].name,
+                "unit": pooled_fits.units[name], "value": value, "sd": sd,
+                "pooled": float(draws.mean()), "pooled_sd": float(draws.std()),
+                "low_95": low, "high_95": high,
             })  # fmt: skip
     return rows
 
@@ -266,20 +253,18 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
     """Return the contents of pool.json."""
     pooled = pooled_fits.pooled
     parameters = {}
-    for k, name, shared in _iterate_parameters(pooled_fits):
-        mean, tau = pooled.mean[:, k], pooled.tau[:, k]
+    for k, name in enumerate(pooled.names):
+        mean, tau, alike = pooled.mean[:, k], pooled.tau[:, k], pooled.identical_probability[k]
         parameters[name] = {
             "unit": pooled_fits.units[name],
-            "shared": shared,
+            "shared": pooled.shared[k],
             "mean": float(mean.mean()),
             "mean_sd": float(mean.std()),
             "mean_95": np.quantile(mean, [0.025, 0.975]).tolist(),
             "tau": float(np.median(tau)),
             "tau_95": list(pooled.tau_95(name)),
             "tau_prior_scale": float(pooled.scale[k]),
-            "alike": None
-            if isnan(pooled.identical_probability[k])
-            else float(pooled.identical_probability[k]),
+            "alike": float(alike),  # null if shared
         }
     contents: dict[str, Any] = json_ready(
         {
@@ -312,7 +297,7 @@ def forest(figure: Figure, pooled_fits: PooledFits) -> None:
     panels = figure.subplots(n_rows, n_columns, sharey=True, squeeze=False).ravel()
     for axes in panels[len(pooled.names) :]:
         axes.set_visible(False)
-    for axes, (k, name, _) in zip(panels, _iterate_parameters(pooled_fits), strict=False):
+    for axes, (k, name) in zip(panels, enumerate(pooled.names), strict=False):
         axes.axvspan(*np.quantile(pooled.mean[:, k], [0.025, 0.975]), color=PALE, lw=0.0)
         axes.axvline(float(pooled.mean[:, k].mean()), color=GREY, lw=0.8)
         for row in (row for row in table if row["parameter"] == name):
@@ -322,8 +307,7 @@ def forest(figure: Figure, pooled_fits: PooledFits) -> None:
                           mfc="white", ms=4.5, label="separate")  # fmt: skip
             axes.errorbar(pooled_value, position + 0.14, xerr=ends, fmt="o", color=BLUE, ms=4.5,
                           label="pooled")  # fmt: skip
-        unit = display_unit(pooled_fits.units[name])
-        axes.set_xlabel(name if unit == "–" else f"{name} [{unit}]")
+        axes.set_xlabel(name_with_unit(name, pooled_fits.units[name]))
         axes.set_ylim(len(rigs) - 0.5, -0.5)
         axes.set_yticks(range(len(rigs)), rigs)
     handles, labels = panels[0].get_legend_handles_labels()

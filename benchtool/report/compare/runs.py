@@ -75,22 +75,22 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     Raises:
         FileFormatError: the data has no thrust.
     """
-    if is_run(path) and (ramps := _ramps(path)) is not None:
+    name, away = path.resolve().name, False
+    if not is_run(path):
+        name, (rows, context) = path.stem, read_levels(path)
+        quantities = derive_quantities(rows, context)
+    elif (ramps := _ramps(path)) is not None:
         rows, quantities = ramps, derive_quantities(ramps, load_run_context(path))
-        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=quantities)
-    elif is_run(path):
+    else:
         points = read_points(path)
         rows, quantities = average_settings(points), settings_quantities(path, points)
         parked = rows.column("kind") == word_to_code("kind", "reference")
         away = bool(parked.any()) and over != "distance"
-        chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
-        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=quantities)
-        run = replace(_select_rows(run, chosen), away=away)
-    else:
-        rows, context = read_levels(path)
-        run = ComparedRun(
-            name=path.stem, path=path, rows=rows, quantities=derive_quantities(rows, context)
-        )
+        if away or over == "distance":
+            selected = np.flatnonzero(parked if away else ~parked)
+            rows = rows.select(selected)
+            quantities = tuple(_select_rows(quantity, selected) for quantity in quantities)
+    run = ComparedRun(name=name, path=path, rows=rows, quantities=quantities, away=away)
     if run.values("thrust_N") is None:
         raise FileFormatError(str(path), "thrust is missing, required for a comparison")
     return run
@@ -109,15 +109,13 @@ def _ramps(path: Path) -> Recording | None:
     return split_levels(samples.select(np.isin(samples.column("phase"), phases)))
 
 
-def _select_rows(run: ComparedRun, mask: NDArray[np.bool_]) -> ComparedRun:
-    quantities = tuple(
-        replace(
-            item, value=item.value[mask], standard_error=item.standard_error[mask],
-            error_sources=tuple(s.select(np.flatnonzero(mask)) for s in item.error_sources),
-        )
-        for item in run.quantities
-    )  # fmt: skip
-    return replace(run, rows=run.rows.select(mask), quantities=quantities)
+def _select_rows(quantity: QuantityValues, rows: NDArray[np.intp]) -> QuantityValues:
+    return replace(
+        quantity,
+        value=quantity.value[rows],
+        standard_error=quantity.standard_error[rows],
+        error_sources=tuple(source.select(rows) for source in quantity.error_sources),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +141,6 @@ def at_thrust(run: ComparedRun, thrust_N: float) -> AtThrust:
     nearly T^1.5. An efficiency is the thrust over the interpolated power; the error of the power
     includes that of thrust.
     """
-    # Without stated errors, they are estimated from the scatter of the rows.
     thrust, error = run.values("thrust_N") or (np.empty(0), np.empty(0))
     loaded = thrust[run.loaded]
     if not loaded.size or not loaded.min() <= thrust_N <= loaded.max():
@@ -153,10 +150,9 @@ def at_thrust(run: ComparedRun, thrust_N: float) -> AtThrust:
         return AtThrust(run.name, {}, problem)
     values = {}
     for name in SHOWN:
-        pair = run.values(name)
-        if pair is None:
+        if (pair := run.values(name)) is None:
             continue
-        value, sd = _interpolate(run, name, thrust / thrust_N, error / thrust, pair[0])
+        value, sd = _interpolate(run, name, thrust / thrust_N, error / thrust, *pair)
         if isfinite(value):
             values[name] = value, sd
     for name, power in EFFICIENCIES.items():
@@ -167,15 +163,15 @@ def at_thrust(run: ComparedRun, thrust_N: float) -> AtThrust:
 
 
 def _interpolate(
-    run: ComparedRun, name: str, thrust: Array, thrust_error: Array, values: Array
+    run: ComparedRun, name: str, thrust: Array, thrust_error: Array, values: Array, errors: Array
 ) -> tuple[float, float]:
-    """Return value and standard error at relative thrust 1; `thrust` (n,) is relative."""
+    """Return value and standard error at relative thrust 1; `thrust` (n,) is relative.
+
+    Without stated errors, they are estimated from the scatter of the rows.
+    """
     log_thrust = np.log(thrust)
     quantity = next((quantity for quantity in run.quantities if quantity.name == name), None)
-    pair = run.values(name)
-    own_errors = (
-        quantity.standard_error if quantity is not None else pair[1] if pair else np.empty(0)
-    )
+    own_errors = errors if quantity is None else quantity.standard_error
     usable = run.loaded & np.isfinite(log_thrust) & np.isfinite(values) & (values > 0.0)
     below, above = (
         np.flatnonzero(usable & side) for side in (log_thrust <= 0.0, log_thrust >= 0.0)

@@ -87,23 +87,25 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     rows = []
     for bin_distance in np.unique(distance[is_shown]):
         in_bin = is_shown & (distance == bin_distance)
-        if in_bin.sum() > 1:
-            sd = float(np.std(measured[in_bin], ddof=1))
-        else:
-            sd = float(error[in_bin][0]) if data.errors == "stated" else float("nan")
-        rows.append(
-            (data.z_over_R[in_bin].mean(), measured[in_bin].mean(), sd, not data.used[in_bin].any())
-        )
-    z, mean, sd_column, is_excluded = np.array(rows, float).reshape(-1, 4).T
-    return RatioPoints(z, mean, sd_column, label, role, is_excluded.astype(bool))
+        single = float(error[in_bin][0]) if data.errors == "stated" else float("nan")
+        rows.append((
+            data.z_over_R[in_bin].mean(), *_mean_and_sd(measured[in_bin], single),
+            not data.used[in_bin].any(),
+        ))  # fmt: skip
+    z, mean, sd, is_excluded = np.array(rows, float).reshape(-1, 4).T
+    return RatioPoints(z, mean, sd, label, role, is_excluded.astype(bool))
+
+
+def _mean_and_sd(values: Array, single: float = float("nan")) -> tuple[float, float]:
+    """Return mean and standard deviation of values; `single` is the sd of a single one."""
+    return float(values.mean()), float(np.std(values, ddof=1)) if len(values) > 1 else single
 
 
 def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
     """Return measured z/R, T_IGE/T_OGE and its standard deviation at each distance."""
     points = ratio_points(fit, "")
-    names = ("z_over_R", "ratio", "sd")
-    rows = zip(points.z_over_R, points.ratio, points.sd, strict=True)
-    return [dict(zip(names, row, strict=True)) for row in rows]
+    columns = {"z_over_R": points.z_over_R, "ratio": points.ratio, "sd": points.sd}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "model") -> Curve:
@@ -269,10 +271,9 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
     rows = []
     for level in np.unique(coverage[is_shown].round(2)):
         rows_at = is_shown & (coverage.round(2) == level)
-        sd = float(np.std(share[rows_at], ddof=1)) if rows_at.sum() > 1 else float("nan")
-        rows.append((coverage[rows_at].mean(), share[rows_at].mean(), sd))
-    covered, mean, sd_column = np.array(rows, float).reshape(-1, 3).T
-    return covered, mean, sd_column
+        rows.append((coverage[rows_at].mean(), *_mean_and_sd(share[rows_at])))
+    covered, mean, sd = np.array(rows, float).reshape(-1, 3).T
+    return covered, mean, sd
 
 
 @figure(

@@ -7,43 +7,44 @@ from pathlib import Path
 
 from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
-from benchtool.core.fit_result import FitResult
 from benchtool.data.atomic import make_folder
 from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
-from benchtool.fit.run_recipe import FitOutput
+from benchtool.fit.run_recipe import FitOutput, FitSummary
 from benchtool.report.figure import Page, render_figures
 from benchtool.report.files import save_figure, write_report
-from benchtool.report.fit.budget import budget_blocks
+from benchtool.report.fit.budget import budget_blocks, budget_sentence, budget_table
 from benchtool.report.fit.tables import (
     comparison_table,
     estimates_table,
     laws_table,
     methods_table,
+    name_with_unit,
     printed,
+    short_table,
     wanted_rank,
 )
-from benchtool.report.numbers import display_unit
 from benchtool.report.page import Block, FactTable, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
+SIMULATED = "SIMULATED DATA: no physical bench produced these points"
+
 
 def _results(fit: FitOutput) -> list[Block]:
-    warning_lines = list(dict.fromkeys(line for result in fit.results for line in result.warnings))
     blocks: list[Block] = [
         Paragraph(sentence(fit)),
-        Warnings(warning_lines),
+        Warnings(fit.warnings),
         *(estimates_table(result) for result in fit.results),
     ]
     return [*blocks, methods_table(fit.results)] if len(fit.results) > 1 else blocks
 
 
-def _comparisons(fit: FitOutput) -> list[Block]:
+def _comparisons(fit: FitSummary, end: str = ".") -> list[Block]:
     blocks: list[Block] = []
     if fit.comparison is not None:
-        blocks += [Paragraph(fit.comparison.sentence + "."), comparison_table(fit.comparison)]
+        blocks += [Paragraph(fit.comparison.sentence + end), comparison_table(fit.comparison)]
     if fit.laws is not None:
-        blocks += [Paragraph(fit.laws.sentence + "."), laws_table(fit.laws)]
+        blocks += [Paragraph(fit.laws.sentence + end), laws_table(fit.laws)]
     return blocks
 
 
@@ -57,7 +58,7 @@ def _facts(fit: FitOutput) -> FactTable:
         "wake rule": fit.loaded.model.wake_rule,
         "tilt rule": fit.loaded.model.tilt_rule,
         "b of eq. (4)": fit.loaded.model.body_distance.replace("_", " "),
-        "basis": fit.recipe.basis,
+        "basis": fit.basis,
         "noise": fit.recipe.noise,
         "loss": fit.recipe.loss,
         "seed": str(fit.recipe.seed),
@@ -78,11 +79,7 @@ def _highlights(fit: FitOutput) -> dict[str, str]:
         (item for item in estimates if "share_" not in item.name),
         key=lambda item: (wanted_rank(item.name), item.name.startswith("noise.")),
     )
-    tiles = {}
-    for item in ranked[:4]:
-        unit = display_unit(item.unit)
-        tiles[item.name if unit == "–" else f"{item.name} [{unit}]"] = printed(item)
-    return tiles
+    return {name_with_unit(item.name, item.unit): printed(item) for item in ranked[:4]}
 
 
 FIT = Page(
@@ -121,22 +118,30 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
     return write_report(folder / "report.html", FIT.report(fit, commands, figures))
 
 
-def sentence(fit: FitOutput) -> str:
+def figure_files(folder: Path) -> dict[str, Path]:
+    """Return the figure files of a folder by name, in the order of the report."""
+    files = {name: folder / f"{name}.svg" for name in FIT.figures}
+    return {name: path for name, path in files.items() if path.is_file()}
+
+
+def terminal_blocks(fit: FitSummary) -> list[Block]:
+    """Return the terminal output of `benchtool fit`: sentence, tables, warnings."""
+    blocks: list[Block] = [Paragraph(SIMULATED)] if fit.simulated else []
+    blocks.append(Paragraph(sentence(fit)))
+    for result in fit.results:
+        blocks += [short_table(result), Paragraph(f"{result.method}: {result.outcome.message}")]
+    if len(fit.results) > 1:
+        blocks.append(methods_table(fit.results))
+    if fit.budget is not None:
+        blocks += [budget_table(fit.budget, short=True), Paragraph(budget_sentence(fit.budget))]
+    return [*blocks, *_comparisons(fit, end=""), Warnings(fit.warnings)]
+
+
+def sentence(fit: FitSummary) -> str:
     """Return a summary of a fit in one or two sentences."""
-    return sentence_of(
-        fit.results[0],
-        model=fit.loaded.model.name,
-        rig=fit.loaded.model.rig.name,
-        basis=fit.recipe.basis,
-        used=len(fit.data.rows),
-        read=len(fit.data.points),
-    )
-
-
-def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int, read: int) -> str:
-    """Return a summary of a result from `used` of `read` points in one or two sentences."""
+    first = fit.results[0]
     if first.outcome.status != "converged":
-        return f"No valid result from {used} of {read} points: {first.outcome.message}."
+        return f"No valid result from {fit.used} of {fit.read} points: {first.outcome.message}."
     values = ", ".join(
         f"{item.name} not determined" if item.open else f"{item.name} = {printed(item, item.unit)}"
         for item in first.estimates
@@ -153,8 +158,9 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
         "scatter": f" {scatter[:1].upper()}{scatter[1:]}.",
         "consistent": f" Residuals agree with the scatter: chi2/dof = {first.chi2_per_dof:.3g}.",
     }.get(str(first.facts.get("verdict")), "")
-    basis_text = "thrust itself (joint fit)" if basis == "joint" else basis
-    rig_text = f" on rig {rig}" if rig else ""
+    basis = "thrust itself (joint fit)" if fit.basis == "joint" else fit.basis
+    rig = f" on rig {fit.rig}" if fit.rig else ""
     return (
-        f"{used} of {read} points, model {model}{rig_text}, basis {basis_text}: {values}.{verdict}"
+        f"{fit.used} of {fit.read} points, model {fit.model}{rig}, basis {basis}: "
+        f"{values}.{verdict}"
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import corner as corner_plot  # type: ignore[import-untyped]
 import numpy as np
@@ -12,7 +12,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.units import Array
-from benchtool.fit.ensemble import check_convergence
+from benchtool.fit.ensemble import RHAT_LIMIT, check_convergence
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
 from benchtool.report.numbers import display_unit, with_statistical
@@ -23,7 +23,6 @@ SIGMAS_2D = (1.0, 2.0)  # contours of a plane normal: 39 % and 86 % of the draws
 _LEVELS = tuple(1.0 - float(np.exp(-0.5 * sigma**2)) for sigma in SIGMAS_2D)
 SHOWN_STEPS = 600  # maximum number of steps drawn per chain, evenly spaced
 SHOWN_WALKERS = 12  # maximum number of walkers drawn per ensemble
-R_HAT_LIMIT = 1.01  # above it, chains disagree (Vehtari et al., Bayesian Analysis 16, 2021, p. 667)
 
 
 def sampled(fit: FitOutput) -> FitResult | None:
@@ -63,38 +62,33 @@ def corner(figure: Figure, fit: FitOutput) -> None:
     """Draw posterior draws pairwise with the least-squares estimate."""
     result = _result(fit)
     n = len(result.estimates)
-    names = [item.name for item in result.estimates]
-    marked: dict[str, list[float]] = {}
-    for fit_result in fit.results:
-        if fit_result.method == "least_squares":
-            value_by_name = {item.name: item.value for item in fit_result.estimates}
-            marked["least squares"] = [value_by_name.get(name, float("nan")) for name in names]
+    marks = [other.values for other in fit.results if other.method == "least_squares"][-1:]
     figure.subplots(n, n, squeeze=False)
     corner_plot.corner(
-        result.samples, fig=figure, labels=_labels(result), range=_ranges(result.samples, marked),
+        result.samples, fig=figure, labels=_labels(result), range=_ranges(result.samples, marks),
         color=BLUE, bins=32, smooth=1.0, levels=_LEVELS, plot_datapoints=False,
         fill_contours=True, quantiles=[0.16, 0.5, 0.84], show_titles=False, max_n_ticks=4,
         hist_kwargs={"linewidth": 1.3},
     )  # fmt: skip
     _tidy(figure, result.estimates)
     handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
-    for label, values in marked.items():
-        marks = [None if np.isnan(value) else float(value) for value in values]
+    for values in marks:
         if n > 1:
-            corner_plot.overplot_lines(figure, marks, color=VERMILION, linestyle="-", linewidth=1.2)
-        elif marks[0] is not None:  # corner marks nothing on a single histogram
-            figure.axes[0].axvline(marks[0], color=VERMILION, linestyle="-", linewidth=1.2)
-        handles.append(Line2D([], [], color=VERMILION, linestyle="-", label=label))
+            corner_plot.overplot_lines(
+                figure, values, color=VERMILION, linestyle="-", linewidth=1.2
+            )
+        else:  # corner marks nothing on a single histogram
+            figure.axes[0].axvline(values[0], color=VERMILION, linestyle="-", linewidth=1.2)
+        handles.append(Line2D([], [], color=VERMILION, linestyle="-", label="least squares"))
     top = 1.0 - 0.42 / figure.get_figheight()
     figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.99, top))
 
 
-def _ranges(samples: Array, marked: Mapping[str, Sequence[float]]) -> list[tuple[float, float]]:
+def _ranges(samples: Array, marks: Sequence[Array]) -> list[tuple[float, float]]:
     """Return axis limits that include 99.7 % of the draws and all marked values."""
     low, high = np.percentile(samples, [0.15, 99.85], axis=0)
-    for values in marked.values():
-        low = np.fmin(low, np.asarray(values, float))
-        high = np.fmax(high, np.asarray(values, float))
+    for values in marks:
+        low, high = np.fmin(low, values), np.fmax(high, values)
     span = np.where(high > low, high - low, np.maximum(np.abs(high), 1.0) * 1e-6)
     return list(zip(low - 0.04 * span, high + 0.04 * span, strict=True))
 
@@ -149,7 +143,7 @@ def chains(figure: Figure, fit: FitOutput) -> None:
                 color=CYCLE[ensemble % len(CYCLE)], linewidth=0.45, alpha=0.5, rasterized=True,
             )  # fmt: skip
             lines[0].set_label(f"ensemble {ensemble + 1}")
-        disagree = "" if convergence.rhat[index] <= R_HAT_LIMIT else f"  (above {R_HAT_LIMIT:g})"
+        disagree = "" if convergence.rhat[index] <= RHAT_LIMIT else f"  (above {RHAT_LIMIT:g})"
         axes.set_title(
             f"$\\hat{{R}}$ = {convergence.rhat[index]:.4f}{disagree},  "
             f"$\\tau$ = {tau_steps[index]:.0f} steps",

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
+from benchtool.fit.diagnose import expected_runs
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure
@@ -111,7 +112,7 @@ def _as_runs(axes: Axes, values: Array) -> None:
         color=[BLUE if length > 0 else ORANGE for length in lengths],
     )  # fmt: skip
     axes.axhline(0.0, color=GREY, linewidth=0.9)
-    expected, sd = expected_runs(values)
+    expected, sd = expected_runs(values >= 0.0)
     axes.set_title(
         f"{len(lengths)} runs, {expected:.0f} ± {sd:.0f} expected\n"
         f"({judge_runs(len(lengths), expected, sd)})",
@@ -125,15 +126,6 @@ def runs_of_sign(residuals: Array) -> NDArray[np.intp]:
     """Return the signed length of each run of equal sign (r,); zeros count as positive."""
     signs = np.where(residuals >= 0.0, 1, -1)
     return np.array([sign * len(list(run)) for sign, run in groupby(signs)], np.intp)
-
-
-def expected_runs(residuals: Array) -> tuple[float, float]:
-    """Return mean and sd of the number of runs for independent signs (Wald-Wolfowitz, 1940)."""
-    above = int((residuals >= 0.0).sum())
-    total = len(residuals)
-    mixed = 2.0 * above * (total - above)
-    variance = mixed * (mixed - total) / (total**2 * (total - 1)) if total > 1 else 0.0
-    return 1.0 + mixed / max(total, 1), sqrt(max(variance, 0.0))
 
 
 def judge_runs(count: int, expected: float, sd: float) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.compare import Comparison
-from benchtool.fit.law_scores import LawComparison, LawScore
+from benchtool.fit.compare_laws import LawComparison, LawScore
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.numbers import (
     decimal_exponent,
@@ -77,30 +77,35 @@ def short_table(result: FitResult) -> Table:
     )
 
 
+def value_cells(result: FitResult, names: Iterable[str]) -> list[str]:
+    """Return the printed estimate of each name; "–" if the result lacks it."""
+    estimates = {item.name: item for item in (*result.estimates, *result.derived)}
+    return [printed(estimates[name]) if name in estimates else "–" for name in names]
+
+
 def fits_table(fits: Mapping[str, Sequence[FitResult]]) -> Table:
     """Return a table of several fits, one column per fit, by its first method."""
-    first_results = {name: results[0] for name, results in fits.items()}
-    units = {
-        item.name: item.unit
-        for result in first_results.values()
-        for item in (*result.estimates, *result.derived)
-    }
-    rows = [("model", *(result.model for result in first_results.values()))]
-    for name in sorted(units, key=wanted_rank):
-        cells = []
-        for result in first_results.values():
-            estimates = {item.name: item for item in (*result.estimates, *result.derived)}
-            cells.append(printed(estimates[name]) if name in estimates else "–")
-        unit = display_unit(units[name])
-        rows.append((name if unit == "–" else f"{name} [{unit}]", *cells))
-    rows.append(("chi²/dof", *(f"{result.chi2_per_dof:.3g}" for result in first_results.values())))
-    rows.append(
-        ("outcome", *(result.outcome.status.replace("_", " ") for result in first_results.values()))
-    )
+    results = [methods[0] for methods in fits.values()]
+    units = {item.name: item.unit for result in results
+             for item in (*result.estimates, *result.derived)}  # fmt: skip
+    names = sorted(units, key=wanted_rank)
+    columns = [
+        (result.model, *value_cells(result, names), f"{result.chi2_per_dof:.3g}",
+         result.outcome.status.replace("_", " "))
+        for result in results
+    ]  # fmt: skip
+    labels = [name_with_unit(name, units[name]) for name in names]
     return Table(
         "Comparison of fits: value ± standard uncertainty; –: fixed or not in the model.",
-        ("parameter", *first_results), rows,
-    )  # fmt: skip
+        ("parameter", *fits),
+        list(zip(("model", *labels, "chi²/dof", "outcome"), *columns, strict=True)),
+    )
+
+
+def name_with_unit(name: str, unit: str) -> str:
+    """Return a name with its unit in brackets, without brackets if it has none."""
+    shown = display_unit(unit)
+    return name if shown == "–" else f"{name} [{shown}]"
 
 
 def printed(item: Estimate, unit: str = "1") -> str:
@@ -144,22 +149,19 @@ def _estimate_row(item: Estimate) -> tuple[str, ...]:
 
 def methods_table(results: Sequence[FitResult]) -> Table:
     """Return a table of the estimates of several methods."""
-    names = dict.fromkeys(item.name for result in results for item in result.estimates)
-    rows = []
-    for name in names:
-        cells = [name]
-        for result in results:
-            estimate = next((item for item in result.estimates if item.name == name), None)
-            cells.append(printed(estimate) if estimate else "–")
-        rows.append(cells)
-    rows.append(
-        ["χ² / degrees of freedom", *(f"{result.chi2:.1f} / {result.dof}" for result in results)]
-    )
+    names = list(dict.fromkeys(item.name for result in results for item in result.estimates))
+    columns = [
+        (*value_cells(result, names), f"{result.chi2:.1f} / {result.dof}") for result in results
+    ]
     one_model = len({result.model for result in results}) == 1
     heads = [
         ("" if one_model else f"{result.model}, ") + METHODS[result.method] for result in results
     ]
-    return Table("Estimates by method.", ("parameter", *heads), rows)
+    return Table(
+        "Estimates by method.",
+        ("parameter", *heads),
+        list(zip((*names, "χ² / degrees of freedom"), *columns, strict=True)),
+    )
 
 
 def scored_laws(laws: LawComparison) -> list[LawScore]:

@@ -188,27 +188,14 @@ def constants_table(fit: MotorFit) -> Table:
 
 
 def _row(estimate: Estimate) -> tuple[str, ...]:
+    name, unit = estimate.name, display_unit(estimate.unit)
     if estimate.open:
-        return (
-            estimate.name,
-            f"not determined: {estimate.open}",
-            "–",
-            "–",
-            display_unit(estimate.unit),
-        )
-    means = f"{MEANS[estimate.name]}, {estimate.bound}" if estimate.bound else MEANS[estimate.name]
-    low, high = (format_number(bound, ".5g") for bound in estimate.interval_95)
-    interval = f"{low} to {high}"
+        return name, f"not determined: {estimate.open}", "–", "–", unit
+    means = ", ".join(filter(None, (MEANS[name], estimate.bound)))
     if estimate.sd == 0.0:
-        return (
-            estimate.name,
-            means,
-            format_number(estimate.value, ".2g"),
-            "–",
-            display_unit(estimate.unit),
-        )
-    value = value_with_sd(estimate.value, estimate.sd)
-    return estimate.name, means, value, interval, display_unit(estimate.unit)
+        return name, means, format_number(estimate.value, ".2g"), "–", unit
+    interval = " to ".join(format_number(bound, ".5g") for bound in estimate.interval_95)
+    return name, means, value_with_sd(estimate.value, estimate.sd), interval, unit
 
 
 def hysteresis(fit: MotorFit) -> Iterator[tuple[float, float, float, float]]:

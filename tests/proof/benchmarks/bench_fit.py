@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.fit.ensemble import advance, build_sampler, fit_ensemble
+from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
@@ -123,7 +123,10 @@ def bench(name: str, *free: str) -> None:
         sampler.run_mcmc(start, STEPS)
 
     def our_emcee() -> None:
-        advance(build_sampler(log_probability(stated), start, IslandDifference(1), 3), start, STEPS)
+        sampler = emcee.EnsembleSampler(
+            WALKERS, n, log_probability(stated), moves=IslandDifference(1), vectorize=True
+        )
+        sampler.run_mcmc(start, STEPS, skip_initial_state_check=True)
 
     bare_s, ours_s = in_turns(ROUNDS, bare_emcee, our_emcee)
     print(

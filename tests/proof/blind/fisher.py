@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
-from benchtool.fit.identifiability import UNDETERMINED_HINT, evidence_against
+from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT, evidence_against
 
 __all__ = ["UNDETERMINED_HINT", "class_confirmed", "evidence_against"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchtool.fit.identifiability import UNDETERMINED_HINT
+from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT
 from tests.proof.blind.fisher import class_confirmed
 from tests.proof.blind.scorecard import Scorecard, calibration, calibration_error
 from tests.proof.blind.scored import Scored, ScoredParameter, Share, share_of

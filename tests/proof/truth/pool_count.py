@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
+from benchtool.fit.pool import RigValues, pool_rigs
 from benchtool.fit.result_file import write_result
 from benchtool.tasks import TaskStore, run_tasks
 from tests.long_count import sources_hash

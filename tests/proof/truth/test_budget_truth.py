@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from benchtool.fit.run_recipe import propagate_uncertainty, run_recipe
-from benchtool.fit.uncertainty.monte_carlo import monte_carlo
+from benchtool.fit.uncertainty.propagation import monte_carlo
 from tests.proof.truth.cells import CELLS
 
 SIXTY = range(6000, 6060)  # seeds of the benches; nothing was ever chosen by looking at them

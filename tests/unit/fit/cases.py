@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.prior import JointPrior
-from benchtool.fit.problem import Problem, function_problem, noise_parameter
+from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
+from benchtool.fit.problem import Problem
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
@@ -92,13 +90,7 @@ def decay_problem(seed: int = 2) -> Problem:
 
 def calibrated_line(seed: int = 3) -> Problem:
     """State a line read through a load cell with an uncertain calibration."""
-    return line_problem(seed).with_calibration(np.array([[1e-4, 1e-4], [1e-4, 4e-4]]))
-
-
-def jointly_known_line(seed: int = 4) -> Problem:
-    """State a line whose parameters are known jointly before."""
-    prior = JointPrior(("a", "b"), np.array([1.0, 2.0]), np.array([[0.01, -0.005], [-0.005, 0.01]]))
-    return replace(line_problem(seed), joint_priors=(prior,))
+    return line_problem(seed).with_calibration(0.01, 0.02)
 
 
 def quad_model(*more: str) -> Model:
@@ -138,6 +130,5 @@ SMALL: dict[str, Callable[[], Problem]] = {
     "scattered line": scattered_line,
     "decay": decay_problem,
     "calibrated line": calibrated_line,
-    "jointly known line": jointly_known_line,
     "quadrotor": quad_problem,
 }

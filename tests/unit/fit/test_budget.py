@@ -14,13 +14,19 @@ from benchtool.core.parameter import Prior
 from benchtool.core.units import Array
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.budget import MonteCarlo
 from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources
-from benchtool.fit.uncertainty.monte_carlo import draw_source
-from benchtool.fit.uncertainty.propagation import Propagation, bound_sources, make_budget, propagate
+from benchtool.fit.uncertainty.propagation import (
+    Propagation,
+    bound_sources,
+    draw_source,
+    make_budget,
+    propagate,
+)
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model

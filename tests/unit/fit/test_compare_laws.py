@@ -8,8 +8,7 @@ import pytest
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.fit.compare_laws import compare_laws, distance_groups
-from benchtool.fit.law_scores import LawComparison
+from benchtool.fit.compare_laws import LawComparison, compare_laws, distance_groups
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.physics.conditions import Conditions
@@ -54,7 +53,7 @@ def compared(
     )
 
     def problem_of(model: Model) -> Problem:
-        return problem_from_model(model, conditions, observed, error, nearest_z_over_R=None)
+        return problem_from_model(model, conditions, observed, error)
 
     model = asked(rig)
     return compare_laws(model.with_free("noise.scale") if scatter else model, problem_of, z_over_R)

@@ -11,7 +11,7 @@ from benchtool.core.errors import EstimationError
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import function_problem
+from benchtool.fit.model_problem import function_problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.effects.partial_coverage import derived, factors
@@ -64,7 +64,7 @@ def test_a_profile_follows_the_bend_of_the_model():
     low, high = result["a"].interval_68
     assert high == pytest.approx(np.log(mean + sd), rel=1e-3)
     assert low == pytest.approx(np.log(mean - sd), rel=1e-3)
-    one_sided = add_profile_intervals(problem, fit_least_squares(problem), ["a"])["a"].interval_95
+    one_sided = add_profile_intervals(problem, fit_least_squares(problem))["a"].interval_95
     assert one_sided[1] == pytest.approx(np.log(mean + 1.959964 * sd), rel=1e-3)
 
 

@@ -17,8 +17,8 @@ from benchtool.fit.diagnose import (
     with_diagnosis,
 )
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.problem import Problem, function_problem, noise_parameter
+from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
+from benchtool.fit.problem import Problem
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     free,

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from benchtool.core.errors import EstimationError, InputError, NotConverged
 from benchtool.fit.diagnose import find_error
 from benchtool.fit.ensemble import check_convergence, fit_ensemble, split_rhat
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import log_probability
 from tests.unit.fit.cases import SMALL, X, free, line_problem
 
@@ -30,10 +31,6 @@ def by_the_book(problem: Problem, values: Array) -> float:
         prior = problem.parameters[name].prior
         if prior.kind == "normal":
             total -= 0.5 * ((value - prior.mean) / prior.sd) ** 2
-    for joint in problem.joint_priors:
-        away = np.array([values[problem.free_names.index(name)] for name in joint.names])
-        away -= joint.mean
-        total -= 0.5 * float(away @ np.linalg.solve(joint.covariance, away))
     return total - float(np.log(noise.get("noise.scale", 1.0)))
 
 

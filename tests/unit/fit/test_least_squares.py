@@ -10,9 +10,10 @@ import pytest
 
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import central_differences, complex_step, select_method
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
+from benchtool.fit.solve import central_differences, complex_step, select_method
 from tests.unit.fit.cases import (
     QUAD_TRUTH,
     X,

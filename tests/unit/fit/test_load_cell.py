@@ -15,13 +15,13 @@ from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
 from benchtool.core.parameter import Parameter
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.load_cell import ScaleError, pool_calibrations, with_scale_errors
-from benchtool.fit.uncertainty.monte_carlo import monte_carlo
-from benchtool.fit.uncertainty.propagation import make_budget, propagate
+from benchtool.fit.uncertainty.propagation import make_budget, monte_carlo, propagate
 from benchtool.fit.uncertainty.run_budget import run_budget
 from tests.unit.fit.test_fits import CALIBRATION, FITS, copied
 
@@ -135,7 +135,7 @@ def test_both_estimators_and_the_profile_give_students_t():
     k = result["k"]
     for p, (low, high) in ((0.6827, k.interval_68), (0.95, k.interval_95)):
         assert (high - low) / (2.0 * k.sd) == pytest.approx(t.ppf(0.5 + 0.5 * p, 3.0), rel=0.01)
-    profiled = add_profile_intervals(problem, result, ["k"])["k"]
+    profiled = add_profile_intervals(problem, result)["k"]
     np.testing.assert_allclose(profiled.interval_95, k.interval_95, rtol=2e-4)
     drawn = fit_ensemble(problem, walkers=16, max_steps=4000, seed=3)["k"]
     half = [0.5 * (high - low) for low, high in (drawn.interval_95, k.interval_95)]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.model_problem import function_problem
+from benchtool.fit.problem import Problem
 
 FOLDER = Path(__file__).parents[2] / "data" / "nist"
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from scipy.stats import norm
 import benchtool.api as bt
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import Array
-from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
+from benchtool.fit.pool import RigValues, pool_rigs
 from benchtool.fit.result_file import write_result
 from tests.proof.truth.budgets import budget_sweep
 

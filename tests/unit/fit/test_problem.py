@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.errors import EstimationError, InputError
+from benchtool.core.errors import InputError
+from benchtool.core.parameter import Prior
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.prior import JointPrior
-from benchtool.fit.problem import function_problem
+from benchtool.fit.model_problem import function_problem, problem_from_model
 from benchtool.physics.bases import ground_effect_ratio
 from tests.unit.fit.cases import (
     QUAD_TRUTH,
@@ -133,36 +132,16 @@ def test_ratios_hold_the_thrust_coefficient():
     assert result["body_lift.K_b"].value == pytest.approx(QUAD_TRUTH["body_lift.K_b"], rel=1e-8)
 
 
-def test_points_too_near_are_left_out_with_their_count():
-    model, conditions = quad_model(), quad_conditions((0.4, 0.5, 1.0, 2.0, 4.0), speeds=3)
-    thrust = quad_thrust(model, conditions)
-    problem = problem_from_model(model, conditions, thrust, np.ones(15))
-    assert (len(problem), problem.facts["left_out_near"]) == (12, 3)
-    whole = problem_from_model(model, conditions, thrust, np.ones(15), nearest_z_over_R=None)
-    assert (len(whole), whole.facts["left_out_near"]) == (15, 0)
-    with pytest.raises(InputError, match="all 15 points are nearer than z/R 9"):
-        problem_from_model(model, conditions, thrust, np.ones(15), nearest_z_over_R=9.0)
-
-
-def test_a_joint_prior_is_met_as_algebra_has_it():
-    covariance = np.array([[0.01, -0.005], [-0.005, 0.01]])
-    problem = replace(
-        line_problem(4), joint_priors=(JointPrior(("a", "b"), np.array([1.0, 2.0]), covariance),)
-    )
+def test_priors_are_met_as_algebra_has_them():
+    problem = line_problem(4)
+    known = zip(("a", "b"), (1.0, 2.0), (0.1, 0.05), strict=True)
+    for name, mean, sd in known:
+        parameter = replace(problem.parameters[name], prior=Prior("normal", mean, sd))
+        problem = replace(problem, parameters=problem.parameters.with_replaced(name, parameter))
     result = fit_least_squares(problem)
     design = np.stack([np.ones(25), np.linspace(0, 1, 25)], axis=1) / 0.2
-    precision = design.T @ design + np.linalg.inv(covariance)
+    information = np.diag([100.0, 400.0])
+    precision = design.T @ design + information
     np.testing.assert_allclose(result.covariance, np.linalg.inv(precision), rtol=1e-9)
-    right = design.T @ (problem.observed / 0.2) + np.linalg.inv(covariance) @ [1.0, 2.0]
+    right = design.T @ (problem.observed / 0.2) + information @ [1.0, 2.0]
     np.testing.assert_allclose(result.values, np.linalg.solve(precision, right), rtol=1e-9)
-    # With b held, a is known as the conditional of the joint prior says.
-    held = fit_least_squares(problem.fixed("b", 2.1))
-    conditional = 1.0 / (0.01 - 0.005**2 / 0.01)
-    assert held["a"].sd == pytest.approx((25 / 0.04 + conditional) ** -0.5, rel=1e-9)
-
-
-def test_a_covariance_that_cannot_be_is_refused():
-    prior = JointPrior(("a", "b"), np.zeros(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
-    problem = replace(line_problem(), joint_priors=(prior,))
-    with pytest.raises(EstimationError, match="not positive definite"):
-        fit_least_squares(problem)

@@ -13,9 +13,9 @@ from benchtool.data.run.ratios import thrust_error
 from benchtool.data.table import read_table
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.fit.recipe import Recipe
+from benchtool.fit.result_file import read_fit
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.fit.page import write_fit
-from benchtool.report.fit.stored_fit import read_stored, to_stored_fit
+from benchtool.report.fit.page import terminal_blocks, write_fit
 
 
 def table(folder: Path, columns: str, *errors: str) -> str:
@@ -72,4 +72,4 @@ def test_what_data_do_not_determine_is_said_with_why(tmp_path):
     assert numbers["value"] == found.value
     assert numbers["sd"] == found.sd
     assert numbers["interval_95"] == list(found.interval_95)
-    assert read_stored(tmp_path / "fit").blocks == to_stored_fit(output).blocks
+    assert terminal_blocks(read_fit(tmp_path / "fit")) == terminal_blocks(output)

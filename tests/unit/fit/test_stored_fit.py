@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.report.fit.stored_fit import read_stored
+from benchtool.fit.result_file import read_fit
 
 FITS = Path(__file__).parents[3] / "fits"
 
@@ -20,7 +20,7 @@ def test_a_number_that_does_not_exist_is_none(tmp_path):
     tables = json.loads(path.read_text("utf-8"))
     tables["results"]["least_squares"]["estimates"]["R_m"]["sd"] = None
     path.write_text(json.dumps(tables), "utf-8")
-    found = read_stored(tmp_path / "fit").results[0]["R_m"]
+    found = read_fit(tmp_path / "fit").results[0]["R_m"]
     assert found.sd != found.sd
 
 
@@ -37,4 +37,4 @@ def test_a_broken_result_is_told_in_one_sentence(tmp_path, change, said):
     tables = json.loads((FITS / "quad" / "result.json").read_text("utf-8")) | change
     (tmp_path / "result.json").write_text(json.dumps(tables), "utf-8")
     with pytest.raises(FileFormatError, match=said):
-        read_stored(tmp_path)
+        read_fit(tmp_path)

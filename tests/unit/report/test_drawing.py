@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from benchtool.core.errors import WouldOverwrite
+from benchtool.fit.diagnose import expected_runs
 from benchtool.report.figure import render_figures
 from benchtool.report.files import figure_bytes, save_figure
-from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign
+from benchtool.report.fit.residuals import judge_runs, runs_of_sign
 from benchtool.report.panels import broken_line, envelope
 from benchtool.report.style import SIMULATED, SIMULATED_GID, look, new_figure
 from tests.unit.explain.hand_made import answer
@@ -20,19 +21,21 @@ def test_runs_are_counted_and_judged():
     values = np.array([1.0, 2.0, -1.0, -2.0, -3.0, 0.5])
     assert runs_of_sign(values).tolist() == [2, -3, 1]
     # Three above, three below: 1 + 2*3*3/6 and 18 (18 - 6) / (36 * 5).
-    assert expected_runs(values) == pytest.approx((4.0, np.sqrt(1.2)))
+    assert expected_runs(values >= 0.0) == pytest.approx((4.0, np.sqrt(1.2)))
     assert judge_runs(3, 4.0, np.sqrt(1.2)) == "consistent with independent residuals"
     few = np.repeat([1.0, -1.0], 20)
-    assert judge_runs(2, *expected_runs(few)).startswith("too few")
-    assert judge_runs(40, *expected_runs(few)).startswith("too many")
-    assert judge_runs(1, *expected_runs(np.ones(5))) == "consistent with independent residuals"
+    assert judge_runs(2, *expected_runs(few >= 0.0)).startswith("too few")
+    assert judge_runs(40, *expected_runs(few >= 0.0)).startswith("too many")
+    assert (
+        judge_runs(1, *expected_runs(np.ones(5, bool))) == "consistent with independent residuals"
+    )
     assert runs_of_sign(np.empty(0)).tolist() == []
 
 
 def test_the_expected_runs_are_those_of_independent_signs(rng):
     signs = np.repeat([1.0, -1.0], [12, 18])
     counts = [len(runs_of_sign(rng.permutation(signs))) for _ in range(400)]
-    mean, sd = expected_runs(signs)
+    mean, sd = expected_runs(signs >= 0.0)
     assert np.mean(counts) == pytest.approx(mean, abs=4.0 * sd / 20.0)
     assert np.std(counts) == pytest.approx(sd, rel=0.15)
 

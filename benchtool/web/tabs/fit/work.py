@@ -48,14 +48,15 @@ def fit_to_folder(
 
 def view_fit(root: Path, name: str) -> PageSection:
     """Return the result of a stored fit, as printed by `benchtool fit`, with its figures."""
+    from benchtool.fit.result_file import read_fit
     from benchtool.report.figure import captions
-    from benchtool.report.fit.stored_fit import SIMULATED, figure_files, read_stored
+    from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import FigureImage, blocks_html
 
     path = RunsFolder(root).find_path(name)
-    stored = read_stored(path)
-    blocks = [block for block in stored.blocks if block != Paragraph(SIMULATED)]
+    stored = read_fit(path)
+    blocks = [block for block in terminal_blocks(stored) if block != Paragraph(SIMULATED)]
     warnings, tables = blocks[-1], blocks[1:-1]
     texts = captions("fit")
     figures = [

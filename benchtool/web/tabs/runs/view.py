@@ -141,11 +141,11 @@ def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | No
 
 def view_fits(root: Path, names: Sequence[str]) -> PageSection:
     """Return a comparison of parameter values of several fits."""
-    from benchtool.report.fit.stored_fit import read_stored
+    from benchtool.fit.result_file import read_fit
     from benchtool.report.fit.tables import fits_table
     from benchtool.web.drawing import blocks_html
 
-    fits = {name: read_stored(RunsFolder(root).find_path(name)) for name in names}
+    fits = {name: read_fit(RunsFolder(root).find_path(name)) for name in names}
     return PageSection(
         title=f"{len(names)} fits compared",
         html=blocks_html([fits_table({name: fit.results for name, fit in fits.items()})]),

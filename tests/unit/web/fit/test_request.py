@@ -15,8 +15,8 @@ from benchtool.data.catalogue.index import list_entries
 from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.run.state import store_state
 from benchtool.fit.fit_data import recipe_model
+from benchtool.fit.result_file import read_fit
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.report.fit.stored_fit import read_stored
 from benchtool.web.tabs.fit.model_choice import (
     FitRequest,
     ParameterChoice,
@@ -110,7 +110,7 @@ def test_the_work_writes_what_the_command_would(folder, entries):
     assert fit_to_folder(report, out, tuple(arguments), recipe, False) == "fit-one"
     assert stages == ["reading", "least squares", "drawing"]
     expected = run_recipe(recipe).results[0]
-    assert read_stored(out).results[0]["R_m"] == expected["R_m"]
+    assert read_fit(out).results[0]["R_m"] == expected["R_m"]
     assert f"benchtool {' '.join(arguments)}" in (out / "report.html").read_text("utf-8")
     assert not partial_folder(out).exists()
     with pytest.raises(WouldOverwrite):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from benchtool.fit.bounded_least_squares import BoundedRegion, BoundedSearch
+from benchtool.explain.engine.bounded_least_squares import BoundedRegion, BoundedSearch
 
 Array = np.ndarray
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky
 from scipy.optimize import lsq_linear
 
 from benchtool.core.units import Array
@@ -176,3 +177,28 @@ def finite_differences(residuals: Residuals, at: Array, upper: Array) -> tuple[A
     rows = residuals(np.vstack([at, at + np.diag(steps)]))
     jacobian = (rows[:, 1:] - rows[:, :1]) / steps
     return rows[:, 0], np.where(np.isfinite(jacobian), jacobian, 0.0)  # not finite: slope 0
+
+
+UNDETERMINED_HINT = 25.0  # mean ratio below which two effects form a class: a draw may be 10
+
+
+def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> float:
+    """Return twice the expected log-likelihood ratio of the truth to the best rival model.
+
+    Second-order approximation. Rival effects are free within the bounds; all other parameters,
+    true effects included, stay within tolerance. Models with a small ratio are indistinguishable.
+
+    Args:
+        matrix: (k, k) Fisher information, each parameter in units of its tolerance.
+        sizes: (k,) true values, in tolerances past neutral.
+        low: (k,) lower bounds of the rival model, in tolerances past neutral.
+        high: (k,) upper bounds.
+    """
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    root = cholesky(scale[:, None] * matrix * scale + 1e-10 * np.eye(len(sizes)))
+    lowest, highest = (low - sizes) / scale, (high - sizes) / scale
+    # lsq_linear needs bounds that differ.
+    highest = np.maximum(highest, lowest + 1e-9)
+    best = lsq_linear(root, np.zeros(len(sizes)), bounds=(lowest, highest), method="bvls")
+    return 2.0 * float(best.cost)

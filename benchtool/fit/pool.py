@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 from benchtool.core.errors import InputError, NotConverged
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.fit.ensemble import ENSEMBLES, build_sampler, sample_until_converged
+from benchtool.fit.ensemble import ENSEMBLES, sample_until_converged
 from benchtool.fit.sampling import IslandDifference
 
 DRAWS = 20_000
@@ -38,16 +38,12 @@ AT_ZERO = 0.02  # an interval of tau with lower end / upper end below this start
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RigValues:
-    """Fit of one rig: normal approximation of its likelihood.
-
-    Attributes:
-        values, covariance: (n,) and (n, n) of the parameters `names`, in their units.
-    """
+    """Fit of one rig: normal approximation of its likelihood."""
 
     name: str
-    names: tuple[str, ...]
-    values: Array
-    covariance: Array
+    names: tuple[str, ...]  # (n,) of parameters
+    values: Array  # (n,) in the parameters' units
+    covariance: Array  # (n, n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,24 +65,16 @@ class Difference:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PooledEstimates:
-    """Joint posterior of several rigs.
-
-    Attributes:
-        shared: (p,) True if a parameter is the same in all rigs.
-        scale: (p,) s of the prior of tau.
-        tau, mean: (draws, p) between-rig standard deviation, and common mean.
-        rig_values: (draws, rigs, p) values of each rig; nan if its fit lacks the parameter.
-        identical_probability: (p,) posterior probability of tau = 0 at prior 0.5; nan if shared.
-    """
+    """Joint posterior of several rigs."""
 
     rigs: tuple[RigValues, ...]
-    names: tuple[str, ...]
-    shared: tuple[bool, ...]
-    scale: Array
-    tau: Array
-    mean: Array
-    rig_values: Array
-    identical_probability: Array
+    names: tuple[str, ...]  # (p,) of parameters
+    shared: tuple[bool, ...]  # (p,) True if a parameter is the same in all rigs
+    scale: Array  # (p,) s of the prior of tau
+    tau: Array  # (draws, p) standard deviation between rigs
+    mean: Array  # (draws, p) common mean
+    rig_values: Array  # (draws, rigs, p); nan if the rig's fit lacks the parameter
+    identical_probability: Array  # (p,) posterior of tau = 0 at prior 0.5; nan if shared
 
     def find_values(self, name: str) -> list[tuple[int, float, float]]:
         """Return index, unpooled value and standard deviation of each rig with a parameter."""
@@ -136,12 +124,8 @@ def pool_rigs(
 ) -> PooledEstimates:
     """Return the joint posterior of several rigs.
 
-    Args:
-        rigs: two or more; each parameter is in at least two of them.
-
-    Raises:
-        InputError: too few rigs.
-        NotConverged: the chains of tau do not agree.
+    Each parameter must be in at least two rigs. NotConverged is raised if the chains of tau do not
+    agree.
     """
     for name in names:
         names_with = [rig.name for rig in rigs if name in rig.names]
@@ -265,11 +249,9 @@ def _sample_u(model: _Model, free: list[int], rng: np.random.Generator) -> Array
     start = rng.uniform(0.02, 0.98, (ENSEMBLES * walkers, n))
     moves = [(IslandDifference(ENSEMBLES), 0.7), (MHMove(propose_uniform), 0.3)]
     with np.errstate(all="ignore"):
-        sampler = build_sampler(probability, start, moves, int(rng.integers(2**32)))
-        sampled = sample_until_converged(
-            sampler, start, walkers, MAX_STEPS, lambda done, expected: None
+        _, chains, convergence = sample_until_converged(
+            probability, start, moves, int(rng.integers(2**32)), MAX_STEPS
         )
-        chains, convergence = sampled
     if not convergence.is_converged:
         raise NotConverged(
             f"after {MAX_STEPS} steps the chains of tau do not agree (R-hat "

@@ -1,1 +1,0 @@
-"""Joint estimates of several rigs: common values and differences."""
