@@ -27,7 +27,7 @@ from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.limit_check import CHECKS
 from benchtool.bench.plate_check import PlateCheck
-from benchtool.bench.stage.stage import NoStage, PlateStage
+from benchtool.bench.stage.stage import PlateStage
 from benchtool.bench.wrappers import PauseRequested
 from benchtool.core.channel import channel_family
 from benchtool.core.errors import InputError, RunInterrupted
@@ -63,7 +63,7 @@ class Sweep(Experiment):
         super().__init__(inputs, rig)
         self.plan, self.resume_state = inputs.plan, resume_state
         self.start = SweepStart()
-        self.stage: PlateStage = NoStage()
+        self.stage = PlateStage()
         self.calibration = resume_state.calibration if resume_state else None
         self._first_anchor: Point | None = None
         self._moved_to: Visit | None = None

@@ -6,12 +6,12 @@ import re
 from abc import ABC, abstractmethod
 from typing import Literal
 
-from benchtool.bench.addresses import ArmedBy
 from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import AutopilotInfo
 from benchtool.bench.mavlink.frames import Message
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.bench.mavlink.rows import MavlinkRows
+from benchtool.core.choices import ArmedBy
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostSuspended, LinkLost
 
 # Heartbeats come every second; five missing ones, while streams continue, are a failed autopilot.

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import inf
 
-from benchtool.bench.addresses import ArmedBy
 from benchtool.bench.mavlink import frames as mav
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, RESEND_INTERVAL_S, AutopilotInfo
 from benchtool.bench.mavlink.drive import Health, MotorDrive, Outputs
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
+from benchtool.core.choices import ArmedBy
 from benchtool.core.errors import (
     CommandRefused,
     DeviceStopped,
