@@ -9,8 +9,8 @@ from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.messages import Connect, Disconnect, SetClockSpeed
+from benchtool.web.choices import rig_choices
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.fit.model_choice import rig_choices
 from benchtool.web.widgets import CommandRow, show_errors, titled_card
 
 CLOCK_SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}

@@ -15,8 +15,8 @@ from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.web.command_jobs import Simulation, command_arguments, simulate_to_folder
 from benchtool.web.jobs import PageSection
-from benchtool.web.tabs.simulate.work import Simulation, command_arguments, simulate_to_folder
 from tests.unit.commands.command_line import run
 
 BEAM: dict[str, Any] = {
