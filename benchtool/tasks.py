@@ -22,6 +22,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
+from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 from urllib.parse import urlsplit
@@ -40,9 +41,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 T = TypeVar("T")
-Result = Any  # JSON data: numbers, text, lists and dictionaries
-
-Work = Callable[[T], Result]
+Work = Callable[[T], Any]  # returns JSON data: numbers, text, lists and dictionaries
 
 Cluster = Annotated[  # option of all commands with many tasks
     str | None, Input("Dask scheduler: tcp://HOST:8786.", default_text="this machine")
@@ -53,11 +52,7 @@ MAX_ROUNDS = 3  # successive crashes of the worker processes without any result;
 
 
 class TaskStore:
-    """Results of tasks in a file, one JSON line each.
-
-    Args:
-        path: of the file; created if missing.
-        about: description that identifies the work.
+    """Results of tasks in a file, one JSON line each; `about` identifies the work.
 
     Raises:
         InputError: the file contains results of other work, or another process writes it.
@@ -70,27 +65,23 @@ class TaskStore:
         self._file = path.open("a+b")
         self._offsets: dict[str, int] = {}
         try:
-            self._lock()
             self._claim(dict(about))
         except BaseException:
             self._file.close()
             raise
         self.key = hashlib.sha256(f"{path.resolve()} {about}".encode()).hexdigest()[:16]
 
-    def _lock(self) -> None:
-        if sys.platform == "win32":
-            return
-        import fcntl
-
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                f"another process is writing {self.path}; wait until it has finished"
-            ) from None
-
     def _claim(self, about: dict[str, str]) -> None:
-        """Index the stored results, drop an incomplete last line, and check the description."""
+        """Lock the file, index its results without an incomplete last line, and check `about`."""
+        if sys.platform != "win32":
+            import fcntl
+
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InputError(
+                    f"another process is writing {self.path}; wait until it has finished"
+                ) from None
         self._file.seek(0)
         end, stored = 0, None
         for line in self._file:
@@ -134,26 +125,20 @@ class TaskStore:
     def __contains__(self, task: str) -> bool:
         return task in self._offsets
 
-    def __getitem__(self, task: str) -> Result:
+    def __getitem__(self, task: str) -> Any:
         self._file.seek(self._offsets[task])
         return json.loads(self._file.readline())["result"]
 
-    def __setitem__(self, task: str, result: Result) -> None:
+    def __setitem__(self, task: str, result: Any) -> None:
         self._offsets[task] = self._append({"task": task, "result": result})
 
     def _append(self, row: Mapping[str, Any]) -> int:
         position = self._file.seek(0, os.SEEK_END)
-        self._file.write(json.dumps(row, default=_plain).encode() + b"\n")
+        # NumPy scalars become Python numbers.
+        self._file.write(json.dumps(row, default=methodcaller("item")).encode() + b"\n")
         self._file.flush()
         os.fsync(self._file.fileno())
         return position
-
-
-def _plain(value: Any) -> Any:
-    """Return a NumPy scalar as a Python number."""
-    if hasattr(value, "item"):
-        return value.item()
-    raise TypeError(f"{value!r} is not JSON data")
 
 
 def run_tasks(
@@ -163,13 +148,11 @@ def run_tasks(
     store: TaskStore | None = None,
     cluster: str | None = None,
     processes: int | None = None,
-) -> Iterator[tuple[str, Result]]:
+) -> Iterator[tuple[str, Any]]:
     """Yield name and result of each task: stored ones first, then others on completion.
 
     Args:
         work: module-level function or a `partial` of one; pickled like the items.
-        tasks: item by name.
-        store: of results.
         cluster: address of a Dask scheduler; its workers need access to the files of the items.
         processes: on this machine; None means one per core, 0 means this process only.
 
@@ -198,9 +181,9 @@ def run_tasks(
 
 def _in_processes(
     work: Work[T], remaining: dict[str, T], processes: int
-) -> Iterator[tuple[str, Result]]:
+) -> Iterator[tuple[str, Any]]:
     rounds_without_result = 0
-    while remaining:
+    while remaining and rounds_without_result < MAX_ROUNDS:
         n_before = len(remaining)
         # May be raised by submit, and once per lost task.
         with WorkerProcesses(processes) as pool, suppress(BrokenProcessPool):
@@ -211,13 +194,12 @@ def _in_processes(
                     name = futures.pop(future)
                     del remaining[name]
                     yield name, result
-        is_stuck = len(remaining) == n_before
-        rounds_without_result = rounds_without_result + 1 if is_stuck else 0
-        if rounds_without_result == MAX_ROUNDS:
-            raise ResourceExhausted(
-                f"worker processes ended {MAX_ROUNDS} times before any of {len(remaining)} tasks "
-                f"was done, possibly out of memory; close other programs and repeat the command"
-            )
+        rounds_without_result = 0 if len(remaining) < n_before else rounds_without_result + 1
+    if remaining:
+        raise ResourceExhausted(
+            f"worker processes ended {MAX_ROUNDS} times before any of {len(remaining)} tasks "
+            f"was done, possibly out of memory; close other programs and repeat the command"
+        )
 
 
 class WorkerProcesses(ProcessPoolExecutor):
@@ -271,7 +253,7 @@ def _client(address: str) -> Client:
 
 def _on_cluster(
     client: Client, address: str, work: Work[T], remaining: Mapping[str, T], store: TaskStore | None
-) -> Iterator[tuple[str, Result]]:
+) -> Iterator[tuple[str, Any]]:
     from distributed.scheduler import KilledWorker
 
     location = "" if store is None else f"; results are in {store.path}"

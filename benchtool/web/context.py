@@ -1,25 +1,29 @@
-"""Shared state of all pages, state of one page, and the control lock."""
+"""Shared state of all pages, state of one page, and the control lock.
+
+Message history and form values survive a page reload.
+"""
 
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any, TypeVar
+from typing import Any
 
-from benchtool.core.errors import InputError
+from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.state import load_state, store_state
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
 from benchtool.web.bench_process.spawn import StopEndpoint
 from benchtool.web.jobs import Job, WorkerProcess
-from benchtool.web.page_memory import FormState, MessageHistory
-
-J = TypeVar("J", bound=Job[Any])
 
 RECONNECT_TIMEOUT_S = 2.0  # a page disconnected for longer can lose the lock; assumed
 
@@ -102,7 +106,70 @@ class PageWatch:
         return ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+MAX_MESSAGES = 200  # older messages are dropped; assumed
+MAX_TABS = 20  # form values of tabs used longer ago are dropped; assumed
+WRITE_DELAY_S = 0.5  # after a form change, to write several changes together; assumed
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedMessage:
+    """Logged message; `count` is the number of consecutive duplicates."""
+
+    time: datetime
+    text: str
+    is_error: bool
+    count: int = 1
+
+
+class MessageHistory:
+    """Message history with times; consecutive duplicates are stored once."""
+
+    def __init__(self, now: Callable[[], datetime] = lambda: datetime.now().astimezone()) -> None:
+        self._now = now
+        self.messages: deque[LoggedMessage] = deque(maxlen=MAX_MESSAGES)
+
+    def add(self, text: str, *, is_error: bool = False) -> None:
+        count = 1
+        if self.messages and self.messages[-1].text == text:
+            count += self.messages.pop().count
+        self.messages.append(LoggedMessage(self._now(), text, is_error, count))
+
+
+class FormState:
+    """Form values of each browser tab, stored on disk per runs folder."""
+
+    def __init__(self, runs: Path) -> None:
+        self._name = str(runs.absolute())
+        self._pending = False
+        self._tabs: dict[str, dict[str, Any]] = {}
+        with suppress(BenchtoolError):  # an unreadable file loses only form values
+            self._tabs = load_state("page", self._name) or {}
+
+    def values(self, tab: str) -> dict[str, Any]:
+        """Return the form values of a browser tab by field name."""
+        values = self._tabs.get(tab)
+        return values if isinstance(values, dict) else {}
+
+    def store(self, tab: str, field: str, value: Any) -> None:
+        """Store a field's value and schedule the write."""
+        values = self.values(tab)
+        self._tabs.pop(tab, None)
+        self._tabs[tab] = {**values, field: value}
+        for old_tab in list(self._tabs)[:-MAX_TABS]:
+            del self._tabs[old_tab]
+        if not self._pending:
+            self._pending = True
+            asyncio.get_running_loop().call_later(WRITE_DELAY_S, self.write)
+
+    def write(self) -> None:
+        """Write pending changes."""
+        if self._pending:
+            self._pending = False
+            with suppress(BenchtoolError):
+                store_state("page", self._name, self._tabs)
+
+
+@dataclass(slots=True, kw_only=True)
 class ServerState:
     """Shared state of all pages of a server.
 
@@ -117,12 +184,12 @@ class ServerState:
     watch: PageWatch = field(default_factory=PageWatch)
     stop_endpoint: StopEndpoint | None = None
     workers: dict[str, WorkerProcess] = field(default_factory=dict)
-    jobs: dict[str, Job[Any]] = field(default_factory=dict)
+    jobs: dict[str, Job] = field(default_factory=dict)
     log: MessageHistory = field(default_factory=MessageHistory)
     forms: FormState = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "forms", FormState(self.runs))
+        self.forms = FormState(self.runs)
         self.bench.page_problem = lambda: self.watch.find_problem(self.control.holder, monotonic())
 
     def close(self) -> None:
@@ -134,7 +201,7 @@ class ServerState:
         for job in self.jobs.values():
             job.cancel()
 
-    def start_job(self, kind: str, create: Callable[[], J]) -> J:
+    def start_job(self, kind: str, create: Callable[[], Job]) -> Job:
         """Start a job, one per kind; delete the incomplete folder of the previous job."""
         if (previous := self.jobs.get(kind)) is not None:
             if previous.state.running:
@@ -238,6 +305,10 @@ class PageContext:
     def worker(self, name: str) -> WorkerProcess:
         """Return the worker process of a purpose ("fits", "simulations")."""
         return self.server.workers.setdefault(name, WorkerProcess(name))
+
+    async def compute(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of function(runs, *arguments) in a worker process."""
+        return await self.worker(worker).run(function, self.runs, *arguments)
 
 
 class RunsListing:

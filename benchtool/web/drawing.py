@@ -6,7 +6,7 @@ Figures are embedded as images, so scripts in files of the runs folder cannot ru
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 
@@ -41,7 +41,11 @@ class FigureImage:
     axes: str = ""
 
 
-def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
+# A text is a paragraph, a mapping a table of facts.
+Content = Block | FigureImage | str | Mapping[str, str]
+
+
+def blocks_html(blocks: Iterable[Content]) -> str:
     """Return blocks as HTML with drawn figures; figures and tables may be placed side by side."""
     return "".join(
         f'<div class="block-beside">{as_html(block)}</div>'
@@ -51,7 +55,7 @@ def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
     )
 
 
-def as_html(block: Block | FigureImage) -> str:
+def as_html(block: Content) -> str:
     """Return a block as HTML with escaped text."""
     if isinstance(block, FigureBlock):
         block = FigureImage(
@@ -65,14 +69,14 @@ def as_html(block: Block | FigureImage) -> str:
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
-    if isinstance(block, Paragraph):
-        return f"<p>{escape(block.text)}</p>"
+    if isinstance(block, str | Paragraph):
+        return f"<p>{escape(block if isinstance(block, str) else block.text)}</p>"
     if isinstance(block, Heading):
         return f'<h3 class="card-title">{escape(block.text)}</h3>'
-    if isinstance(block, FactTable):
+    if isinstance(block, Mapping | FactTable):
+        facts = block.items if isinstance(block, FactTable) else block
         rows = "".join(
-            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
-            for name, value in block.items.items()
+            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
         )
         return f'<dl class="facts">{rows}</dl>'
     if isinstance(block, Warnings):

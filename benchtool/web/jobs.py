@@ -10,27 +10,39 @@ from __future__ import annotations
 import asyncio
 import os
 import shutil
-import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
-from typing import Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 from benchtool.core.errors import BenchtoolError, RunInterrupted
 from benchtool.data.atomic import partial_folder
 from benchtool.tasks import WorkerProcesses, exit_with_parent
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from benchtool.web.drawing import Content
 
 ReportProgress = Callable[[str, float], None]  # (stage, share from 0 to 1)
 NICENESS = 5  # of a job, on POSIX systems; assumed
 TERMINATION_TIMEOUT_S = 2.0  # a cancelled job still running after this is killed; assumed
+
+
+def to_user_error(error: Exception) -> BenchtoolError:
+    """Return the error to show; the traceback of an unexpected one is printed in the terminal."""
+    if isinstance(error, BenchtoolError):
+        return error
+    traceback.print_exception(error)
+    summary = " ".join(str(error).split())
+    return BenchtoolError(
+        f"internal error of benchtool, {type(error).__name__}: {summary}; please report it with "
+        f"the traceback from the terminal of benchtool web"
+    )
 
 
 class WorkerProcess:
@@ -56,11 +68,8 @@ class WorkerProcess:
             raise RunInterrupted(
                 f"the process for {self._name} ended unexpectedly; try again"
             ) from None
-        except BenchtoolError:
-            raise
         except Exception as error:  # noqa: BLE001 -- the page shows every error
-            traceback.print_exception(error)
-            raise BenchtoolError(format_internal_error(error)) from None
+            raise to_user_error(error) from None
 
     def close(self) -> None:
         """End the process, even during a call; idempotent."""
@@ -83,9 +92,24 @@ class PageSection:
     simulated: bool = False
     command: tuple[str, ...] = ()
 
+    @classmethod
+    def draw(
+        cls,
+        title: str,
+        blocks: Iterable[Content],
+        *,
+        simulated: bool = False,
+        command: tuple[str, ...] = (),
+    ) -> PageSection:
+        """Return a section of report blocks; call only in worker processes."""
+        from benchtool.web.drawing import blocks_html
+
+        html = blocks_html(blocks)
+        return cls(title=title, html=html, simulated=simulated, command=command)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JobState(Generic[T]):
+class JobState:
     """Job state.
 
     Attributes:
@@ -98,7 +122,7 @@ class JobState(Generic[T]):
     stage: str = "starting"
     share: float = 0.0
     stages: tuple[str, ...] = ()
-    result: T | None = None
+    result: Any = None
     error: str = ""
 
     @property
@@ -106,7 +130,7 @@ class JobState(Generic[T]):
         return self.status == "running"
 
 
-class Job(Generic[T]):
+class Job:
     """Computation of an output folder in a new process.
 
     Args:
@@ -115,15 +139,15 @@ class Job(Generic[T]):
     """
 
     def __init__(
-        self, out: Path, command: Sequence[str], function: Callable[..., T], *arguments: Any
+        self, out: Path, command: Sequence[str], function: Callable[..., Any], *arguments: Any
     ) -> None:
         self.out, self.command = out, tuple(command)
         spawn = get_context("spawn")
         pipe, child_pipe = spawn.Pipe()
-        self._state: JobState[T] = JobState()
+        self.state = JobState()
         self._lock = threading.Lock()
         self._process = spawn.Process(
-            target=_run,
+            target=_run_job,
             args=(child_pipe, function, (out, self.command, *arguments)),
             daemon=True,
             name=function.__name__,
@@ -132,10 +156,6 @@ class Job(Generic[T]):
         child_pipe.close()
         self._reader = threading.Thread(target=self._read, args=(pipe,), daemon=True)
         self._reader.start()
-
-    @property
-    def state(self) -> JobState[T]:
-        return self._state
 
     def cancel(self) -> None:
         """End the process if it is running and delete the partial folder."""
@@ -146,25 +166,19 @@ class Job(Generic[T]):
                 self._process.kill()
         shutil.rmtree(partial_folder(self.out), ignore_errors=True)
 
-    def wait(self, timeout_s: float | None = None) -> JobState[T]:
+    def wait(self, timeout_s: float | None = None) -> JobState:
         """Wait for the end or a timeout and return the state."""
         self._reader.join(timeout_s)
-        return self._state
+        return self.state
 
     def _read(self, pipe: Pipe) -> None:
         with pipe, suppress(EOFError, OSError):
             while True:
-                status, *content = pipe.recv()
-                if status == "running":
-                    stage, share = content
-                    stages = self._state.stages
-                    if stages[-1:] != (stage,):
-                        stages = (*stages, stage)
-                    self._change(stage=stage, share=share, stages=stages)
-                elif status == "done":
-                    self._change(status="done", share=1.0, result=content[0])
-                else:
-                    self._change(status="failed", error=content[0])
+                changes = pipe.recv()
+                stages, stage = self.state.stages, changes.get("stage")
+                if stage is not None and stage not in stages[-1:]:
+                    changes["stages"] = (*stages, stage)
+                self._change(**changes)
         self._process.join()
         self._change(
             status="failed",
@@ -174,41 +188,24 @@ class Job(Generic[T]):
 
     def _change(self, **changes: Any) -> bool:
         with self._lock:
-            if not self._state.running:
+            if not self.state.running:
                 return False
-            self._state = replace(self._state, **changes)
+            self.state = replace(self.state, **changes)
             return True
 
 
-def format_internal_error(error: Exception) -> str:
-    """Return the message of an unexpected error; its traceback is in the server's terminal."""
-    summary = " ".join(str(error).split())
-    return (
-        f"internal error of benchtool, {type(error).__name__}: {summary}; please report it with "
-        f"the traceback from the terminal of benchtool web"
-    )
-
-
-def _compute(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any]:
-    """Return the status and the result of a function, or its error message."""
-    try:
-        return "done", function(*arguments)
-    except BenchtoolError as error:
-        return "failed", str(error)
-    except Exception as error:  # noqa: BLE001 -- the page shows every error
-        traceback.print_exc(file=sys.stderr)
-        return "failed", format_internal_error(error)
-
-
-def _run(pipe: Pipe, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-    """Run a job's function in its process and send progress and outcome."""
+def _run_job(pipe: Pipe, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    """Run a job's function in its process and send the changes of its state."""
     exit_with_parent(pipe)
     with suppress(AttributeError, OSError):
         os.nice(NICENESS)
 
     def report(stage: str, share: float) -> None:
-        pipe.send(("running", stage, float(share)))
+        pipe.send({"stage": stage, "share": float(share)})
 
-    outcome = _compute(function, (report, *arguments))
+    try:
+        outcome = {"status": "done", "share": 1.0, "result": function(report, *arguments)}
+    except Exception as error:  # noqa: BLE001 -- the page shows every error
+        outcome = {"status": "failed", "error": str(to_user_error(error))}
     with suppress(OSError):  # the server has ended
         pipe.send(outcome)

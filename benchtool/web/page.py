@@ -1,16 +1,21 @@
-"""Page with the header and tabs that are built when first shown."""
+"""Page: header with STOP, status of bench and control lock, and tabs built when first shown."""
 
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
+from time import monotonic
 
 from fastapi import Request
 from nicegui import ui
 
+from benchtool.acquire.visit_order import format_duration
+from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.messages import SPEED_LIMIT
 from benchtool.web.context import PageContext, ServerState
 from benchtool.web.control_socket import add_control_script
-from benchtool.web.header import Header
 from benchtool.web.theme import apply_theme
+from benchtool.web.widgets import notify, open_dialog, show_errors
 
 TABS = {
     "Bench": "speed",
@@ -64,3 +69,135 @@ def serve_page(server: ServerState) -> None:
 
         tabs.on_value_change(lambda change: select(str(change.value)))
         show(initial_key)
+
+
+STOP = (
+    '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
+    "<small>space bar or Esc</small></button>"
+    '<span class="stop-note" role="alert"></span>'
+)
+
+ZERO_THROTTLE_TEXT = "motors at zero"
+
+REFRESH_INTERVAL_S = 0.5
+
+_THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
+           "dark": ("dark_mode", "")}  # fmt: skip
+
+
+class Header:
+    """Header with status line, alarm banner and STOP."""
+
+    def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
+        self._context, self._dark = context, dark
+        self._title = "benchtool"
+        with ui.header().classes("q-py-xs q-px-md"):
+            with ui.row(wrap=False).classes("items-center w-full gap-4"):
+                ui.label("benchtool").classes("text-h6 page-name").props(
+                    "role=heading aria-level=1"
+                )
+                with ui.row().classes("status-line grow"):
+                    self._state = ui.label().props("role=status")
+                    self._control = ui.label().classes("soft")
+                self._take_button = ui.button("Take over", on_click=self._take_over)
+                self._take_button.props("outline")
+                self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
+                self._theme.props('aria-label="Theme: light, dark or system setting"')
+                log = ui.button(icon="history", on_click=self._show_log).props("flat round dense")
+                log.props('aria-label="Messages"')
+                ui.html(STOP, sanitize=False)
+                self._known = ui.label().classes("known")
+            with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
+                self._cause = ui.label().classes("grow").props("role=alert")
+                self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")
+            self.tab_row = ui.row().classes("w-full")
+        self._show_theme()
+        self.refresh()
+        context.on_connect = self.refresh
+        ui.timer(REFRESH_INTERVAL_S, self.refresh)
+
+    def refresh(self) -> None:
+        connection = self._context.bench.connection
+        parts, in_control = status_parts(self._context.bench), self._context.in_control()
+        self._known.set_text(f"{', '.join(parts)}.")
+        self._state.set_text(" · ".join(parts))
+        self._control.set_text("in control" if in_control else "watching")
+        motors = motors_text(self._context.bench)
+        title = "benchtool" if motors == ZERO_THROTTLE_TEXT else f"{motors} – benchtool"
+        if title != self._title:
+            self._title = title
+            with self._state:  # also called from a websocket's task
+                ui.page_title(title)
+        may_turn = bool(connection.standstill_problem)
+        cause = connection.standstill_problem or connection.reason
+        self._alarm.set_visibility(bool(cause))
+        if may_turn and not cause.startswith("MOTORS MAY STILL TURN"):
+            cause = f"MOTORS MAY STILL TURN: {cause}"
+        self._cause.set_text(cause)
+        self._alarm.classes(**{"add" if may_turn else "remove": "motors"})
+        self._dismiss.set_text("I checked: motors at standstill" if may_turn else "Dismiss")
+        is_free = self._context.server.control.is_free(monotonic())
+        self._take_button.set_visibility(is_free and not in_control and bool(self._context.tab))
+
+    def _take_over(self) -> None:
+        has_lock = self._context.server.control.acquire(self._context.tab, monotonic())
+        notify("this page has the control lock" if has_lock else "another page has taken over")
+        self.refresh()
+
+    @show_errors
+    def _dismiss_alarm(self) -> None:
+        self._context.require_control()
+        self._context.bench.dismiss_alarm()
+        self.refresh()
+
+    def _show_log(self) -> None:
+        """Open a dialog with the message history, newest first."""
+        with open_dialog("Messages") as dialog:
+            lines = [
+                f"{message.time:%H:%M:%S}  {'! ' if message.is_error else ''}{message.text}"
+                + (f" ({message.count} times)" if message.count > 1 else "")
+                for message in reversed(self._context.server.log.messages)
+            ]
+            ui.label("\n".join(lines) or "no message yet").classes("events w-full")
+            ui.button("Close", on_click=dialog.close).props("outline")
+
+    def _next_theme(self) -> None:
+        theme = _THEMES[self._context.theme][1]
+        self._context.theme = theme
+        self._dark.value = {"light": False, "dark": True}.get(theme)
+        cookie = f"benchtool-theme={theme}; path=/; max-age=31536000; samesite=strict"
+        ui.run_javascript(f'document.cookie = "{cookie}"')
+        self._show_theme()
+
+    def _show_theme(self) -> None:
+        self._theme.props(f"icon={_THEMES[self._context.theme][0]}")
+
+
+def status_parts(bench: BenchClient) -> list[str]:
+    """Return one phrase each about bench, motors, arming and run."""
+    connection, live, sweep = bench.connection, bench.live, bench.sweep
+    parts = {
+        "off": ["no bench is connected"],
+        "opening": [f"opening {connection.address}"],
+        "on": [connection.address, motors_text(bench), "armed" if live.armed else "not armed"],
+    }[connection.status]
+    if connection.standstill_problem:
+        parts = [connection.standstill_problem]
+    if sweep.status != "none":
+        text = f"{sweep.noun} {Path(sweep.run).name} {sweep.status}"
+        if sweep.active and sweep.noun == "sweep":
+            text += f", {sweep.n_measured} of {sweep.n_points} points"
+        if sweep.active and sweep.remaining_s:
+            text += f", about {format_duration(sweep.remaining_s)} left"
+        parts.append(text)
+    return parts
+
+
+def motors_text(bench: BenchClient) -> str:
+    """Return the highest commanded pulse width, and the highest measured speed if any."""
+    command_us = max(bench.live.command_pwm_us, default=0.0)
+    rig = bench.connection.rig
+    if rig is None or command_us <= rig.propulsion.pwm_stop_us:
+        return ZERO_THROTTLE_TEXT
+    rpm = [limit.value for limit in bench.live.limits if limit.name == SPEED_LIMIT]
+    return f"motors at {command_us:.0f} us" + "".join(f", {value:.0f} rpm" for value in rpm)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import shlex
-import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from functools import wraps
-from inspect import isawaitable, iscoroutinefunction
+from inspect import iscoroutinefunction
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -24,8 +23,8 @@ from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
 from benchtool.web.control_socket import PAGES
-from benchtool.web.jobs import PageSection, format_internal_error
-from benchtool.web.uploads import store_upload
+from benchtool.web.jobs import PageSection, to_user_error
+from benchtool.web.tables import store_upload
 
 STYLE = (
     '<link rel="stylesheet" href="/static/shown.css"><script src="/static/shown.js" defer></script>'
@@ -60,10 +59,7 @@ def notify(text: str, *, logged: bool = False) -> None:
 
 def notify_error(error: Exception, *, logged: bool = False) -> None:
     """Show an error notification with the message of the command line until it is closed."""
-    is_expected = isinstance(error, BenchtoolError)
-    if not is_expected:
-        traceback.print_exception(error)
-    text = str(error) if is_expected else format_internal_error(error)
+    text = str(to_user_error(error))
     if not logged:
         log_message(text, is_error=True)
     ui.notify(
@@ -165,14 +161,26 @@ def show_stamp(simulated: bool) -> None:
         ui.label("SIMULATED").classes("stamp")
 
 
-def show_section(section: PageSection, *, has_header: bool = True) -> None:
-    """Create a section in the current slot, by default with title and command."""
-    if has_header:
-        with ui.row().classes("items-center gap-3"):
-            ui.label(section.title).classes("card-title")
-            show_stamp(section.simulated)
-        if section.command:
-            CommandRow(section.command)
+def show_title(section: PageSection, subtitle: str = "") -> None:
+    """Show the title of a section."""
+    with ui.row().classes("items-center gap-3"):
+        ui.label(section.title).classes("card-title")
+        if subtitle:
+            ui.label(subtitle).classes("soft")
+        show_stamp(section.simulated)
+
+
+def show_section(section: PageSection, *, has_title: bool = True) -> None:
+    """Show a section with its command."""
+    if has_title:
+        show_title(section)
+    if section.command:
+        CommandRow(section.command)
+    show_html(section)
+
+
+def show_html(section: PageSection) -> None:
+    """Show the contents of a section."""
     ui.html(section.html, sanitize=False).classes("shown-body")
 
 
@@ -181,6 +189,29 @@ def show_spinner(text: str) -> None:
     with ui.row().classes("items-center").props("role=status"):
         ui.spinner(size="sm")
         ui.label(text).classes("soft")
+
+
+def add_section_expansion(
+    title: str, load: Callable[[], Awaitable[PageSection]], text: str
+) -> ui.expansion:
+    """Create an expansion whose section is loaded when it is opened; `text` is shown meanwhile."""
+    with ui.expansion(title).classes("w-full") as expansion:
+        container = ui.column().classes("w-full")
+
+    @show_errors
+    async def fill() -> None:
+        if not expansion.value or container.default_slot.children:
+            return
+        with container:
+            show_spinner(text)
+        try:
+            section = await load()
+        finally:
+            container.clear()
+        with container:
+            show_html(section)
+
+    return expansion.on_value_change(fill)
 
 
 def multiple_choice(label: str, on_change: Callable[[], object]) -> ui.select:
@@ -204,55 +235,45 @@ def file_upload(label: str, **options: Any) -> ui.upload:
     return upload
 
 
-class TableUpload:
-    """Upload of untrusted tables and logs into the runs folder.
+def add_table_upload(
+    context: PageContext,
+    on_stored: Callable[[str], Awaitable[None]],
+    add_options: Callable[[ImportInputs], ImportInputs] = lambda inputs: inputs,
+) -> None:
+    """Create an upload of untrusted tables and logs into the runs folder.
 
     Args:
         on_stored: called with the name of each file in the folder.
         add_options: adds import options to the inputs; default: none.
     """
 
-    def __init__(
-        self,
-        context: PageContext,
-        on_stored: Callable[[str], Awaitable[None] | None],
-        add_options: Callable[[ImportInputs], ImportInputs] = lambda inputs: inputs,
-    ) -> None:
-        self._context, self._on_stored, self._add_options = context, on_stored, add_options
-        self._upload = file_upload(
-            "Or upload a CSV file or a log",
-            max_file_size=MAX_UPLOAD_BYTES,
-            on_upload=self._on_upload,
-            on_rejected=self._on_rejected,
-        )
-        self._upload.props(f'accept="{UPLOAD_TYPES}" flat bordered').classes("w-full")
-
     @show_errors
-    async def _on_upload(self, event: events.UploadEventArguments) -> None:
+    async def store(event: events.UploadEventArguments) -> None:
         try:
-            self._context.claim_control()
-            size = event.file.size()
-            data = (
-                await event.file.read() if size <= MAX_UPLOAD_BYTES else bytes(MAX_UPLOAD_BYTES + 1)
-            )
-            name = event.file.name
-            inputs = self._add_options(ImportInputs(files=(Path(name),)))
-            stored_name = await self._context.worker("tables").run(
-                store_upload, self._context.runs, name, data, today(), inputs
-            )
+            context.claim_control()
+            name, is_too_large = event.file.name, event.file.size() > MAX_UPLOAD_BYTES
+            data = bytes(MAX_UPLOAD_BYTES + 1) if is_too_large else await event.file.read()
+            inputs = add_options(ImportInputs(files=(Path(name),)))
+            stored_name = await context.compute("tables", store_upload, name, data, today(), inputs)
         finally:
-            self._upload.reset()
-        result = self._on_stored(stored_name)
-        if isawaitable(result):
-            await result
+            upload.reset()
+        await on_stored(stored_name)
 
-    def _on_rejected(self) -> None:
+    def reject() -> None:
         notify_error(
             InputError(
                 f"the file is no table or log, or larger than {MAX_UPLOAD_BYTES / 1e6:.0f} MB; "
                 f"use another, or copy it to the runs folder"
             )
         )
+
+    upload = file_upload(
+        "Or upload a CSV file or a log",
+        max_file_size=MAX_UPLOAD_BYTES,
+        on_upload=store,
+        on_rejected=reject,
+    )
+    upload.props(f'accept="{UPLOAD_TYPES}" flat bordered').classes("w-full")
 
 
 # --- dialogs ------------------------------------------------------------------------------------

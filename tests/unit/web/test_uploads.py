@@ -14,9 +14,8 @@ from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.report.compare.page import compare_runs
 from benchtool.report.page import Table
-from benchtool.web.tabs.fit.model_choice import FitRequest, build_recipe
-from benchtool.web.tabs.fit.work import store_radius
-from benchtool.web.uploads import stand_blocks, store_upload
+from benchtool.web.tables import stand_blocks, store_radius, store_upload
+from benchtool.web.tabs.fit.request import FitRequest, build_fit_inputs
 
 STAND = "rcbenchmark_1580/StepsTest_2020-05-22_102946.csv"
 LOG = "logs/sample_log_small.ulg"
@@ -41,11 +40,11 @@ def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(tmp_path, r
     entries = {entry.name: entry for entry in list_entries(folder)}
     request = FitRequest(data=[name], model="single", name="fit")
     with pytest.raises(InputError, match="does not say which rig"):
-        build_recipe(request, folder, entries)
+        build_fit_inputs(request, folder, entries)
     with pytest.raises(InputError, match="type one in m"):
         store_radius(runs, name, None)
     request.options["rig"] = str(store_radius(runs, name, 0.127))
-    recipe = build_recipe(request, folder, entries)
+    recipe = build_fit_inputs(request, folder, entries).recipe
     assert (recipe.columns, tuple(recipe.hold)) == (None, ("R_m",))
     with pytest.raises(WouldOverwrite):
         store_radius(runs, name, 0.2)

@@ -2,17 +2,127 @@
 
 from __future__ import annotations
 
-from nicegui import ui
+from nicegui import run, ui
 
+from benchtool.bench.drivers import DRIVERS
+from benchtool.core.errors import BenchtoolError
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.web.bench_process.messages import Connect, Disconnect, SetClockSpeed
+from benchtool.web.choices import rig_choices
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.charts import ChartCard
-from benchtool.web.tabs.bench.connect_card import ConnectCard
 from benchtool.web.tabs.bench.limits_card import LimitsCard
 from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
 from benchtool.web.tabs.bench.record_card import LiveRecordCard, RecordCard
-from benchtool.web.widgets import show_facts, titled_card
+from benchtool.web.widgets import CommandRow, show_errors, show_facts, titled_card
 
 REFRESH_INTERVAL_S = 0.25  # of the numbers
+
+CLOCK_SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
+DEFAULT_ADDRESS = "sim:pquad"  # needs no hardware
+PITCH_OPTIONS = "mode=pitch&schedule=identify"  # of a simulated hinge
+FIRST_STEPS = (  # shown without a connected bench
+    "**Without hardware**: press *Connect*. `sim:pquad` is a simulated quadrotor over a plate; no "
+    "real motor turns, and its clock can run up to 100 times faster.",
+    "**With a bench on a cable**: press *Find*, select its port and its rig, then press *Connect*. "
+    "Motors stay at zero throttle until you type ARM.",
+    "**Then**: *Sweep* measures thrust over plate distance and throttle, *Fit* estimates K_b and "
+    "the effective radius. *Simulate* and *Explain* need no bench.",
+)
+
+
+class ConnectCard:
+    """Selection of found ports, simulated rigs or any address."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        with ui.card().classes("w-full"):
+            with ui.row().classes("items-end w-full gap-3"):
+                self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
+                self._session = 0
+                self._address.classes("grow address").on_value_change(self._show_command)
+                with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
+                    # Filled instead of the menu: a late update of the menu would close it.
+                    self._addresses = ui.element("div")
+                self._menu.on("before-show", self._find)
+                rigs = {"": "from the address"} | rig_choices(RunsFolder(context.runs))
+                self._rig = ui.select(rigs, value="", label="Rig")
+                self._rig.classes("w-44").on_value_change(self._show_command)
+                self._on = ui.button("Connect", icon="power", on_click=self._connect)
+                self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
+                self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes(
+                    "w-44"
+                )
+                self._speed.on_value_change(self._set_speed)
+            self._command = CommandRow()
+        with titled_card("No bench is connected") as self._help_card:
+            ui.markdown("\n".join(f"1. {step}" for step in FIRST_STEPS)).classes("steps")
+        self._show_command()
+
+    def refresh(self) -> None:
+        connection, live = self._context.bench.connection, self._context.bench.live
+        self._on.set_visibility(connection.status == "off")
+        self._off.set_visibility(connection.status != "off")
+        self._speed.set_visibility(live.speed > 0.0)
+        self._help_card.set_visibility(connection.status == "off")
+        if connection.status == "on" and connection.session != self._session:
+            # A reloaded or watching page shows the connected bench.
+            self._session = connection.session
+            self._address.set_value(connection.address)
+            rig = connection.rig.name if connection.rig is not None else ""
+            if rig in self._rig.options and not connection.address.startswith("sim:"):
+                self._rig.set_value(rig)
+
+    @show_errors
+    def _connect(self) -> None:
+        self._context.require_control()
+        self._speed.value = 1
+        self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
+
+    @show_errors
+    def _disconnect(self) -> None:
+        self._context.send(Disconnect())
+
+    @show_errors
+    def _set_speed(self) -> None:
+        if self._context.bench.live.speed > 0.0 and self._context.in_control():
+            self._context.bench.send(SetClockSpeed(float(self._speed.value)))
+
+    def _show_command(self) -> None:
+        rig = ["--rig", self._rig.value] if self._rig.value else []
+        address = self._address.value.strip()
+        # An onboard controller would counteract a check that drives single rotors.
+        check = ["record", address, *rig, "--dry-run"] if "mode=pitch" in address else None
+        self._command.show(check or ["bench", "check", address, *rig])
+
+    async def _find(self) -> None:
+        from benchtool.bench.ports import serial_ports
+
+        self._addresses.clear()
+        try:
+            ports = await run.io_bound(serial_ports)
+        except BenchtoolError:
+            ports = ()
+        with self._addresses:
+            for port in ports or ():
+                name = port.by_id or port.name
+                self._add_address(f"serial:{name}", port.description or "serial port")
+            for rig in rig_choices(RunsFolder(self._context.runs)):
+                self._add_address(f"sim:{rig}", "simulated, no real motor turns")
+                self._add_address(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
+                if any(rotor.x_m for rotor in load_rig_by_name(rig).rotors):
+                    self._add_address(f"sim:{rig}?{PITCH_OPTIONS}", "simulated on a pitch hinge")
+            for name, driver in DRIVERS.items():
+                if name not in ("sim", "serial"):
+                    self._add_address(driver.example, "example, edit before use")
+        self._menu.run_method("updatePosition")
+
+    def _add_address(self, address: str, description: str) -> None:
+        item = ui.menu_item(on_click=lambda: self._address.set_value(address))
+        with item, ui.item_section():
+            ui.item_label(address)
+            ui.item_label(description).props("caption")
 
 
 class DeviceCard:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from nicegui import ui
@@ -17,8 +18,16 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.tabs.fit.work import stand_summary_html, store_columns, store_radius
-from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, show_errors
+from benchtool.web.tables import store_columns, store_radius, view_import
+from benchtool.web.widgets import (
+    add_section_expansion,
+    add_table_upload,
+    multiple_choice,
+    notify,
+    notify_error,
+    show_errors,
+    show_html,
+)
 
 FIT_CHANNELS = {
     "thrust_N": "thrust_N (required)",
@@ -87,7 +96,7 @@ class DataCard:
         self.entries: dict[str, Entry] = {}
         self.choice = multiple_choice("Runs and tables", self._show_columns)
         self.choice.on("popup-show", self.refresh)
-        TableUpload(context, self._uploaded)
+        add_table_upload(context, self._uploaded)
         self._columns = ui.column().classes("w-full")
         self._update_options()
 
@@ -125,7 +134,9 @@ class DataCard:
                 if self.entries[name].kind == "table":
                     try:
                         if is_stand_table(self._folder.find_file(name)):
-                            self._add_import_report(name)
+                            load = partial(self._context.compute, "tables", view_import, name)
+                            report = add_section_expansion(f"Import of {name}", load, "reading it")
+                            report.classes("bordered")
                         else:
                             self._add_column_form(name)
                         self._add_radius_field(name)
@@ -139,22 +150,6 @@ class DataCard:
         notify(f"saved as {name}")
         self.choice.set_value([*self.names, name])
 
-    def _add_import_report(self, name: str) -> None:
-        """Add the import report of a test-stand table."""
-        with ui.expansion(f"Import of {name}").classes("w-full bordered") as expansion:
-            container = ui.column().classes("w-full")
-
-        @show_errors
-        async def fill() -> None:
-            if not expansion.value or container.default_slot.children:
-                return
-            worker = self._context.worker("tables")
-            html = await worker.run(stand_summary_html, self._context.runs, name)
-            with container:
-                ui.html(html, sanitize=False).classes("shown-body")
-
-        expansion.on_value_change(fill)
-
     def _add_radius_field(self, name: str) -> None:
         """Add a field and a button to write a rig file with only the rotor radius."""
         with ui.row().classes("items-end w-full gap-3"):
@@ -165,8 +160,7 @@ class DataCard:
         @show_errors
         async def store() -> None:
             self._context.claim_control()
-            worker = self._context.worker("tables")
-            path = await worker.run(store_radius, self._context.runs, name, radius.value)
+            path = await self._context.compute("tables", store_radius, name, radius.value)
             notify(f"written: {path.name}")
             self._on_rig_written(str(path))
 
@@ -196,10 +190,9 @@ class DataCard:
             self._context.claim_control()
             result.clear()
             columns = check_columns({name: readers[name]() for name in FIT_CHANNELS})
-            worker = self._context.worker("tables")
-            html = await worker.run(store_columns, self._context.runs, name, columns)
+            section = await self._context.compute("tables", store_columns, name, columns)
             with result:
-                ui.html(html, sanitize=False).classes("w-full")
+                show_html(section)
             self._on_change()
 
         use.on_click(store)

@@ -4,30 +4,35 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, get_args
 
 from nicegui import ui
 
 from benchtool.commands.terminal.table_fit import MODEL
-from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import list_state_files
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
 from benchtool.report.numbers import display_unit
+from benchtool.web.choices import model_choices, model_path, rig_choices
+from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
-from benchtool.web.jobs import Job
-from benchtool.web.progress import JobProgress
-from benchtool.web.tabs.fit import model_choice
+from benchtool.web.jobs import Job, PageSection
 from benchtool.web.tabs.fit.data import DataCard
-from benchtool.web.tabs.fit.work import fit_to_folder, view_fit
-from benchtool.web.widgets import STYLE, CommandRow, show_errors, show_section, show_spinner
+from benchtool.web.tabs.fit.request import (
+    FitRequest,
+    ParameterChoice,
+    build_fit_inputs,
+    data_rig,
+    form_parameters,
+    suggested_name,
+)
+from benchtool.web.tabs.runs.detail import FIGURE_WORKER
+from benchtool.web.tabs.runs.view import view_fit
+from benchtool.web.widgets import show_errors, show_section, show_spinner
 
 DEFAULT_MODEL = "quad_bench"
-FIGURE_WORKER = "figures"  # process that reads runs and draws, shared with the Runs tab
-JOB_KIND = "fits"
 RESULT_KEY = "fit.answer"  # form key of the displayed fit
 
 BASES = {
@@ -55,33 +60,25 @@ HEADER = ("parameter", "unit", "free", "value", "bounds", "source")
 
 
 class ParameterTable:
-    """Table of a model's parameters with the user's choices, free or fixed."""
+    """Table of a model's parameters; `changes` are the user's choices, free or fixed."""
 
     def __init__(self, context: PageContext, on_change: Callable[[], None]) -> None:
         self._context, self._on_change = context, on_change
         self._model = ""
         self._parameters: dict[str, Parameter] = {}
-        self.choices: dict[str, model_choice.ParameterChoice] = {}
+        self.changes: dict[str, ParameterChoice] = {}
         self._container = ui.element("div").classes("w-full wide")
 
     def clear(self) -> None:
-        """Discard the choices before another model is shown."""
-        self._parameters, self.choices = {}, {}
+        """Discard the changes before another model is shown."""
+        self._parameters, self.changes = {}, {}
         self._container.clear()
 
     def show(self, model: str, parameters: dict[str, Parameter]) -> None:
         """Show a model's parameters and keep the user's changes, also for another rig."""
         if parameters == self._parameters:
             return
-        previous = self._parameters
         self._model, self._parameters = model, parameters
-        changes = {
-            name: choice
-            for name, choice in self.choices.items()
-            if choice != _default_choice(previous[name])
-        }
-        defaults = {name: _default_choice(parameter) for name, parameter in parameters.items()}
-        self.choices = {name: changes.get(name, choice) for name, choice in defaults.items()}
         self._container.clear()
         with self._container, ui.element("table").classes("shown parameters"):
             with ui.element("thead"), ui.element("tr"):
@@ -93,7 +90,8 @@ class ParameterTable:
                     self._add_row(name, parameter)
 
     def _add_row(self, name: str, parameter: Parameter) -> None:
-        choice = self.choices[name]
+        default = ParameterChoice(parameter.free, parameter.value)
+        choice = self.changes.get(name, default)
         bounds = f"{parameter.lower:g} … {parameter.upper:g}"
         bounds = bounds.replace("-", "−").replace("inf", "∞")
         with ui.element("tr"):
@@ -118,17 +116,15 @@ class ParameterTable:
             if f"{number:.6g}" == f"{parameter.value:.6g}":
                 number = parameter.value
             value.set_enabled(not free.value)
-            self.choices[name] = model_choice.ParameterChoice(bool(free.value), number)
+            self.changes[name] = ParameterChoice(bool(free.value), number)
+            if self.changes[name] == default:
+                del self.changes[name]
             self._on_change()
 
         free.on_value_change(read)
         value.on_value_change(read)
         for key, element in (("free", free), ("value", value)):
             self._context.persist(f"fit.{self._model}.{name}.{key}", element)
-
-
-def _default_choice(parameter: Parameter) -> model_choice.ParameterChoice:
-    return model_choice.ParameterChoice(parameter.free, parameter.value)
 
 
 class MethodCard:
@@ -170,13 +166,13 @@ class MethodCard:
         return {**values, "method": selected, "where": where}
 
 
-class FitTab:
+class FitTab(CommandTab[Job]):
     """Form and result of one page."""
 
+    label, icon, noun = "Fit", "functions", "fit"
+
     def __init__(self, context: PageContext, listing: RunsListing) -> None:
-        self._context = context
-        self._folder = listing.folder
-        self._ready = False
+        super().__init__(context)
         self._suggested_name = ""
         with ui.element("div").classes("fit-form"):
             with ui.card().classes("w-full"):
@@ -184,109 +180,80 @@ class FitTab:
                 self.data = DataCard(context, listing, self._on_data_change, self._on_rig_written)
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
-                models = model_choice.model_choices(self._folder, self.data.entries.values())
-                self._method = MethodCard(
-                    context, models, model_choice.rig_choices(self._folder), self._changed
-                )
+                models = model_choices(self.folder, self.data.entries.values())
+                rigs = rig_choices(self.folder)
+                self._method = MethodCard(context, models, rigs, self.change)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
                 self._model = ui.select(models, value=DEFAULT_MODEL, label="Model")
                 self._model.props("use-input input-debounce=0").classes("grow")
                 self._model.on_value_change(self._on_model_change)
-            self._parameters = ParameterTable(context, self._changed)
+            self._parameters = ParameterTable(context, self.change)
         with ui.card().classes("w-full"):
-            with ui.row().classes("items-end w-full gap-4"):
-                self._name = ui.input("Name of the fit's folder", on_change=self._changed)
-                self._name.classes("grow")
-                self._fit = ui.button("Fit", icon="functions", on_click=self._start)
-            self._command = CommandRow()
-            self._hint = ui.label().classes("soft").props("role=status")
-            self._progress = JobProgress(context, JOB_KIND, "fit", self._done)
-        self._result = ui.column().classes("w-full scroll-place")
-        self._ready = True
-        self._changed()
+            self._name = ui.input("Name of the fit's folder", on_change=self.change)
+            self._name.classes("w-full")
+            self.add_controls()
+        self.add_report()
         context.persist("fit.model", self._model)
         context.persist("fit.name", self._name)
 
     def _on_data_change(self) -> None:
         """Select the single-rotor model for tables, unless the user has selected another model."""
-        kinds = {self.data.entries[name].kind for name in self.data.names}
-        if self._ready and kinds == {"table"} and self._model.value == DEFAULT_MODEL:
-            self._model.set_value(MODEL)
-        self._changed()
+        if self.is_ready:
+            kinds = {self.data.entries[name].kind for name in self.data.names}
+            if kinds == {"table"} and self._model.value == DEFAULT_MODEL:
+                self._model.set_value(MODEL)
+        self.change()
 
     def _on_rig_written(self, path: str) -> None:
-        self._method.select_rig(model_choice.rig_choices(self._folder), path)
+        self._method.select_rig(rig_choices(self.folder), path)
 
     def _on_model_change(self) -> None:
         self._parameters.clear()
-        self._changed()
+        self.change()
 
-    def _request(self) -> model_choice.FitRequest:
-        return model_choice.FitRequest(
+    def read_form(self) -> tuple[str, FitInputs]:
+        name = suggested_name(self.folder, self.data.names)
+        if not self._name.value or self._name.value == self._suggested_name:
+            self._suggested_name = name
+            self._name.set_value(name)
+        model = model_path(self.folder, self._model.value)
+        request = FitRequest(
             data=self.data.names,
             model=self._model.value,
-            choices=dict(self._parameters.choices),
+            choices=self._parameters.changes,
             name=(self._name.value or "").strip(),
             options=self._method.options(),
         )
+        rig = data_rig(request, self.folder)
+        self._parameters.show(self._model.value, form_parameters(model, rig))
+        inputs = build_fit_inputs(request, self.folder, self.data.entries)
+        return request.name, inputs
 
-    def _changed(self) -> None:
-        if not self._ready:
-            return
-        suggested_name = model_choice.suggested_name(self._folder, self.data.names)
-        if not self._name.value or self._name.value == self._suggested_name:
-            self._suggested_name = suggested_name
-            self._name.set_value(suggested_name)
-        try:
-            model = model_choice.model_path(self._folder, self._model.value)
-            request = self._request()
-            self._parameters.show(
-                self._model.value,
-                model_choice.form_parameters(model, model_choice.data_rig(request, self._folder)),
-            )
-            request = self._request()
-            recipe = model_choice.build_recipe(request, self._folder, self.data.entries)
-            self._command.show(model_choice.command_arguments(recipe, request, self._folder))
-            self._hint.set_text("")
-            self._fit.enable()
-        except BenchtoolError as error:
-            self._hint.set_text(str(error))
-            self._fit.disable()
+    def show_report(self, job: Job) -> None:
+        self._show_section(job.state.result)
 
-    @show_errors
-    def _start(self) -> None:
-        self._context.claim_control()
-        request = self._request()
-        out = self._folder.new_path(request.name)
-        recipe = model_choice.build_recipe(request, self._folder, self.data.entries)
-        arguments = model_choice.command_arguments(recipe, request, self._folder)
-        self._result.clear()
-        profile = bool(request.options["profile"])
-        budget = request.options["budget"] or "propagation"
-        self._progress.start(lambda: Job(out, arguments, fit_to_folder, recipe, profile, budget))
+    def _show_section(self, section: PageSection) -> None:
+        with ui.card().classes("w-full"):
+            show_section(section)
 
-    async def show_result(self, name: str, command: tuple[str, ...] = ()) -> None:
+    async def show_stored(self, name: str) -> None:
         """Show a stored fit."""
-        section = await self._context.worker(FIGURE_WORKER).run(view_fit, self._folder.root, name)
-        self._result.clear()
-        with self._result, ui.card().classes("w-full"):
-            show_section(replace(section, command=command or section.command))
+        section = await self.context.compute(FIGURE_WORKER, view_fit, name)
+        self.report.clear()
+        with self.report:
+            self._show_section(section)
 
-    @show_errors
-    async def _done(self, job: Job[str]) -> None:
-        name = self._folder.relative_name(job.out)
-        self._context.server.forms.store(self._context.tab, RESULT_KEY, name)
-        await self.show_result(name, job.command)
-        self._result.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+    async def done(self, job: Job) -> None:
+        self.context.server.forms.store(self.context.tab, RESULT_KEY, job.out.name)
+        await super().done(job)
         await self.data.refresh()
-        self._changed()
+        self.change()
 
 
 def build(context: PageContext) -> None:
     """Build the tab; ?data=NAME selects data."""
-    ui.add_head_html(STYLE)
     names = ui.context.client.request.query_params.getlist("data")
     container = ui.column().classes("w-full gap-3")
     with container:
@@ -306,11 +273,11 @@ def build(context: PageContext) -> None:
             await tab.data.select(names)
         fit_name = context.server.forms.values(context.tab).get(RESULT_KEY)
         if fit_name and any(entry.name == fit_name for entry in listing.entries):
-            await tab.show_result(fit_name)
+            await tab.show_stored(fit_name)
 
     ui.timer(0.0, fill, once=True)
 
 
 def _preload() -> None:
-    model_choice.form_parameters(DEFAULT_MODEL)
+    form_parameters(DEFAULT_MODEL)
     Recipe(name="any", data=("any",), model=DEFAULT_MODEL)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +14,6 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import TABLES
 from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext
-from benchtool.web.jobs import PageSection
 from benchtool.web.tabs.runs.view import (
     MOTOR_PART,
     export_file,
@@ -26,12 +26,12 @@ from benchtool.web.tabs.runs.view import (
     view_part,
 )
 from benchtool.web.widgets import (
-    CommandRow,
+    add_section_expansion,
     open_tab,
     show_errors,
     show_section,
     show_spinner,
-    show_stamp,
+    show_title,
 )
 
 EXPORTABLE_KINDS = ("fit", *SWEEPS)
@@ -40,47 +40,46 @@ EXPORT_WORKER = "reports"  # process that writes downloads
 
 
 class Download(NamedTuple):
-    """Downloadable file: a file of the runs folder, a table of a run, or the report.
-
-    Attributes:
-        path: in the runs folder; "" for a table or the report.
-        table: of a run, to be exported; "" for others.
-    """
+    """Downloadable file; `function` returns its contents in a worker process, None: a path."""
 
     label: str
     file: str
-    path: str = ""
-    table: str = ""
+    function: Callable[..., bytes] | None
+    arguments: tuple[Any, ...]
 
 
 def downloads(entry: Entry) -> tuple[Download, ...]:
     """Return the downloads of an entry; () for an unreadable one."""
     if entry.problem:
         return ()
-    flat = entry.name.replace("/", "-")
+    name, flat = entry.name, entry.name.replace("/", "-")
     if entry.kind == "table":
-        return (Download("CSV", flat, path=entry.name),)
-    report = report_download(flat)
+        return (Download("CSV", flat, None, (name,)),)
+    report = report_download(flat, (name,))
     if entry.kind == "recording":
-        return report, Download("Recording", flat, path=entry.name)
+        return report, Download("Recording", flat, None, (name,))
     if entry.kind in ("fit", "explanation"):
         files = [FIT_FILE if entry.kind == "fit" else ANSWER_FILE]
         if entry.state not in ("stopped early", "not converged"):
             files.append("model.toml")
         return report, *(
-            Download(file, f"{flat}-{file}", path=f"{entry.name}/{file}") for file in files
+            Download(file, f"{flat}-{file}", None, (f"{name}/{file}",)) for file in files
         )
-    tables = TABLES if entry.kind in SWEEPS else ("samples",)
-    return (
-        report,
-        *(Download(f"{table}, CSV", f"{flat}-{table}.csv", table=table) for table in tables),
-        Download("samples, Parquet", f"{flat}-samples.parquet", table="samples"),
+    tables = [(table, "CSV") for table in (TABLES if entry.kind in SWEEPS else ("samples",))]
+    return report, *(
+        Download(
+            f"{table}, {label}",
+            f"{flat}-{table}.{label.lower()}",
+            table_bytes,
+            (name, table, f".{label.lower()}"),
+        )
+        for table, label in (*tables, ("samples", "Parquet"))
     )
 
 
-def report_download(name: str) -> Download:
+def report_download(name: str, entries: tuple[str, ...]) -> Download:
     """Return the download of a report."""
-    return Download("Report, HTML", f"{name}-report.html")
+    return Download("Report, HTML", f"{name}-report.html", report_bytes, (entries,))
 
 
 class RunDetail:
@@ -100,18 +99,20 @@ class RunDetail:
             return
         section, part_titles = result
         with self._container, ui.card().classes("w-full"):
-            with self._add_header(section, f"{entry.kind} {entry.state}".strip()):
+            show_title(section, f"{entry.kind} {entry.state}".strip())
+            with ui.row().classes("w-full gap-2"):
                 if entry.can_fit:
                     fit = ui.button("Fit", icon="functions").props("dense")
                     fit.on_click(lambda: open_tab("fit", data=name))
                 for download in downloads(entry):
-                    self._add_download(download, (name,))
+                    self._add_download(download)
                 has_export = entry.kind in EXPORTABLE_KINDS or MOTOR_PART in part_titles
                 if not entry.problem and has_export:
                     self._add_export(name)
-            self._add_body(section)
+            show_section(section, has_title=False)
             for title in part_titles:
-                self._add_expansion(name, title)
+                load = partial(self._context.compute, FIGURE_WORKER, view_part, name, title)
+                add_section_expansion(title, load, f"drawing {title.lower()}")
 
     async def compare(
         self, entries: Sequence[Entry], over: str = "", thrust_N: float | None = None
@@ -133,10 +134,10 @@ class RunDetail:
         if section is None:
             return
         with self._container, ui.card().classes("w-full"):
-            with self._add_header(section, ""):
-                if has_ratios:
-                    self._add_download(report_download("compared"), names)
-            self._add_body(section)
+            show_title(section)
+            if has_ratios:
+                self._add_download(report_download("compared", names))
+            show_section(section, has_title=False)
 
     async def _load(self, text: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of a worker function, or None if another entry was opened meanwhile."""
@@ -147,92 +148,54 @@ class RunDetail:
             show_spinner(text)
         self._container.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
         try:
-            result = await self._run(FIGURE_WORKER, function, *arguments)
+            result = await self._context.compute(FIGURE_WORKER, function, *arguments)
         finally:
             if number == self._request_number:
                 self._container.clear()
         return result if number == self._request_number else None
 
-    def _add_header(self, section: PageSection, subtitle: str) -> ui.row:
-        with ui.row().classes("items-center w-full gap-3"):
-            ui.label(section.title).classes("card-title")
-            ui.label(subtitle).classes("soft")
-            show_stamp(section.simulated)
-        return ui.row().classes("w-full gap-2")
+    def _add_download(self, download: Download) -> None:
+        async def load() -> tuple[str, bytes | Path]:
+            if download.function is None:
+                return download.file, self._folder.find_file(*download.arguments)
+            content = await self._context.compute(
+                EXPORT_WORKER, download.function, *download.arguments
+            )
+            return download.file, content
 
-    def _add_body(self, section: PageSection) -> None:
-        if section.command:
-            CommandRow(section.command)
-        show_section(section, has_header=False)
-
-    def _add_download(self, download: Download, names: tuple[str, ...]) -> None:
-        button = ui.button(download.label, icon="download").props("outline dense")
-        page = self._container.client
-
-        @show_errors
-        async def save() -> None:
-            button.props("loading")
-            try:
-                content = await self._load_content(download, names)
-            finally:
-                button.props(remove="loading")
-            # In the page's slot: opening another entry deletes the button.
-            with page:
-                ui.download(content, download.file)
-
-        button.on_click(save)
+        self._add_save(download.label, "download", load)
 
     def _add_export(self, name: str) -> None:
         """Add a download of the files of `benchtool export`."""
         titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
-        with ui.row().classes("items-center gap-1"):
-            target = (
-                ui.select(titles, value="ardupilot", label="For").props("dense").classes("w-40")
+
+        async def load() -> tuple[str, bytes | Path]:
+            file, content = await self._context.compute(
+                EXPORT_WORKER, export_file, name, target.value
             )
-            button = ui.button("Export", icon="flight").props("outline dense")
+            return file, content
+
+        with ui.row().classes("items-center gap-1"):
+            target = ui.select(titles, value="ardupilot", label="For")
+            target.props("dense").classes("w-40")
+            self._add_save("Export", "flight", load)
+
+    def _add_save(
+        self, label: str, icon: str, load: Callable[[], Awaitable[tuple[str, bytes | Path]]]
+    ) -> None:
+        """Add a button that saves a file; `load` returns its name and content."""
+        button = ui.button(label, icon=icon).props("outline dense")
         page = self._container.client
 
         @show_errors
         async def save() -> None:
             button.props("loading")
             try:
-                file, content = await self._run(EXPORT_WORKER, export_file, name, target.value)
+                file, content = await load()
             finally:
                 button.props(remove="loading")
+            # In the page's slot: opening another entry deletes the button.
             with page:
                 ui.download(content, file)
 
         button.on_click(save)
-
-    async def _load_content(self, download: Download, names: tuple[str, ...]) -> bytes | Path:
-        if download.path:
-            return self._folder.find_file(download.path)
-        if not download.table:
-            return bytes(await self._run(EXPORT_WORKER, report_bytes, names))
-        suffix = Path(download.file).suffix
-        return bytes(await self._run(EXPORT_WORKER, table_bytes, names[0], download.table, suffix))
-
-    def _add_expansion(self, name: str, title: str) -> None:
-        with ui.expansion(title).classes("w-full") as expansion:
-            container = ui.column().classes("w-full")
-        is_filled = False
-
-        @show_errors
-        async def fill() -> None:
-            nonlocal is_filled
-            if is_filled or not expansion.value:
-                return
-            is_filled = True
-            with container:
-                show_spinner(f"drawing {title.lower()}")
-            try:
-                section = await self._run(FIGURE_WORKER, view_part, name, title)
-            finally:
-                container.clear()
-            with container:
-                show_section(section, has_header=False)
-
-        expansion.on_value_change(fill)
-
-    async def _run(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        return await self._context.worker(worker).run(function, self._folder.root, *arguments)

@@ -17,7 +17,7 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
 from benchtool.web.tabs.runs.detail import RunDetail
-from benchtool.web.widgets import STYLE, TableUpload, notify, show_errors
+from benchtool.web.widgets import STYLE, add_table_upload, notify, show_errors
 
 ROWS_PER_PAGE = 10
 EMPTY_TEXT = (
@@ -82,7 +82,7 @@ class RunsTab:
                 with ui.element("div").classes("fit-form"):
                     self._import.add("flip", "tare", "scale", "air_density", "hover", "over")
                     self._import.add("near_m", "propeller")
-                TableUpload(context, self._uploaded, self._import.make)
+                add_table_upload(context, self._uploaded, self._import.make)
         context.persist("runs.search", self._search)
         context.persist("runs.kind", self._kind)
         self._detail = RunDetail(context)

@@ -17,12 +17,12 @@ from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import export_table
 from benchtool.web.jobs import PageSection
-from benchtool.web.tabs.fit.work import view_fit
-from benchtool.web.uploads import stand_blocks
+from benchtool.web.tables import stand_blocks
 
 if TYPE_CHECKING:
     from benchtool.core.choices import Over
-    from benchtool.report.page import Block, Report
+    from benchtool.report.page import Report
+    from benchtool.web.drawing import Content
 
 PREVIEW_ROWS = 12  # of a table; assumed
 
@@ -43,18 +43,15 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         return _view_table(path, name), _motor_parts(path)
     if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has no measured point yet; try again later")
-    from benchtool.report.page import FactTable, Paragraph
-    from benchtool.web.drawing import blocks_html
-
     report = _report(path, entry)
-    blocks: list[Block] = [Paragraph(report.summary)]
+    blocks: list[Content] = [report.summary]
     if entry.kind in SWEEPS:
         from benchtool.report.run_facts import simple_facts
 
-        blocks.append(FactTable(simple_facts(read_json(path / "metadata.json"))))
-    section = PageSection(
-        title=name,
-        html=blocks_html([*blocks, *report.sections[0].blocks]),
+        blocks.append(simple_facts(read_json(path / "metadata.json")))
+    section = PageSection.draw(
+        name,
+        [*blocks, *report.sections[0].blocks],
         simulated=report.simulated,
         command=("report", str(path)),
     )
@@ -64,18 +61,38 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
 
 def view_part(root: Path, name: str, title: str) -> PageSection:
     """Return a further section of an entry by title."""
-    from benchtool.web.drawing import blocks_html
-
     folder = RunsFolder(root)
     if title == MOTOR_PART:
         return _view_motor(folder.find_path(name))
     report = _report(folder.find_path(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == title:
-            return PageSection(
-                title=title, html=blocks_html(section.blocks), simulated=report.simulated
-            )
+            return PageSection.draw(title, section.blocks, simulated=report.simulated)
     raise InputError(f"{name} has no section {title!r}; open it again")
+
+
+def view_fit(root: Path, name: str) -> PageSection:
+    """Return the result of a stored fit, as printed by `benchtool fit`, with its figures."""
+    from benchtool.fit.result_file import read_fit
+    from benchtool.report.figure import captions
+    from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
+    from benchtool.report.page import Paragraph
+    from benchtool.web.drawing import FigureImage
+
+    path = RunsFolder(root).find_path(name)
+    stored = read_fit(path)
+    blocks = [block for block in terminal_blocks(stored) if block != Paragraph(SIMULATED)]
+    warnings, tables = blocks[-1], blocks[1:-1]
+    texts = captions("fit")
+    figures = [
+        FigureImage(file.read_bytes(), texts[key]) for key, file in figure_files(path).items()
+    ]
+    return PageSection.draw(
+        name,
+        [blocks[0], warnings, *figures[:1], *tables, *figures[1:]],
+        simulated=stored.simulated,
+        command=("report", str(path)),
+    )
 
 
 MOTOR_PART = "Thrust curve and motor constants"  # section of a test-stand log
@@ -95,14 +112,12 @@ def _motor_parts(path: Path) -> tuple[str, ...]:
 def _view_motor(path: Path) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
     from benchtool.report.motor.page import MOTOR, motor_sentence
-    from benchtool.report.page import Paragraph
-    from benchtool.web.drawing import blocks_html
 
     fit = fit_motor([path])
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
-    return PageSection(
-        title=MOTOR_PART,
-        html=blocks_html([Paragraph(motor_sentence(fit)), *blocks]),
+    return PageSection.draw(
+        MOTOR_PART,
+        [motor_sentence(fit), *blocks],
         simulated=fit.simulated,
         command=("motor", str(path)),
     )
@@ -124,16 +139,14 @@ def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | No
         thrust_N: thrust at which they are ranked; None for no ranking.
     """
     from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
-    from benchtool.report.page import Paragraph
-    from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).find_path(name) for name in names]
     comparison = compare_runs(paths, over, thrust_N)
     blocks = [block for section in COMPARISON.sections(comparison) for block in section.blocks]
     option = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
-    return PageSection(
-        title=f"{len(names)} compared over {over}",
-        html=blocks_html([Paragraph(comparison_sentence(comparison)), *blocks]),
+    return PageSection.draw(
+        f"{len(names)} compared over {over}",
+        [comparison_sentence(comparison), *blocks],
         simulated=comparison.simulated,
         command=("report", *map(str, paths), "--over", over, *option),
     )
@@ -143,12 +156,11 @@ def view_fits(root: Path, names: Sequence[str]) -> PageSection:
     """Return a comparison of parameter values of several fits."""
     from benchtool.fit.result_file import read_fit
     from benchtool.report.fit.tables import fits_table
-    from benchtool.web.drawing import blocks_html
 
     fits = {name: read_fit(RunsFolder(root).find_path(name)) for name in names}
-    return PageSection(
-        title=f"{len(names)} fits compared",
-        html=blocks_html([fits_table({name: fit.results for name, fit in fits.items()})]),
+    return PageSection.draw(
+        f"{len(names)} fits compared",
+        [fits_table({name: fit.results for name, fit in fits.items()})],
         simulated=any(fit.simulated for fit in fits.values()),
     )
 
@@ -157,15 +169,14 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return a comparison plot of several sweeps with their common settings."""
     from benchtool.report.sweep.page import COMPARED
     from benchtool.report.sweep.run import read_sweep_run
-    from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).find_path(name) for name in names]
     if len(paths) < 2:
         raise InputError("a comparison needs two sweeps or more; select more")
     report = COMPARED.report([read_sweep_run(path) for path in paths])
-    return PageSection(
-        title=f"{len(names)} sweeps compared",
-        html=blocks_html(report.sections[0].blocks),
+    return PageSection.draw(
+        f"{len(names)} sweeps compared",
+        report.sections[0].blocks,
         simulated=report.simulated,
         command=("report", *map(str, paths)),
     )
@@ -199,8 +210,7 @@ def _view_explanation(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
     from benchtool.report.figure import captions
-    from benchtool.report.page import FactTable, Paragraph
-    from benchtool.web.drawing import FigureImage, blocks_html
+    from benchtool.web.drawing import FigureImage
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
@@ -218,17 +228,16 @@ def _view_explanation(path: Path, name: str) -> PageSection:
         rows[f"{DATA_SETS.get(purpose, purpose)} recordings"] = ", ".join(sources)
     if next_title := facts.get("next_experiment", {}).get("title"):
         rows["next experiment"] = str(next_title)
-    return PageSection(
-        title=name,
-        html=blocks_html([Paragraph(str(facts["sentence"])), FactTable(rows), *figures]),
+    return PageSection.draw(
+        name,
+        [str(facts["sentence"]), rows, *figures],
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
     )
 
 
 def _view_table(path: Path, name: str) -> PageSection:
-    from benchtool.report.page import Paragraph, Table
-    from benchtool.web.drawing import blocks_html
+    from benchtool.report.page import Table
 
     table = read_csv_text(path)
     size = f"{len(table.rows)} rows, {len(table.header)} columns."
@@ -236,7 +245,7 @@ def _view_table(path: Path, name: str) -> PageSection:
         size += f" Repairs: {'; '.join(table.repairs)}."
     caption = f"First {min(PREVIEW_ROWS, len(table.rows))} rows."
     rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS].tolist(), text_columns=0)
-    return PageSection(title=name, html=blocks_html([Paragraph(size), *stand_blocks(path), rows]))
+    return PageSection.draw(name, [size, *stand_blocks(path), rows])
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from nicegui import events, run, ui
 
-from benchtool.acquire.check_plan import check_plan
+from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
 from benchtool.acquire.visit_order import (
+    Visit,
     expected_duration_s,
     format_duration,
     plan_settings,
@@ -24,7 +24,7 @@ from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
 from benchtool.core.text import format_value
-from benchtool.data.atomic import read_json
+from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.messages import StartRun
 from benchtool.web.context import PageContext
@@ -51,31 +51,19 @@ MAIN_FIELDS = (  # inputs of a plan that are always visible
 FIELDS = tuple(item.name for item in items(Plan))
 PLATE_FIELDS = (*(item.name for item in items(PlatePart)), "anchor_every")  # inputs of a plate
 AIR = tuple(item.name for item in items(Air))
+STOPPED = ("sweep", "stopped")  # kind and state of an entry that can be resumed
 
 
-class PlanPreview(NamedTuple):
-    """Preview of a plan.
-
-    Attributes:
-        arming_text: information for the operator before arming.
-        rows: points in order, with keys COLUMNS.
-    """
-
-    facts: Mapping[str, str]
-    arming_text: str
-    rows: Sequence[dict[str, str]]
-
-
-def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
-    """Return the preview of a resolved plan; raise if it exceeds the limits of rig or device."""
-    expected = check_plan(plan, rig, device_limits)
-    visits = plan_visits(plan, rig)
+def plan_facts(
+    plan: Plan, rig: Rig, visits: Sequence[Visit], expected: PlanExtremes
+) -> dict[str, str]:
+    """Return the summary of a resolved plan."""
     radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
     extra = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
     extra = extra if plan.plate.used else ""
     pulses = ", ".join(f"{pwm_us:g}" for pwm_us in plan.throttle.pwm_us)
-    facts = {
+    return {
         "rig": f"{rig.name}: {rig.title}",
         "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
         or "no plate: throttle only",
@@ -90,17 +78,21 @@ def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | Non
             f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N"
         ),
     }
+
+
+def plan_rows(plan: Plan, rig: Rig, visits: Sequence[Visit]) -> list[dict[str, str]]:
+    """Return the points in order, with keys COLUMNS."""
     rows = []
     for visit in visits[:MAX_PREVIEW_ROWS]:
         kind: str = visit.kind
-        z_text, pwm_text = f"{visit.target_z_m / radius_m:.2f}", f"{visit.level_us:g}"
+        z_text = f"{visit.target_z_m / rig.propulsion.radius_m:.2f}"
         if not plan.plate.used:
             kind, z_text = "throttle", "–"
         elif visit.is_parked:
             z_text = "parked"
-        row = (str(visit.point), kind, z_text, pwm_text, str(visit.repeat))
+        row = (str(visit.point), kind, z_text, f"{visit.level_us:g}", str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
-    return PlanPreview(facts, arming_prompt(plan, rig, expected), rows)
+    return rows
 
 
 def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
@@ -122,7 +114,7 @@ class PlanCard:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._session: tuple[int, str] = (-1, "")
-        self._preview: PlanPreview | None = None
+        self._arming_text = ""  # of a valid plan
         self._base, self._file = SweepInputs(), ""
         self._form = InputForm(SweepInputs, self._update)
         with titled_card("Plan") as self._card:
@@ -189,13 +181,15 @@ class PlanCard:
             self._update()
         is_idle = connection.status == "on" and not connection.is_weighing
         is_idle = is_idle and not self._context.bench.sweep.active
-        self._start.set_enabled(is_idle and self._preview is not None)
+        self._start.set_enabled(is_idle and bool(self._arming_text))
         self._resume.set_enabled(is_idle)
 
     def _update(self) -> None:
         connection, runs = self._context.bench.connection, self._context.runs
         rig = connection.rig
-        problem, self._preview = "", None
+        problem = self._arming_text = ""
+        facts: dict[str, str] = {}
+        rows: list[dict[str, str]] = []
         try:
             if rig is None:
                 raise InputError("a plan needs the rig of a bench; connect a bench first")
@@ -203,13 +197,16 @@ class PlanCard:
             self._form.show_defaults(plan_texts(plan, rig))
             self._form.show_fields(PLATE_FIELDS, plan.plate.used)
             limits = connection.identity.limits if connection.identity else None
-            self._preview = build_preview(plan, rig, limits)
+            expected, visits = check_plan(plan, rig, limits), plan_visits(plan, rig)
+            facts = plan_facts(plan, rig, visits, expected)
+            rows = plan_rows(plan, rig, visits)
+            self._arming_text = arming_prompt(plan, rig, expected)
         except BenchtoolError as error:
             problem = str(error)
         self._problem.set_text(problem)
         self._problem.set_visibility(bool(problem))
-        show_facts(self._facts, self._preview.facts if self._preview else {})
-        self._order.rows = list(self._preview.rows) if self._preview else []
+        show_facts(self._facts, facts)
+        self._order.rows = rows
         self._order.update()
         extra = {
             "address": connection.address or "ADDRESS",
@@ -223,9 +220,9 @@ class PlanCard:
     def _arm(self) -> None:
         self._context.require_control()
         self._update()
-        if self._preview is None:
+        if not self._arming_text:
             raise InputError(self._problem.text)
-        self._confirm(self._preview.arming_text, None)
+        self._confirm(self._arming_text, None)
 
     def _confirm(self, text: str, resume: Path | None) -> None:
         def start(typed: str, needs_page: bool) -> None:
@@ -240,11 +237,12 @@ class PlanCard:
     @show_errors
     async def _select_run(self) -> None:
         self._context.require_control()
-        names = await run.io_bound(stopped_runs, self._context.runs)
+        entries = await run.io_bound(load_entries, self._context.runs)
+        names = [entry.name for entry in entries if (entry.kind, entry.state) == STOPPED]
         if not names:
             raise InputError(f"no stopped sweep in {self._context.runs}; start a new sweep")
         with open_dialog("Resume a run") as dialog:
-            select = ui.select(list(names), value=names[0]).classes("w-full")
+            select = ui.select(names, value=names[0]).classes("w-full")
 
             @show_errors
             def resume() -> None:
@@ -256,17 +254,3 @@ class PlanCard:
             with ui.row():
                 ui.button("Resume", on_click=resume)
                 ui.button("Cancel", on_click=dialog.close).props("outline")
-
-
-def stopped_runs(folder: Path) -> list[str]:
-    """Return the names of stopped sweeps, newest first."""
-    runs = []
-    for path in folder.glob("*/metadata.json"):
-        try:
-            facts = read_json(path)
-        except BenchtoolError:
-            continue
-        is_sweep = facts.get("experiment") is None and (path.parent / "plan.toml").is_file()
-        if is_sweep and facts.get("state") == "stopped":
-            runs.append((path.stat().st_mtime, path.parent.name))
-    return [name for _, name in sorted(runs, reverse=True)]

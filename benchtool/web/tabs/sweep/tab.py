@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from nicegui import ui
 
 from benchtool.acquire.visit_order import format_duration
+from benchtool.core.errors import BenchtoolError
+from benchtool.data.run.ratios import RATIO_BASES
+from benchtool.physics.model_file import model_names
+from benchtool.report.palette import GREY, SERIES_STYLES, VERMILION
+from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.charts import ChartCard
 from benchtool.web.tabs.bench.limits_card import LimitsCard
 from benchtool.web.tabs.sweep.plan_card import PlanCard
-from benchtool.web.tabs.sweep.ratio_card import RatioCard
+from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios, model_curves
+from benchtool.web.theme import LIGHT_INK
 from benchtool.web.widgets import open_tab, show_errors
 
 REFRESH_INTERVAL_S = 0.5
@@ -87,6 +96,127 @@ class RunCard:
     def _send(self) -> None:
         self._context.send(AnswerQuestion(self._answer.value))
         self._answer.value = ""
+
+
+BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pulse", "equal_power": "equal power"}
+
+assert tuple(BASES) == RATIO_BASES
+
+DEFAULT_MODELS = {1: "single_bench", 4: "quad_bench"}  # by number of discs
+CURVE_Z_OVER_R = (0.5, 5.0)
+_STAMP = {
+    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
+    "showarrow": False, "font": {"color": VERMILION, "size": 13},
+    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
+}  # fmt: skip
+_EMPTY_TEXT = {
+    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
+}  # fmt: skip
+
+
+class RatioCard:
+    """Thrust ratios of the current run with a selected model."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        self._plot_key: tuple[object, ...] = ()
+        self._rig_name = ""
+        self._curves: tuple[Trace, ...] = ()
+        self._curves_key: tuple[str, ...] = ()
+        self._lock = asyncio.Lock()
+        with ui.card().classes("w-full"):
+            with ui.row().classes("items-end w-full"):
+                ui.label("Thrust").classes("card-title grow")
+                self._basis = ui.select(BASES, value=RATIO_BASES[0], label="At")
+                self._basis.classes("w-36")
+                models = {"": "no model", **{name: name for name in model_names()}}
+                self._model = ui.select(models, value="", label="Model and its band")
+                self._model.classes("w-52")
+            figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
+            self._plot = ui.plotly(figure).classes("w-full ratio-plot")
+            self._problem = ui.label().classes("soft")
+
+    async def refresh(self) -> None:
+        if self._lock.locked():
+            return
+        async with self._lock:
+            await self._refresh()
+
+    async def _refresh(self) -> None:
+        bench = self._context.bench
+        rig, sweep = bench.connection.rig, bench.sweep
+        ink = LIGHT_INK if self._context.dark else SERIES_STYLES["measurement"].color
+        if rig is not None and rig.name != self._rig_name:
+            self._rig_name = rig.name
+            self._model.value = DEFAULT_MODELS.get(rig.n_discs, "")
+        model, basis, text = self._model.value, self._basis.value, empty_text(bench)
+        rig_name = rig.name if rig else ""
+        key = (sweep.run, sweep.n_measured, rig_name, model, basis, ink, text)
+        if key == self._plot_key:
+            return
+        self._plot_key = key
+        worker = self._context.worker("plots")
+        points = MeasuredRatios()
+        if sweep.run and sweep.n_measured and sweep.kind != "pitch":
+            points = await worker.run(measured_ratios, Path(sweep.run), basis)
+        if rig is not None and self._curves_key != (rig.name, model, ink, basis):
+            self._curves_key = rig.name, model, ink, basis
+            try:
+                self._curves = await worker.run(
+                    model_curves, model, rig, CURVE_Z_OVER_R, ink, basis
+                )
+            except BenchtoolError as error:
+                self._curves = await worker.run(model_curves, "", rig, CURVE_Z_OVER_R, ink, basis)
+                points = points if points.rows else MeasuredRatios(problem=str(error))
+        self._plot.update_figure(ratio_figure(points, self._curves, text, ink))
+        self._problem.set_text(points.problem)
+        self._problem.set_visibility(bool(points.problem))
+
+
+def empty_text(bench: BenchClient) -> str:
+    """Return the text of an empty plot."""
+    if bench.sweep.active and bench.sweep.kind == "sweep":
+        return "No point measured yet."
+    if bench.connection.status == "on":
+        return "Start a sweep to see its points here."
+    return "Connect a bench under Bench, then start a sweep<br>to see its points here."
+
+
+def ratio_figure(
+    points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
+) -> dict[str, Any]:
+    """Return the Plotly figure of the thrust ratio."""
+    x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
+    measured = {
+        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
+        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
+        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
+    }  # fmt: skip
+    is_empty = not points.rows and not curves
+    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
+    if points.is_thrust:
+        curves, x_title, y_title = (), "pulse width, us", "thrust, N"
+    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
+    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
+    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
+    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
+    notes = [stamp] if points.simulated else notes
+    return {
+        "data": [*curves, measured],
+        "layout": {
+            "height": 420,
+            "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
+            "xaxis": {**axis, "title": {"text": x_title}},
+            "yaxis": {**axis, "title": {"text": y_title}},
+            "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
+            "uirevision": x_title,
+            "annotations": notes,
+        },
+        "config": {"displayModeBar": False, "responsive": True},
+    }
 
 
 def build(context: PageContext) -> None:

@@ -11,7 +11,7 @@ from benchtool.core.errors import LinkLost, StandstillNotConfirmed
 from benchtool.web.bench_process import process
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Connect, ConnectionStatus
-from benchtool.web.header import status_parts
+from benchtool.web.page import status_parts
 
 TURNING = StandstillNotConfirmed("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
 

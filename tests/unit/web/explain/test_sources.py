@@ -16,13 +16,9 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.recording_file import write_recording
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.tabs.explain.sources import (
-    EXAMPLE_PREFIX,
-    RecordingSources,
-    command_arguments,
-    explain_inputs,
-    suggested_folder,
-)
+from benchtool.web.choices import EXAMPLE_PREFIX, RecordingSources
+from benchtool.web.command_jobs import command_arguments
+from benchtool.web.tabs.explain.tab import explain_inputs, suggested_folder
 
 EXAMPLES = Path(__file__).parents[4] / "datasets"
 
@@ -42,7 +38,7 @@ def sources(tmp_path):
 
 
 def test_recordings_of_the_runs_folder_come_before_the_examples(sources):
-    recordings = sources.read_choices().recordings
+    recordings, _ = sources.read_choices()
     assert set(list(recordings)[:2]) == {"mine/learn.parquet", "table.csv"}
     assert f"{EXAMPLE_PREFIX}pitch_friction/check.parquet" in recordings
     assert f"{EXAMPLE_PREFIX}quad/run" in recordings
@@ -85,14 +81,14 @@ def test_the_command_names_everything(sources):
         [f"{EXAMPLE_PREFIX}pitch_friction/check.parquet"],
         "pitch_pquad",
     )
-    inputs = explain_inputs(sources, *chosen, "pquad")
+    out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
+    inputs = explain_inputs(sources, *chosen, "pquad", out)
     with pytest.raises(InputError, match="does not say which rig it was measured on"):
         explain_inputs(sources, *chosen)
     with pytest.raises(InputError, match=r"unknown rig 'mine\.toml'"):
         explain_inputs(sources, *chosen, "mine.toml")
-    out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
     assert out == sources.runs.root / "2024-05-06-explain-learn"
-    assert command_arguments(inputs, out) == [
+    assert command_arguments(inputs) == [
         "explain", str(sources.runs.root / "mine/learn.parquet"), "--model", "pitch_pquad",
         "--rig", "pquad", "--check", str(EXAMPLES / "pitch_friction/check.parquet"),
         "--out", str(out),

@@ -14,8 +14,8 @@ from benchtool.data.run.entry import build_entry
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
+from benchtool.web.command_jobs import Simulation, command_arguments, simulate_to_folder
 from benchtool.web.jobs import PageSection
-from benchtool.web.tabs.simulate.work import Simulation, command_arguments, simulate_to_folder
 from tests.unit.commands.command_line import run
 
 BEAM: dict[str, Any] = {

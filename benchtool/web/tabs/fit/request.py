@@ -1,23 +1,17 @@
-"""Models and rigs for the Fit tab, and the recipe and command of its form."""
+"""Inputs of `benchtool fit` from the form of the Fit tab."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import build_inputs, to_arguments, with_changes
+from benchtool.core.inputs import build_inputs
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import load_rig_by_name, rig_names
-from benchtool.core.toml_text import parse_toml
-from benchtool.core.user_code import check_code_allowed
-from benchtool.core.user_file import read_text
 from benchtool.data.column_map import read_column_map
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.formats.formats import is_stand_table
@@ -28,11 +22,8 @@ from benchtool.data.run.state import list_state_files
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.fit_data import RATIO_BASIS
 from benchtool.fit.recipe import FitInputs, Recipe
-from benchtool.physics.model_file import LoadedModel, load_model, model_names
-
-MODEL_FILE = "model.toml"
-
-COMMAND_OPTIONS = ("profile", "budget")  # not part of a recipe
+from benchtool.physics.model_file import load_model
+from benchtool.web.choices import check_rig_choice, model_path
 
 
 class ParameterChoice(NamedTuple):
@@ -49,7 +40,7 @@ class FitRequest:
     Attributes:
         data: names of runs and tables.
         model: key of `model_choices`.
-        choices: by parameter.
+        choices: of parameters that differ from the model.
     """
 
     data: list[str] = field(default_factory=list)
@@ -59,68 +50,10 @@ class FitRequest:
     options: dict[str, Any] = field(default_factory=dict)
 
 
-def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str]:
-    """Return labels of library models and of models from fits and explanations, by name."""
-    labels = {name: name for name in model_names()}
-    for entry in entries:
-        if entry.kind in ("fit", "explanation") and not entry.problem:
-            name = f"{entry.name}/{MODEL_FILE}"
-            if (folder.root / name).is_file():
-                labels[name] = f"{entry.name} ({entry.rig}, from this {entry.kind})"
-    return labels
-
-
-def model_path(folder: RunsFolder, name: str) -> str:
-    """Return the name of a library model, or the path of a model in the runs folder.
-
-    Raises:
-        InputError: the model file or its rig is outside the folder, or needs user code.
-    """
-    if name in model_names():
-        return name
-    path = folder.find_file(name)
-    table = parse_toml(read_text(path), name).get("model", {})
-    table = table if isinstance(table, dict) else {}
-    parent = PurePosixPath(name).parent
-    if table.get("effects_file"):
-        check_code_allowed(f"{parent}/{table['effects_file']}")
-    rig = str(table.get("rig", ""))
-    if rig and rig not in rig_names():
-        if PurePosixPath(rig).name != rig:
-            raise InputError(
-                f"rig {rig!r} of {name} is outside its folder, but the page reads the runs folder "
-                f"only; use benchtool fit --model"
-            )
-        folder.find_file(f"{parent}/{rig}")
-    return str(path)
-
-
 def form_parameters(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
     """Return a model's parameters by full name, without noise parameters, which an option sets."""
-    parameters = load_choice(model, rig).model.parameters
+    parameters = load_model(model, rig).model.parameters
     return {name: value for name, value in parameters.items() if not name.startswith("noise.")}
-
-
-def load_choice(model: str, rig: Rig | None = None) -> LoadedModel:
-    """Return a model on a rig, by default its own; cached until its file changes."""
-    path = Path(model)
-    return _load(model, path.stat().st_mtime_ns if path.is_file() else 0, _RigKey(rig))
-
-
-@dataclass(frozen=True, slots=True)
-class _RigKey:
-    """Cache key of a rig, which can be compared but not hashed."""
-
-    rig: Rig | None
-
-    def __hash__(self) -> int:
-        return hash(self.rig.name if self.rig else None)
-
-
-@lru_cache(maxsize=8)
-def _load(model: str, stamp: int, key: _RigKey) -> LoadedModel:
-    del stamp  # part of the cache key: changes with the file
-    return load_model(model, key.rig)
 
 
 def choice_options(
@@ -143,8 +76,10 @@ def choice_options(
     return {"free": free, "hold": hold, "fix": fix}
 
 
-def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]) -> Recipe:
-    """Return the recipe of the form; raise for missing data or an invalid value."""
+def build_fit_inputs(
+    request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]
+) -> FitInputs:
+    """Return the inputs of `benchtool fit` for the form; raise for missing or invalid values."""
     if not request.data:
         raise InputError(
             "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
@@ -160,7 +95,7 @@ def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, 
         )
     model = model_path(folder, request.model)
     columns = read_column_map(stored[0]) if stored else {}
-    if tables and not stored and not load_choice(model).columns:
+    if tables and not stored and not load_model(model).columns:
         for name in tables:
             path = folder.find_file(name)
             if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
@@ -168,14 +103,15 @@ def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, 
                     f"{name} has no column thrust_N; select its columns above and press Use these "
                     f"columns"
                 )
-    base = Recipe(
+    recipe = Recipe(
         name=request.name,
         data=tuple(str(path) for path in paths),
         model=model,
         columns=str(stored[0]) if stored else None,
     )
+    base = FitInputs(recipe=recipe, out=folder.root / request.name if request.name else None)
     parameters = form_parameters(model, data_rig(request, folder))
-    options = {key: value for key, value in request.options.items() if key not in COMMAND_OPTIONS}
+    options = dict(request.options)
     choices: dict[str, Any] = choice_options(parameters, request.choices)
     if "R_m" in parameters and tables and _has_no_plate(tables, columns, folder):
         # As in the command: without a plate, the effective radius is not identifiable.
@@ -188,7 +124,7 @@ def build_recipe(request: FitRequest, folder: RunsFolder, entries: Mapping[str, 
     calibration = options.get("calibration")
     if calibration is not None and calibration not in calibrations:
         raise UnknownChoice("calibration", str(calibration), calibrations)
-    return build_inputs(Recipe, {**choices, **options}, source="label", base=base)
+    return build_inputs(FitInputs, {**choices, **options}, source="label", base=base)
 
 
 def _has_no_plate(
@@ -204,32 +140,6 @@ def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
     """Return the rig of the data; None for the rig of the model file."""
     rig = check_rig_choice(request.options.get("rig"), folder)
     return rig_for_data([str(folder.find_path(name)) for name in request.data], request.model, rig)
-
-
-def rig_choices(folder: RunsFolder) -> dict[str, str]:
-    """Return labels of library rigs and of rig files in the runs folder, by name or path."""
-    labels = {name: name for name in rig_names()}
-    for path in sorted(folder.root.glob("*.toml")):
-        try:
-            file = folder.find_file(path.name)
-            labels[str(file)] = f"{load_rig_by_name(file).name} ({path.name})"
-        except InputError:
-            continue  # another kind of file, or an invalid rig
-    return labels
-
-
-def check_rig_choice(name: str | None, folder: RunsFolder) -> str | None:
-    """Return the name of a rig; raise if it is not a choice of the page."""
-    if name is not None and name not in (choices := rig_choices(folder)):
-        raise UnknownChoice("rig", name, choices)
-    return name
-
-
-def command_arguments(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
-    """Return the arguments of the equivalent `benchtool fit`."""
-    out = str(folder.root / request.name) if request.name else ""
-    extra = {name: request.options.get(name) or None for name in COMMAND_OPTIONS}
-    return ["fit", *to_arguments(FitInputs, with_changes(recipe) | extra | {"out": out})]
 
 
 def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:

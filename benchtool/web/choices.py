@@ -1,74 +1,81 @@
-"""Recordings and models for the Explain tab: runs folder, and examples of a source checkout."""
+"""Models, rigs and recordings to choose on the page: library, runs folder, and examples."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from benchtool.core.errors import BenchtoolError, InputError
-from benchtool.core.inputs import to_arguments, with_changes
+from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
+from benchtool.core.rig_file import load_rig_by_name, rig_names
 from benchtool.core.toml_text import parse_toml
+from benchtool.core.user_code import check_code_allowed
 from benchtool.core.user_file import MAX_TEXT_BYTES, read_text
-from benchtool.data.catalogue.index import list_entries
+from benchtool.data.catalogue.index import list_entries, load_entries
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import SWEEPS, Entry
 from benchtool.data.run.read import load_rig_for_data, sample_names
 from benchtool.data.run.recording_file import FORMAT, metadata_path
 from benchtool.data.run.run_metadata import read_recording_facts
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.explain.inputs import ExplainInputs
-from benchtool.fit.data_rig import rig_for_data
 from benchtool.physics.model_file import model_names
-from benchtool.web.tabs.fit.model_choice import check_rig_choice, model_choices, model_path
+
+MODEL_FILE = "model.toml"
 
 
-def command_arguments(inputs: ExplainInputs, out: Path) -> list[str]:
-    """Return the arguments of the equivalent `benchtool explain`."""
-    return ["explain", *to_arguments(ExplainInputs, with_changes(replace(inputs, out=out)))]
+def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str]:
+    """Return labels of library models and of models from fits and explanations, by name."""
+    labels = {name: name for name in model_names()}
+    for entry in entries:
+        if entry.kind in ("fit", "explanation") and not entry.problem:
+            name = f"{entry.name}/{MODEL_FILE}"
+            if (folder.root / name).is_file():
+                labels[name] = f"{entry.name} ({entry.rig}, from this {entry.kind})"
+    return labels
 
 
-def explain_inputs(
-    sources: RecordingSources,
-    learn: Sequence[str],
-    check: Sequence[str],
-    model: str,
-    rig: str | None = None,
-) -> ExplainInputs:
-    """Return the inputs of `benchtool explain` for the selected choices."""
-    if not learn:
-        raise InputError(
-            "no training recording is selected; select one, save one under Simulate, or record "
-            "one under Bench"
-        )
-    if not check:
-        raise InputError(
-            "no validation recording is selected; select another recording of the same bench"
-        )
-    if common := set(learn) & set(check):
-        raise InputError(
-            f"{', '.join(sorted(common))} is selected for both training and validation; select "
-            f"different recordings"
-        )
-    if not model:
-        raise InputError("no model is selected; select the model that describes the recordings")
-    inputs = ExplainInputs(
-        recordings=tuple(str(sources.find_path(name)) for name in learn),
-        check=tuple(str(sources.find_path(name)) for name in check),
-        model=sources.find_model(model),
-        rig=check_rig_choice(rig, sources.runs),
-    )
-    rig_for_data((*inputs.recordings, *inputs.check), inputs.model, inputs.rig)
-    return inputs
+def model_path(folder: RunsFolder, name: str) -> str:
+    """Return the name of a library model, or the path of a model in the runs folder.
+
+    Raises:
+        InputError: the model file or its rig is outside the folder, or needs user code.
+    """
+    if name in model_names():
+        return name
+    path = folder.find_file(name)
+    table = parse_toml(read_text(path), name).get("model", {})
+    table = table if isinstance(table, dict) else {}
+    parent = PurePosixPath(name).parent
+    if table.get("effects_file"):
+        check_code_allowed(f"{parent}/{table['effects_file']}")
+    rig = str(table.get("rig", ""))
+    if rig and rig not in rig_names():
+        if PurePosixPath(rig).name != rig:
+            raise InputError(
+                f"rig {rig!r} of {name} is outside its folder, but the page reads the runs folder "
+                f"only; use benchtool fit --model"
+            )
+        folder.find_file(f"{parent}/{rig}")
+    return str(path)
 
 
-def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str) -> Path:
-    """Return a free folder for the result of some recordings."""
-    first = Path(learn[0].rsplit("/", 1)[-1]).stem if learn else "recording"
-    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", first).strip("-_")[:40] or "recording"
-    return sources.runs.free_path(date, f"explain-{stem}")
+def rig_choices(folder: RunsFolder) -> dict[str, str]:
+    """Return labels of library rigs and of rig files in the runs folder, by name or path."""
+    labels = {name: name for name in rig_names()}
+    for path in sorted(folder.root.glob("*.toml")):
+        try:
+            file = folder.find_file(path.name)
+            labels[str(file)] = f"{load_rig_by_name(file).name} ({path.name})"
+        except InputError:
+            continue  # another kind of file, or an invalid rig
+    return labels
+
+
+def check_rig_choice(name: str | None, folder: RunsFolder) -> str | None:
+    """Return the name of a rig; raise if it is not a choice of the page."""
+    if name is not None and name not in (choices := rig_choices(folder)):
+        raise UnknownChoice("rig", name, choices)
+    return name
 
 
 EXAMPLE_PREFIX = "example: "  # of recordings of a source checkout; no run name has a colon
@@ -77,18 +84,11 @@ RECORDING_KINDS = (*SWEEPS, "pitch recording", "recording", "table")
 
 def examples_folder() -> Path | None:
     """Return the folder of example recordings of a source checkout, relative if possible."""
-    folder = Path(__file__).parents[4] / "datasets"
+    folder = Path(__file__).parents[2] / "datasets"
     if not (folder / "pitch_friction").is_dir():
         return None
     cwd = Path.cwd()
     return folder.relative_to(cwd) if folder.is_relative_to(cwd) else folder
-
-
-class RecordingChoices(NamedTuple):
-    """Labels of recordings and models by choice."""
-
-    recordings: dict[str, str]
-    models: dict[str, str]
 
 
 class RecordingSources(NamedTuple):
@@ -102,9 +102,9 @@ class RecordingSources(NamedTuple):
         examples = examples_folder()
         return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
 
-    def read_choices(self) -> RecordingChoices:
-        """Read the available choices: newest run first, examples last."""
-        entries = list_entries(self.runs)
+    def read_choices(self) -> tuple[dict[str, str], dict[str, str]]:
+        """Return labels of recordings and of models by choice: newest run first, examples last."""
+        entries = load_entries(self.runs.root)
         recordings = _recordings(entries)
         models = dict(model_choices(self.runs, entries))
         models |= {name: name for name in _model_files(self.runs) if name not in models}
@@ -117,7 +117,7 @@ class RecordingSources(NamedTuple):
             models |= {
                 EXAMPLE_PREFIX + name: EXAMPLE_PREFIX + name for name in _model_files(self.examples)
             }
-        return RecordingChoices(recordings=recordings, models=models)
+        return recordings, models
 
     def find_path(self, choice: str) -> Path:
         """Return the path of a recording; raise if it is missing or outside the folders."""

@@ -1,0 +1,161 @@
+"""Jobs of the Fit, Explain and Simulate tabs, as their commands with --out."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Inputs, to_arguments, with_changes
+from benchtool.data.atomic import complete_folder, partial_folder, write_atomically
+from benchtool.explain.inputs import ExplainInputs
+from benchtool.fit.recipe import FitInputs
+from benchtool.simulate.inputs import FlightInputs, PitchInputs
+from benchtool.web.jobs import Job, PageSection, ReportProgress
+from benchtool.web.tabs.runs.view import view_fit
+
+if TYPE_CHECKING:
+    from benchtool.report.result import Result
+
+Simulation = PitchInputs | FlightInputs
+
+FIGURE_START_SHARE = 0.85  # of the progress; assumed
+
+
+def fit_to_folder(
+    report: ReportProgress, out: Path, command: tuple[str, ...], inputs: FitInputs
+) -> PageSection:
+    """Run a recipe, write its folder atomically and return its report."""
+    from benchtool.results import fit_result
+
+    report("reading", 0.0)
+    result = fit_result(
+        inputs, lambda stage, done, expected: report(stage, done / max(expected, 1))
+    )
+    report("drawing", 0.0)
+    with write_atomically(out) as folder:
+        result.save(folder, [shlex.join(["benchtool", *command])])
+    return replace(view_fit(out.parent, out.name), command=command)
+
+
+def simulate_to_folder(
+    report: ReportProgress, out: Path, command: tuple[str, ...], inputs: Simulation
+) -> tuple[PageSection, str]:
+    """Simulate, write the folder atomically and return the report and the first recording."""
+    from benchtool.report.flight.flight import FLIGHT
+    from benchtool.report.flight.pitch_study import PITCH
+    from benchtool.report.page import Listing
+    from benchtool.results import flight_result, pitch_result
+
+    report("simulating; the first run on a machine compiles for up to a minute", 0.0)
+    result: Result[Any]
+    if isinstance(inputs, PitchInputs):
+        result, page = pitch_result(inputs), PITCH
+    else:
+        result, page = flight_result(inputs), FLIGHT
+    report("drawing", FIGURE_START_SHARE)
+    with write_atomically(out) as folder:
+        recording, *_ = result.save(folder)
+    head, *lines = result.summary().splitlines()
+    blocks = [block for section in page.sections(result.found) for block in section.blocks]
+    blocks = [Listing(head, "\n".join(lines)), *blocks]
+    section = PageSection.draw(out.name, blocks, simulated=True, command=command)
+    return section, f"{out.name}/{recording.name}" if page is PITCH else ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """Result of an explanation for the page."""
+
+    sentence: str  # verdict with its cautions
+    new_effects: tuple[str, ...]  # added to the model; () if none was identified
+    sections: tuple[PageSection, ...]
+    highlights: PageSection | None  # most important values
+    simulated: bool
+    seconds: float
+
+
+class ExplainJob(Job):
+    """Explanation job, whose folder has a hidden name until the user accepts the result.
+
+    `accepted_model` is None until accepted, then the name of the new model or "".
+    """
+
+    accepted_model: str | None = None
+
+    def accept(self, out: Path) -> None:
+        """Rename the hidden folder to `out`; raise if it exists or without a result."""
+        from benchtool.explain.updated_model import MODEL
+        from benchtool.physics.model_file import load_model
+
+        if self.state.status != "done":
+            raise InputError("there is no result to accept; press Explain first")
+        if self.accepted_model is not None:
+            raise InputError(f"{self.out.name} is accepted already; open it under Runs")
+        complete_folder(self.out, out)
+        model = out / MODEL
+        self.accepted_model = load_model(model).model.name if model.is_file() else ""
+        self.out = out
+
+
+def explain(
+    report: ReportProgress, out: Path, command: tuple[str, ...], inputs: ExplainInputs
+) -> Explanation:
+    """Identify the effect that a model lacks and write the result to a hidden folder."""
+    from benchtool.explain.next_steps import next_file
+    from benchtool.explain.updated_model import added_effects
+    from benchtool.report.answer.folder import write_folder
+    from benchtool.report.answer.page import added_sentence, answer_page
+    from benchtool.report.figure import render_figures
+    from benchtool.report.page import Paragraph
+    from benchtool.results import explain_result
+
+    def progress(stage: str, share: float) -> None:
+        if share < 1.0:
+            report(stage, FIGURE_START_SHARE * share)
+
+    report("reading the recordings", 0.0)
+    answer = explain_result(inputs, progress, commands=[shlex.join(["benchtool", *command])]).found
+    report("drawing the figures", FIGURE_START_SHARE)
+    hidden_folder = partial_folder(out)
+    shutil.rmtree(hidden_folder, ignore_errors=True)
+    write_folder(hidden_folder, answer, display_path=out)
+    page = answer_page(answer, render_figures("answer", answer), next_file(answer)[0])
+    # The page shows this sentence next to its button, as its text changes.
+    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.has_model else []
+    return Explanation(
+        sentence=page.summary,
+        new_effects=tuple(effect.name for effect in added_effects(answer)),
+        sections=tuple(
+            PageSection.draw(
+                section.title, [block for block in section.blocks if block not in skipped_blocks]
+            )
+            for section in page.sections
+        ),
+        highlights=PageSection.draw("", [page.highlights]) if page.highlights else None,
+        simulated=answer.simulated,
+        seconds=answer.seconds,
+    )
+
+
+JOBS: dict[type[Inputs], tuple[list[str], type[Job], Callable[..., Any]]] = {
+    FitInputs: (["fit"], Job, fit_to_folder),
+    ExplainInputs: (["explain"], ExplainJob, explain),
+    PitchInputs: (["simulate", "pitch"], Job, simulate_to_folder),
+    FlightInputs: (["simulate", "flight"], Job, simulate_to_folder),
+}
+
+
+def command_arguments(inputs: Inputs) -> list[str]:
+    """Return the arguments of the equivalent `benchtool` command."""
+    return JOBS[type(inputs)][0] + to_arguments(type(inputs), with_changes(inputs))
+
+
+def start_command(out: Path, inputs: Inputs) -> Job:
+    """Start the job of a command."""
+    _, job_type, function = JOBS[type(inputs)]
+    return job_type(out, command_arguments(inputs), function, inputs)

@@ -1,0 +1,159 @@
+"""Tab of a command that makes a report: form, equivalent command, job with progress, report."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import partial
+from html import escape
+from typing import Any, ClassVar, Generic, TypeVar
+
+from nicegui import ui
+
+from benchtool.core.errors import BenchtoolError
+from benchtool.core.inputs import Inputs
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.web.command_jobs import command_arguments, start_command
+from benchtool.web.context import PageContext
+from benchtool.web.jobs import Job
+from benchtool.web.widgets import STYLE, CommandRow, show_errors
+
+J = TypeVar("J", bound=Job)
+
+REFRESH_INTERVAL_S = 0.2
+
+
+class CommandTab(Generic[J]):
+    """Tab of a command. Jobs are shared by all pages, one at a time for each `noun`.
+
+    A subclass creates form fields that call `change`, then calls `add_controls` and `add_report`.
+
+    `has_stages` lists the stages of the job.
+    """
+
+    label: ClassVar[str]
+    icon: ClassVar[str]
+    noun: ClassVar[str]  # of the result
+    has_stages: ClassVar[bool] = False
+
+    def __init__(self, context: PageContext) -> None:
+        self.context, self.folder = context, RunsFolder(context.runs)
+        self.is_ready = False
+        self._job: J | None = None
+        ui.add_head_html(STYLE)
+
+    def read_form(self) -> tuple[str, Inputs]:
+        """Return the name of the new folder and the inputs; raise for an invalid value."""
+        raise NotImplementedError
+
+    def show_report(self, job: J) -> None:
+        """Show the report of a completed job in the current slot."""
+        raise NotImplementedError
+
+    def add_controls(self) -> None:
+        """Create start button, hint, equivalent command and progress in the current slot."""
+        with ui.row().classes("items-center w-full gap-4"):
+            self._start = ui.button(self.label, icon=self.icon, on_click=self.start)
+            self._hint = ui.label().classes("soft").props("role=status")
+        with ui.element("div").classes("w-full") as self._command_container:
+            self._command = CommandRow()
+        with ui.column().classes("w-full gap-1") as self._panel:
+            with ui.row(wrap=False).classes("items-center w-full gap-4"):
+                ui.spinner(size="sm")
+                self._stage = ui.label().props("role=status").classes("whitespace-nowrap")
+                self._bar = ui.linear_progress(show_value=False).classes("grow")
+                self._bar.props(f'aria-label="progress of the {self.noun}"')
+                cancel = ui.button("Cancel", icon="close", on_click=self._cancel)
+                cancel.props("outline no-caps no-wrap")
+            self._stages = ui.html(sanitize=False)
+        self._stages.set_visibility(self.has_stages)
+        self._failed = ui.label().classes("warn-box w-full").props("role=alert")
+        self._failed.set_visibility(False)
+        self._panel.set_visibility(False)
+
+    def add_report(self) -> None:
+        """Create the place of the report; show the latest job and the state of the form."""
+        self.report = ui.column().classes("w-full gap-3 scroll-place")
+        self.is_ready = True
+        job = self.latest_job
+        if job is not None and job.state.running:
+            self._watch(job)
+        elif job is not None and job.state.status == "done":
+            self._replace_report(job)
+        self.change()
+        ui.timer(REFRESH_INTERVAL_S, self._refresh)
+
+    @property
+    def latest_job(self) -> J | None:
+        return self.context.server.jobs.get(self.noun)  # type: ignore[return-value]
+
+    def change(self) -> None:
+        """Show the form's command or its first error."""
+        if not self.is_ready:
+            return
+        hint = ""
+        try:
+            self._command.show(command_arguments(self.read_form()[1]))
+        except BenchtoolError as error:
+            hint = str(error)
+        self._hint.set_text(hint)
+        self._command_container.set_visibility(not hint)
+        self._start.set_enabled(not hint and self._job is None)
+
+    @show_errors
+    def start(self) -> None:
+        """Start a job; raise if the previous one is still running."""
+        self.context.claim_control()
+        name, inputs = self.read_form()
+        create = partial(start_command, self.folder.new_path(name), inputs)
+        self.report.clear()
+        job: Any = self.context.server.start_job(self.noun, create)
+        self._watch(job)
+        self.change()
+
+    def _watch(self, job: J) -> None:
+        self._job = job
+        self._failed.set_visibility(False)
+        self._show_progress(job)
+
+    async def done(self, job: J) -> None:
+        """Show the report of a job that was completed while the page was open."""
+        self._replace_report(job)
+        self.report.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
+
+    def _replace_report(self, job: J) -> None:
+        self.report.clear()
+        with self.report:
+            self.show_report(job)
+
+    @show_errors
+    async def _refresh(self) -> None:
+        if (job := self._job) is None:
+            return
+        self._show_progress(job)
+        state = job.state
+        if state.running:
+            return
+        self._job = None
+        self._panel.set_visibility(False)
+        self.change()
+        if state.status == "done":
+            await self.done(job)
+            return
+        cancelled_text = f"{job.out.name} was cancelled; nothing was written"
+        self._failed.set_text(cancelled_text if state.status == "cancelled" else state.error)
+        self._failed.set_visibility(True)
+
+    def _show_progress(self, job: J) -> None:
+        state = job.state
+        self._panel.set_visibility(True)
+        self._stage.set_text(f"{job.out.name}: {state.stage}, {100.0 * state.share:.0f} %")
+        self._bar.set_value(state.share)
+        items = [f"<li>✓ {escape(stage)}</li>" for stage in state.stages[:-1]]
+        items += [f"<li><b>… {escape(stage)}</b></li>" for stage in state.stages[-1:]]
+        self._stages.set_content(f'<ol class="stages">{"".join(items)}</ol>')
+
+    @show_errors
+    async def _cancel(self) -> None:
+        self.context.claim_control()
+        if self._job is not None:
+            await asyncio.to_thread(self._job.cancel)
