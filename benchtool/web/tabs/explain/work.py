@@ -83,7 +83,7 @@ def explain(
     figures = render_figures("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
     # The page shows this sentence next to its button, as its text changes.
-    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.has_model else []
+    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.effects else []
     files = {id(block.figure): hidden_folder / f"{name}.svg" for name, block in figures.items()}
 
     def load_figure(block: Block) -> Block | FigureImage:
