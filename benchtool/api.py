@@ -24,8 +24,8 @@ from benchtool.data.columns import concatenate_frames, rows_to_frame, to_frame
 from benchtool.data.derived import add_quantities, load_run_context, with_quantities
 from benchtool.data.propeller_file import load_propeller
 from benchtool.data.run.read import is_run
-from benchtool.explain.answer import ExplainResult
 from benchtool.explain.inputs import ExplainInputs
+from benchtool.explain.result import Explanation
 from benchtool.export.targets import write_targets
 from benchtool.export.vehicle import build_vehicle
 from benchtool.fit.motor.constants import MotorFit, fit_motor
@@ -324,7 +324,7 @@ def explain(
     *,
     permit: CodePermit = check_code_allowed,
     **options: Any,
-) -> Result[ExplainResult]:
+) -> Result[Explanation]:
     """Identify effects that a model lacks, like `benchtool explain`.
 
     Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.verdict`.

@@ -10,11 +10,11 @@ from time import monotonic
 
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.columns import rows_to_frame, to_frame
-from benchtool.explain.answer import ExplainResult, Request, answer_request, read_request
 from benchtool.explain.engine.hypotheses import Bootstrap
-from benchtool.explain.engine.judgement import Progress
-from benchtool.explain.engine.verdict import SURE
+from benchtool.explain.engine.posterior import Progress
 from benchtool.explain.inputs import ExplainInputs
+from benchtool.explain.request import Request, read_request
+from benchtool.explain.result import SURE, Explanation
 from benchtool.fit.recipe import FitInputs
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.answer.folder import PAGE, write_folder
@@ -105,7 +105,7 @@ def explain_result(
     request: Request | None = None,
     minutes: float | None = None,
     commands: Sequence[str] = (),
-) -> Result[ExplainResult]:
+) -> Result[Explanation]:
     """Identify effects that a model lacks. Tables: `effects`, `gap` and `probabilities`.
 
     Args:
@@ -120,9 +120,8 @@ def explain_result(
     """
     start_s = monotonic()
     request = build_request(inputs, permit) if request is None else request
-    answer = answer_request(
-        request,
-        commands=commands,
+    answer = request.explain(
+        commands,
         seed=inputs.seed,
         draws=inputs.draws,
         bootstrap=Bootstrap(draws=inputs.bootstrap, cluster=inputs.cluster),
@@ -133,13 +132,13 @@ def explain_result(
     return Result(
         found=replace(answer, seconds=monotonic() - start_s),
         _page=ANSWER,
-        _summary=lambda answer: f"{answer.verdict.sentence} {answer.caution}".strip(),
+        _summary=lambda answer: f"{answer.sentence} {answer.caution}".strip(),
         _tables={"effects": effects_frame, "gap": gap_frame, "probabilities": probabilities_frame},
         _write=_write_answer,
     )
 
 
-def _write_answer(folder: Path, answer: ExplainResult, _: Sequence[str]) -> list[Path]:
+def _write_answer(folder: Path, answer: Explanation, _: Sequence[str]) -> list[Path]:
     written = write_folder(folder, answer)
     return [folder / PAGE, *map(Path, filter(None, [written.model]))]
 

@@ -14,7 +14,8 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.explain.inputs import ExplainInputs
 
 if TYPE_CHECKING:
-    from benchtool.explain.answer import ExplainResult, Request
+    from benchtool.explain.request import Request
+    from benchtool.explain.result import Explanation
 
 CHECK_OPTION = "--check"
 
@@ -93,7 +94,7 @@ def explain(inputs: ExplainArguments) -> None:
     if inputs.bench is None or rig is None or inputs.out is None:
         return
     while not (reason := stop_reason(answer, inputs, n_recorded, remaining_min)):
-        experiment, n_recorded = answer.verdict.next, n_recorded + 1
+        experiment, n_recorded = answer.next, n_recorded + 1
         assert experiment is not None
         print(f"\nExperiment {n_recorded} of up to {inputs.most_experiments}: {experiment.title}")
         run = record_next(answer, experiment, inputs, rig)
@@ -104,7 +105,7 @@ def explain(inputs: ExplainArguments) -> None:
     print(reason)
 
 
-def _explain(inputs: ExplainInputs, request: Request, minutes: float) -> ExplainResult:
+def _explain(inputs: ExplainInputs, request: Request, minutes: float) -> Explanation:
     """Explain the recordings of a request; write and print the answer."""
     import shlex
     import sys

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.core.schedule import schedule_to_toml
-from benchtool.explain.answer import ExplainResult, Request
 from benchtool.explain.law_search.draft import DRAFT_NAME
 from benchtool.explain.recordings import RecordingSource
+from benchtool.explain.request import Request
+from benchtool.explain.result import Explanation
 from benchtool.explain.updated_model import MODEL, user_effect_names
 from benchtool.physics.effects.effect import BenchKind
 
@@ -36,9 +37,9 @@ class NextStep:
     command: str  # for the folder of the request
 
 
-def next_file(answer: ExplainResult) -> tuple[str, str]:
+def next_file(answer: Explanation) -> tuple[str, str]:
     """Return name and text of the file of the next experiment; empty without a decisive one."""
-    experiment = answer.verdict.next
+    experiment = answer.next
     if experiment is None or not experiment.is_decisive:
         return "", ""
     if experiment.schedule is not None:
@@ -46,12 +47,12 @@ def next_file(answer: ExplainResult) -> tuple[str, str]:
     return "next_plan.toml", experiment.plan_toml
 
 
-def next_sentence(answer: ExplainResult) -> str:
+def next_sentence(answer: Explanation) -> str:
     """Return a recommendation for the next recording; empty if none is needed."""
-    experiment = answer.verdict.next
+    experiment = answer.next
     if experiment is None:
-        is_poor = answer.verdict.is_mostly_unjudged and not answer.verdict.is_sure
-        return RICHER_EXPERIMENT_HINT[answer.verdict.bench] if is_poor else ""
+        is_poor = answer.is_mostly_unjudged and not answer.is_sure
+        return RICHER_EXPERIMENT_HINT[answer.bench] if is_poor else ""
     title, reason = experiment.title, experiment.reason
     if not experiment.is_decisive:
         title = f"{title[:1].lower()}{title[1:]}"
@@ -59,19 +60,19 @@ def next_sentence(answer: ExplainResult) -> str:
     return f"Record next: {title}. {reason[:1].upper()}{reason[1:]}."
 
 
-def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
+def next_steps(answer: Explanation, folder: str = "") -> tuple[NextStep, ...]:
     """Return the next commands, most useful first; `folder` is that of the answer, if written."""
     name, _ = next_file(answer)
     request, again = answer.request, f"{folder}-again"
     if not folder:
-        if not (answer.has_model or name):
+        if not (answer.effects or name):
             return ()
-        files = ["the new model"] if answer.has_model else []
+        files = ["the new model"] if answer.effects else []
         files += ["the next experiment"] if name else []
         command = _explain_command(request, request.model_given, out="found")
         return (NextStep(f"write {' and '.join(files)}", command),)
     new = str(Path(folder) / MODEL)
-    dependence = answer.verdict.depends
+    dependence = answer.depends
     drafted: tuple[NextStep, ...] = ()
     if dependence is not None and dependence.law is not None:
         file = str(Path(folder) / f"{DRAFT_NAME}.py")
@@ -82,11 +83,11 @@ def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
         return (*drafted, *_experiment_steps(answer, str(Path(folder) / name), new, folder))
     if drafted:
         return drafted
-    if not answer.has_model:
+    if not answer.effects:
         return ()
     command = _explain_command(request, new, again, with_effects=not user_effect_names(answer))
     explain_again = NextStep("explain again: is anything still missing?", command)
-    if answer.verdict.bench == "pitch":
+    if answer.bench == "pitch":
         arguments = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
         return (explain_again, NextStep("simulate with the new model", _command(arguments)))
     fit = ["fit", *_paths(request.learn), "--model", new, "--out", f"{folder}-fit"]
@@ -107,12 +108,12 @@ def format_steps(steps: Sequence[NextStep]) -> list[str]:
 
 
 def _experiment_steps(
-    answer: ExplainResult, file: str, new: str, folder: str
+    answer: Explanation, file: str, new: str, folder: str
 ) -> tuple[NextStep, ...]:
     """Return the steps of a next experiment: simulate, run, explain."""
     request, run = answer.request, f"{folder}-next"
-    model = new if answer.has_model else request.model_given
-    if answer.verdict.bench == "pitch":
+    model = new if answer.effects else request.model_given
+    if answer.bench == "pitch":
         simulate = ["simulate", "pitch", "--model", model, "--schedule", file]
         simulate += ["--out", f"{folder}-try"]
         record = ["record", "ADDRESS", "--schedule", file, "--out", run]

@@ -50,14 +50,9 @@ def read_sources(
     """Return training and validation recordings.
 
     Raises:
-        InputError: missing recordings, duplicate data, or two kinds of benches.
+        InputError: duplicate data, or two kinds of benches.
         FileFormatError: a file that is not a recording.
     """
-    if missing := find_missing_inputs(learn, check):
-        raise missing[0]
-    for path in (*learn, *check):
-        if (error := find_path_error(path)) is not None:
-            raise error
     seen: dict[str, str] = {}
     for path in (*learn, *check):
         digest = data_hash(path)

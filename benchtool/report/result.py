@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate
 from benchtool.data.columns import rows_to_frame
-from benchtool.explain.answer import ExplainResult
+from benchtool.explain.result import Explanation
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import Page, render_figures
 from benchtool.report.files import inline_svg, write_report
@@ -143,28 +143,26 @@ def estimate_row(item: Estimate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def effects_frame(answer: ExplainResult) -> pd.DataFrame:
+def effects_frame(answer: Explanation) -> pd.DataFrame:
     """Return the parameters of the effects that a verdict names."""
     columns = ("value", "std", "low", "high", "tolerance", "unit")
     return rows_to_frame(
         [
             {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
             | {name: getattr(item, name) for name in columns}
-            for effect in answer.verdict.effects
+            for effect in answer.effects
             for item in effect.parameters
         ]
     )
 
 
-def gap_frame(answer: ExplainResult) -> pd.DataFrame:
+def gap_frame(answer: Explanation) -> pd.DataFrame:
     """Return the gap of each channel before and after."""
     columns = ("channel", "unit", "as_given", "before", "after", "floor")
-    return rows_to_frame(
-        [{name: getattr(gap, name) for name in columns} for gap in answer.verdict.gaps]
-    )
+    return rows_to_frame([{name: getattr(gap, name) for name in columns} for gap in answer.gaps])
 
 
-def probabilities_frame(answer: ExplainResult) -> pd.DataFrame:
+def probabilities_frame(answer: Explanation) -> pd.DataFrame:
     """Return all explanations with probability, most probable first."""
-    ranked = sorted(answer.verdict.probabilities.items(), key=lambda pair: -pair[1])
+    ranked = sorted(answer.probabilities.items(), key=lambda pair: -pair[1])
     return rows_to_frame([{"explanation": name, "probability": p} for name, p in ranked])

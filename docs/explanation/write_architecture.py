@@ -33,8 +33,8 @@ CARRIERS = (
     ("benchtool/physics/effects/effect.py", "Flow", "flow state passed to the hooks of effects"),
     ("benchtool/core/fit_result.py", "FitResult", "estimates, covariance and diagnosis of a fit"),
     (
-        "benchtool/explain/engine/verdict.py",
-        "Verdict",
+        "benchtool/explain/result.py",
+        "Explanation",
         "missing effects with probabilities and alternatives",
     ),
     (

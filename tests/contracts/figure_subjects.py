@@ -16,10 +16,10 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.columns import word_to_code
-from benchtool.explain.answer import ExplainResult
 from benchtool.explain.law_search.search import find_dependence
 from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import pitch_track
+from benchtool.explain.result import Explanation
 from benchtool.fit.compare_laws import LawComparison, LawScore
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.pool import RigValues, pool_rigs
@@ -175,13 +175,12 @@ def pooled_fits() -> PooledFits:
     )  # fmt: skip
 
 
-def with_law() -> ExplainResult:
+def with_law() -> Explanation:
     """Return an unknown that depends on rotor speed."""
     rng, made = np.random.default_rng(1), answer("unknown")
     speed = rng.uniform(0.7, 1.3, 150)
     depends = find_dependence(shown(LAWS["resonance"](speed), rng, speed), 0.12)
-    verdict = replace(made.verdict, depends=depends)
-    return replace(made, explanation=replace(made.explanation, verdict=verdict))
+    return replace(made, depends=depends)
 
 
 SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {

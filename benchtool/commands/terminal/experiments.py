@@ -14,9 +14,10 @@ from benchtool.explain.next_steps import next_file, next_sentence
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig
     from benchtool.data.run.run import Run
-    from benchtool.explain.answer import ExplainResult, Request
-    from benchtool.explain.engine.verdict import NextExperiment
+    from benchtool.explain.findings import NextExperiment
     from benchtool.explain.inputs import ExplainInputs
+    from benchtool.explain.request import Request
+    from benchtool.explain.result import Explanation
 
 
 def open_experiment_bench(address: str, request: Request, out: Path | None) -> Rig:
@@ -45,12 +46,12 @@ def open_experiment_bench(address: str, request: Request, out: Path | None) -> R
 
 
 def stop_reason(
-    answer: ExplainResult, inputs: ExplainInputs, n_recorded: int, remaining_min: float
+    answer: Explanation, inputs: ExplainInputs, n_recorded: int, remaining_min: float
 ) -> str:
     """Return the reason to stop recording experiments; empty to continue."""
-    verdict, experiment = answer.verdict, answer.verdict.next
+    experiment = answer.next
     count = f" after {pluralize(n_recorded, 'experiment')}" if n_recorded else ""
-    if verdict.has_probability(inputs.until):
+    if answer.has_probability(inputs.until):
         return f"The verdict has reached --until {inputs.until:g}{count}."
     status = f"The verdict has not reached --until {inputs.until:g}{count}"
     if experiment is None:
@@ -68,7 +69,7 @@ def stop_reason(
 
 
 def record_next(
-    answer: ExplainResult, experiment: NextExperiment, inputs: ExplainInputs, rig: Rig
+    answer: Explanation, experiment: NextExperiment, inputs: ExplainInputs, rig: Rig
 ) -> Run:
     """Print an experiment, wait for the arming confirmation and record it.
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from rich.progress import TaskProgressColumn, TimeElapsedColumn
 
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
-from benchtool.explain.answer import ExplainResult
 from benchtool.explain.next_steps import format_steps, next_file, next_sentence, next_steps
+from benchtool.explain.result import Explanation
 from benchtool.report.answer.folder import ANSWER, PAGE
 from benchtool.report.answer.page import added_sentence, changes, where_sentence
 from benchtool.report.answer.tables import (
@@ -51,19 +51,18 @@ def ignore_broken_pipe() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def print_answer(answer: ExplainResult) -> None:
+def print_answer(answer: Explanation) -> None:
     """Print verdict, location, effects, gap, tolerances, unjudged effects and warnings."""
     console = Output()
-    verdict = answer.verdict
     if answer.simulated:
         console.print("SIMULATED DATA: no physical bench produced these recordings")
     _print_verdict(console, answer)
     console.print_lines(where_sentence(answer))
-    if verdict.effects:
+    if answer.effects:
         print_table(console, short_effects_table(answer))
     print_table(console, short_gap_table(answer))
     print_table(console, tolerances_table(answer))
-    for name in verdict.not_judged:
+    for name in answer.not_judged:
         console.print_lines(
             f"Not judged: {answer.find_title(name)} {unjudged_sentence(answer, name)}"
         )
@@ -71,13 +70,13 @@ def print_answer(answer: ExplainResult) -> None:
     console.print_lines(f"Computing time: {answer.seconds:.1f} s.")
 
 
-def _print_verdict(console: Output, answer: ExplainResult) -> None:
-    console.print_lines(answer.verdict.sentence)
+def _print_verdict(console: Output, answer: Explanation) -> None:
+    console.print_lines(answer.sentence)
     if answer.caution:
         console.print_lines(answer.caution)
 
 
-def print_next(answer: ExplainResult, out: Path | None, json_file: Path | None) -> None:
+def print_next(answer: Explanation, out: Path | None, json_file: Path | None) -> None:
     """Print the written files, the verdict, model changes and next commands."""
     console = Output()
     folder = str(out) if out is not None else ""

@@ -24,12 +24,8 @@ from benchtool.explain.engine.bounded_least_squares import (
 )
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
-from benchtool.explain.engine.judgement import CLASS_FROM, CandidateEffect, Judgement
-from benchtool.explain.engine.posterior import probabilities
-from benchtool.explain.engine.verdict import DECISION_PROBABILITY, NextExperiment
+from benchtool.explain.findings import DECISION_PROBABILITY, NextExperiment
 from benchtool.physics.effects.effect import Subsystem
-
-NONE = "nothing beyond tolerance"
 
 ESC_MODE = (  # for an unnamed effect between pulse width and speed
     "speed at a pulse width depends on pulse width, plate and supply, which pulse widths near to "
@@ -37,13 +33,21 @@ ESC_MODE = (  # for an unnamed effect between pulse width and speed
     "against plate and supply, otherwise the ESC sets a voltage and the speed varies"
 )
 
-MAX_CANDIDATES = 6  # candidates that an experiment is designed to separate
-MIN_PROBABILITY = 0.01  # of a candidate in a design
 MAX_CONFUSION = 0.01  # expected confusion below which a design is complete; assumed
 MIN_LOG_DECREASE = 0.01  # of the expected confusion by an addition; assumed
 DRAWS = 64  # simulated experiments for the expected outcome of the selected design
 MAX_REPORTED_RATIO = 100.0  # larger expected log evidence ratios depend on a few extreme draws
 MIN_DURATION_S = 20.0  # of an addition, in its gain per time; assumed
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class CandidateEffect:
+    """Candidate that an experiment is to separate from others."""
+
+    name: str  # an effect, "none" or "unknown"
+    phrase: str  # within a sentence
+    fit: Hypothesis
+    probability: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -150,40 +154,6 @@ def select_design(
     return best
 
 
-def select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[CandidateEffect]:
-    """Return the candidates that an experiment should separate, most probable first.
-
-    At least two, with a joint probability of 95 %, of the least certain trial.
-    """
-    pairs = zip(judgement.trials, judgement.weights, strict=True)
-    trial, by_name = min(pairs, key=lambda pair: max(pair[1].values()))
-    if trial.log_odds:
-        by_name = probabilities(trial)
-    phrases = {effect.name: effect.phrase for effect in hypotheses.evidence.model.effects}
-    phrases |= {name: part.phrase for name, part in hypotheses.discrepancies.items()}
-    fits = {"none": trial.base, **{fit.active[-1]: fit for fit in trial.tried}}
-    phrases["none"] = NONE
-    rivals = [
-        CandidateEffect(
-            name=name, phrase=phrases[name], fit=fit, probability=by_name.get(name, 0.0)
-        )
-        for name, fit in fits.items()
-    ]
-    rivals.sort(key=lambda rival: -rival.probability)
-    count, remaining = 0, 1.0
-    while count < MAX_CANDIDATES and (count < 2 or remaining > CLASS_FROM) and count < len(rivals):
-        remaining -= rivals[count].probability
-        count += 1
-    rivals = [
-        replace(rival, probability=max(rival.probability, MIN_PROBABILITY))
-        for rival in rivals[:count]
-    ]
-    named = [rival for rival in rivals if rival.name not in hypotheses.discrepancies]
-    if not named:
-        return rivals
-    return [rival if rival in named else replace(rival, name="unknown") for rival in rivals]
-
-
 def build_proposal(
     candidates: Sequence[CandidateEffect],
     expected: ExpectedOutcome,
@@ -231,13 +201,15 @@ class Forecast:
         self._hypotheses = hypotheses = Hypotheses(evidence)
         self._upper = np.array([parameter.most for parameter in evidence.parameters])
         fits = [hypotheses.refit_linear(rival.fit) for rival in rivals]
-        fits = [hypotheses.fit(fit.active, fit.values, fit.amplitudes) for fit in fits]
+        fits = [hypotheses.converge(fit) for fit in fits]
         self.rivals = [replace(rival, fit=fit) for rival, fit in zip(rivals, fits, strict=True)]
         self._before = [
             finite_differences(evidence.residuals, fit.values, self._upper) for fit in fits
         ]
         masks = evidence.groups().stages
-        self._noise = {stage: float(hypotheses.noise[mask][0]) for stage, mask in masks.items()}
+        self._noise = {
+            stage: float(hypotheses.errors.noise[mask][0]) for stage, mask in masks.items()
+        }
 
     def expected(
         self, new: Evidence, both: Evidence, rng: np.random.Generator | None = None
@@ -269,7 +241,7 @@ class Forecast:
         noise = np.ones(len(next(iter(masks.values()))))
         for stage, mask in masks.items():
             noise[mask] = self._noise.get(stage, 1.0)
-        noise = np.concatenate([self._hypotheses.noise, noise])
+        noise = np.concatenate([self._hypotheses.errors.noise, noise])
         columns = {part.name: part.columns for part in both.discrepancies()}
         predictions = []
         for rival, before in zip(self.rivals, self._before, strict=True):

@@ -1,24 +1,24 @@
-"""Interfaces of the engine: evidence about model parameters, and kinds of bench."""
+"""Evidence about model parameters: residuals, smooth discrepancies, and the recordings behind."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from functools import lru_cache
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.findings import NextExperiment, Overlay
 from benchtool.explain.law_search.search import ResidualSummary
-from benchtool.physics.effects.effect import BenchKind, Subsystem
+from benchtool.explain.recording_checks import check_bench_kind
+from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
 from benchtool.physics.model import Model
-
-if TYPE_CHECKING:
-    from benchtool.explain.engine.judgement import CandidateEffect
 
 LATE, EARLY = "late in the run", "early in the run"  # regimes of time: weak hints to a cause
 
@@ -58,6 +58,29 @@ class RowGroups:
         return cls(stages=stages, regimes=masks)
 
 
+WITHIN = 1.0 / 3.0  # prior sd of a discrepancy over its tolerance, as for effects within tolerance
+HALF_Z_OVER_R = 3.0  # distance at which a plate discrepancy is halved; assumed
+
+STAGES: Mapping[str, Subsystem] = {  # by channel of a discrepancy
+    "thrust": "rpm_to_thrust",
+    "speed": "pwm_to_rpm",
+    "torque": "hinge",
+    "reading": "sensor",
+}
+VISIT = "thrust: visit"
+PHRASES = {  # meaning of a discrepancy beyond tolerance, by name
+    "thrust: distance": "a different law of thrust against distance",
+    VISIT: "something that changes from visit to visit",
+    "torque: distance": "a different law of thrust against distance",
+    "torque: angle": "a torque that depends on the angle",
+    "torque: rate": "a torque that depends on the rate",
+    "torque: thrust": "a torque that depends on the thrust",
+    "torque: time": "a torque that changes with time",
+    "reading: angle": "an encoder's error that depends on the angle",
+    "reading: rate": "a gyro's error that depends on the rate",
+}
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Discrepancy:
     """Smooth deviation of the data from every law in the model.
@@ -67,13 +90,49 @@ class Discrepancy:
     hypothesis, like effects within theirs; beyond, it competes with them as an unnamed effect.
     """
 
-    name: str
-    stage: Subsystem
-    phrase: str  # its meaning beyond tolerance, within a sentence
+    name: str  # "channel: variable"
     columns: Array  # (n_rows, r) change of the whitened residuals by each of r independent draws
     shares: Array  # (n_rows, r) the same, as a share of readings
     readings: Array | None = None  # (n_rows, r) the same, in readings; None if unknown
-    always: bool = True  # present within its tolerance; False: only beyond
+
+    @property
+    def stage(self) -> Subsystem:
+        """Stage of its channel."""
+        return STAGES[self.name.partition(": ")[0]]
+
+    @property
+    def phrase(self) -> str:
+        """Its meaning beyond tolerance, within a sentence."""
+        channel, _, variable = self.name.partition(": ")
+        return PHRASES.get(self.name, f"a {channel} error that depends on {variable}")
+
+    @property
+    def always(self) -> bool:
+        """True if it is present within its tolerance, too; False: only beyond."""
+        return self.name != VISIT
+
+
+MIN_EIGENVALUE = 1e-4  # of a covariance, over the largest one; smaller ones are dropped
+STEP = 0.01  # rounding of points, in correlation lengths
+
+
+def smooth_root(points: Array, step: float = STEP) -> Array:
+    """Return the root (m, r) of the covariance of a unit Gaussian process at points (m, d)."""
+    rounded = np.round(np.nan_to_num(points) / step) * step
+    unique, rows = np.unique(rounded, axis=0, return_inverse=True)
+    result: Array = _root(unique.tobytes(), unique.shape[1])[rows.reshape(-1)]
+    return result
+
+
+@lru_cache(maxsize=64)
+def _root(points: bytes, width: int) -> Array:
+    """Return the root (n, r) at points (n, width), cached: designs repeat them."""
+    unique = np.frombuffer(points).reshape(-1, width)
+    squares = np.sum((unique[:, None] - unique[None]) ** 2, axis=2)
+    size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
+    is_kept = size > MIN_EIGENVALUE * size[-1]
+    root: Array = axes[:, is_kept] * np.sqrt(size[is_kept])
+    return root
 
 
 class Evidence(Protocol):
@@ -99,25 +158,8 @@ class Evidence(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ChannelErrors:
-    """Prediction errors of one channel."""
-
-    unit: str  # of the root mean square
-    squares: Array  # (n_blocks, n_sets) mean squared errors, by block of validation recordings
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Overlay:
-    """Measurement and predictions of one channel on a validation recording."""
-
-    channel: str
-    unit: str  # of the values
-    axis: str  # quantity of `at` ("time_s", "z_over_R")
-    at: Array  # (n,) values of that axis; nan between windows, to break lines
-    measured: Array  # (n,)
-    before: Array  # (n,) by the model adjusted within tolerance
-    after: Array  # (n,) with the named effects; equal to `before` without any
+# Unit of a gap, by channel
+CHANNEL_UNITS = {"thrust_N": "N", "theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 
 
 class Log(Protocol):
@@ -127,18 +169,36 @@ class Log(Protocol):
     def name(self) -> str: ...
     @property
     def remarks(self) -> tuple[str, ...]: ...
+    def bench_numbers(self, rig: Rig) -> Mapping[str, float]:
+        """Return numbers that are equal for recordings of one bench, by name."""
+        ...
 
 
 class Subject(ABC):
-    """Recordings of one kind of bench with a model."""
+    """Recordings of one kind of bench with a model; sweep and pitch differ in what they predict."""
 
-    kind: BenchKind
-    training: Sequence[Log]
-    validation: Sequence[Log]
+    kind: ClassVar[BenchKind]
+    gather: ClassVar[Callable[..., Evidence]]  # evidence of (model, logs, user-defined effects)
+    # Residuals at parameters (evidence, values, active effects), over all variables of a law
+    summarize: ClassVar[Callable[..., Sequence[ResidualSummary]]]
+    # Experiment that separates rivals (evidence, rivals, rng, stage of an unnamed effect, minutes)
+    propose: ClassVar[Callable[..., NextExperiment]]
     evidence: Evidence  # training recordings
+    check_evidence: Evidence  # validation recordings
     all_evidence: Evidence  # training and validation recordings
-    missed_by: ClassVar[Callable[..., Sequence[ResidualSummary]]]
-    next_by: ClassVar[Callable[..., NextExperiment]]
+
+    def __init__(
+        self,
+        model: Model,
+        training: Sequence[Log],
+        validation: Sequence[Log],
+        extra: Sequence[Effect] = (),
+    ) -> None:
+        self.logs = (*training, *validation)
+        check_bench_kind([(log.name, log.bench_numbers(model.rig)) for log in self.logs])
+        self.evidence = self.gather(model, training, extra)
+        self.check_evidence = self.gather(model, validation, extra)
+        self.all_evidence = self.gather(model, self.logs, extra)
 
     @property
     def window_s(self) -> float:
@@ -148,26 +208,21 @@ class Subject(ABC):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Repairs of the recordings, and missing columns."""
-        logs = (*self.training, *self.validation)
-        return tuple(dict.fromkeys(f"{log.name}: {line}" for log in logs for line in log.remarks))
+        return tuple(
+            dict.fromkeys(f"{log.name}: {line}" for log in self.logs for line in log.remarks)
+        )
 
     @property
     def free_law(self) -> str:
         """Data needed to separate a law of distance from an effect; "" if available."""
         return ""
 
-    def summarize_residuals(self, at: Array, active: Sequence[str]) -> Sequence[ResidualSummary]:
-        """Return residuals at parameters (n_parameters,), over all variables of a possible law.
-
-        Active effects may exceed their tolerances.
-        """
-        return self.missed_by(self.all_evidence, at, active)
-
     @abstractmethod
-    def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
+    def errors(self, sets: Array, changes: Array) -> Mapping[str, Array]:
         """Return errors on the validation recordings by channel, for sets (n_sets, n_parameters).
 
-        `changes` (n_validation, n_sets) are expected changes of readings, where known.
+        They are mean squares (n_blocks, n_sets), by block of the validation recordings. `changes`
+        (n_validation, n_sets) are expected changes of readings, where known.
         """
 
     @abstractmethod
@@ -183,20 +238,3 @@ class Subject(ABC):
     @abstractmethod
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first validation recording with predictions of two parameter sets."""
-
-    def next_experiment(
-        self,
-        rivals: Sequence[CandidateEffect],
-        rng: np.random.Generator,
-        refused: Subsystem | None = None,
-        minutes: float | None = None,
-    ) -> NextExperiment | None:
-        """Return the experiment that is expected to separate rivals; None for fewer than two.
-
-        Args:
-            refused: stage of an unnamed effect, or None.
-            minutes: longest duration; None for the default.
-        """
-        if len({rival.name for rival in rivals}) < 2:
-            return None
-        return self.next_by(self.all_evidence, rivals, rng, refused, minutes)

@@ -2,58 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from math import inf
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf, sqrt
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.describe import (
-    Disagreement,
-    build_nearest,
-    disagreements,
-    estimate_parameters,
-    find_effect,
-    locate_gap,
-)
-from benchtool.explain.engine.design import select_candidates
-from benchtool.explain.engine.evidence import Overlay, Subject
-from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
-from benchtool.explain.engine.judgement import Judgement, Progress
+from benchtool.explain.engine.design import CandidateEffect
+from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups, Subject
+from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.posterior import judge
-from benchtool.explain.engine.verdict import (
-    SURE,
+from benchtool.explain.engine.posterior import CLASS_FROM, Judgement, Progress, judge
+from benchtool.explain.engine.shared_errors import PRIOR_WIDTH_FACTOR
+from benchtool.explain.findings import (
     AlternativeEffects,
+    ChannelGap,
+    Disagreement,
+    EvidenceLocation,
+    FoundParameter,
     NamedEffect,
     NearestEffect,
     UnjudgedEffect,
-    Verdict,
 )
+from benchtool.explain.law_search.law import FoundDependence
 from benchtool.explain.law_search.search import find_dependence
+from benchtool.explain.result import ALL_REGIMES, SURE, Explanation
 from benchtool.physics.catalogue import non_candidates
+from benchtool.physics.effects.effect import Effect, Subsystem
+from benchtool.physics.model import Model
 
-NO_EFFECT = ("none", "unknown")  # candidates that are not effects
 NO_BOOTSTRAP = Bootstrap()
 MIN_SHARE_CLOSED = 0.05  # of the gap by the nearest effect; with less it is not reported
 
+SIGMA_95 = 1.959964  # half width of a 95 % interval, in standard deviations
+MAX_SD_RATIO = 0.7  # posterior over prior sd; a parameter above it is not determined; assumed
+AT_BOUND = 0.01  # in tolerances; largest distance of a parameter at its bound
+CLOCK_FACTOR = 1.1  # by which a regime of time must be denser than any other; assumed
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Explanation:
-    """Verdict with its curves.
-
-    Attributes:
-        floors: (draws,) by channel, errors of a true model with exactly known parameters on the
-            validation recordings.
-        floors_as_learned: the same, with parameters as uncertain as after the training recordings.
-    """
-
-    verdict: Verdict
-    overlays: tuple[Overlay, ...]  # by channel, on the validation recordings
-    disagreements: tuple[Disagreement, ...]  # by stage
-    floors: Mapping[str, Array] = field(default_factory=dict)
-    floors_as_learned: Mapping[str, Array] = field(default_factory=dict)
+NONE = "nothing beyond tolerance"
+MAX_CANDIDATES = 6  # candidates that an experiment is designed to separate
+MIN_PROBABILITY = 0.01  # of a candidate in a design
 
 
 def explain(
@@ -76,72 +67,39 @@ def explain(
         minutes: longest duration of the next experiment; None for the default.
     """
     rng = np.random.default_rng(seed)
-    evidence = subject.evidence
-    hypotheses = Hypotheses(evidence)
+    evidence, hypotheses = subject.evidence, Hypotheses(subject.evidence)
     groups = evidence.groups()
     judgement = judge(subject, hypotheses, rng, draws, progress)
-    kind, trials, weights = judgement.kind, judgement.trials, judgement.weights
-    null, final, score = judgement.null, judgement.predicted, judgement.score
+    kind, search, final = judgement.kind, judgement.search, judgement.predicted
+    null, best = search.null, search.best
     before, after = evidence.residuals(np.vstack([null.values, final.values])).T
     progress("evaluating the verdict", 0.9)
-    effects = []
-    for index, name in judgement.members:
-        trial, effect = trials[index], find_effect(subject, name)
-        fit = with_law = next(tried for tried in trial.tried if tried.active[-1] == name)
-        if not any(key.startswith(f"{name}: law") for key in fit.amplitudes):
-            (with_law,) = hypotheses.add_law_discrepancies([fit])
-        effects.append(
-            NamedEffect(
-                name=name,
-                title=effect.title,
-                phrase=effect.phrase,
-                stage=effect.subsystem,
-                probability=weights[index][name],
-                parameters=estimate_parameters(subject, hypotheses, with_law, name),
-                log_likelihood_ratio=0.5 * (trial.base.cost - fit.cost),
-                p_value=p_value(hypotheses, trial.base, fit, bootstrap, rng),
-            )
-        )
-    gaps = score.gaps(rng)
-    where = nearest = None
+    effects = _name_effects(subject, hypotheses, judgement, bootstrap, rng)
+    gaps = judgement.score.gaps(rng)
+    where = nearest = depends = None
+    other_effects = dict[str, float]()
     if kind != "none":
-        stage = effects[0].stage if effects else None
-        if judgement.unnamed and not effects:
-            stage = judgement.unnamed[0].stage
-        where = locate_gap(groups, before, after, stage)
-    if kind == "unknown" and final is not null and final.active[-1] in hypotheses.effects:
-        worst = max(gaps, key=lambda gap: gap.before / gap.floor)
-        effect, share = find_effect(subject, final.active[-1]), max(0.0, worst.share_closed)
-        if share > MIN_SHARE_CLOSED:
-            nearest = build_nearest(
-                NearestEffect(name=effect.name, phrase=effect.phrase, share_closed=share),
-                subject,
-                hypotheses,
-                next((fit.base for fit in trials if final in fit.tried), trials[0].base),
-                final,
-                {gap.channel: gap.after for gap in gaps},
-            )
-    depends = None
-    if kind == "unknown" and {effect.stage for effect in judgement.unnamed} != {"pwm_to_rpm"}:
-        progress("searching for a law", 0.92)
-        others = [name for name, _ in judgement.other_effects]
-        summaries = subject.summarize_residuals(null.values, others)
-        depends = find_dependence(summaries, evidence.model.rig.propulsion.radius_m)
-    best = judgement.best
+        stages = [*(k.stage for k in effects), *(k.stage for k in judgement.unnamed)]
+        where = locate_gap(groups, before, after, stages[0] if stages else None)
+    if kind == "unknown":
+        other_effects = _find_other_effects(subject, hypotheses, judgement)
+        nearest = _find_nearest(subject, hypotheses, judgement, gaps)
+        depends = _find_dependence(subject, judgement, other_effects, progress)
     if not effects:
         after, best = before, null
-        gaps = tuple(gap.without_effects() for gap in gaps)
+        gaps = tuple(
+            replace(gap, after=gap.before, after_low=gap.before_low, after_high=gap.before_high)
+            for gap in gaps
+        )
     data_needed = subject.free_law if kind == "class" else ""
-    remarks = (*subject.remarks, data_needed) if data_needed else subject.remarks
-    refused = where.stage if kind == "unknown" and where is not None else None
-    verdict = Verdict(
+    found = Explanation(
         kind=kind,
         bench=subject.kind,
-        effects=tuple(effects),
+        effects=effects,
         probabilities=_probabilities(judgement),
         alternatives=tuple(
             AlternativeEffects(effect=trial.name, probabilities=chances)
-            for trial, chances in zip(trials, weights, strict=True)
+            for trial, chances in zip(search.trials, judgement.weights, strict=True)
         ),
         where=where,
         gaps=gaps,
@@ -157,36 +115,270 @@ def explain(
             for effect in non_candidates(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
-        other_effects={find_effect(subject, name).phrase: p for name, p in judgement.other_effects},
+        other_effects={
+            find_effect(evidence.model, name).phrase: p for name, p in other_effects.items()
+        },
         depends=depends,
-        remarks=remarks,
+        remarks=(*subject.remarks, *filter(None, [data_needed])),
         next=None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.values),
         window_s=subject.window_s,
         draws=draws,
-    )
-    if propose and (kind == "unknown" or not verdict.has_probability(sure)):
-        progress("designing the next experiment", 0.95)
-        candidates = select_candidates(hypotheses, judgement)
-        verdict = replace(verdict, next=subject.next_experiment(candidates, rng, refused, minutes))
-    progress("done", 1.0)
-    return Explanation(
-        verdict=verdict,
         overlays=subject.overlays(null.values, best.values),
-        disagreements=disagreements(groups, before, after),
-        floors=score.floor,
-        floors_as_learned=score.uncertain_floor,
+        disagreements=_disagreements(groups, before, after),
+        floors=judgement.score.floor,
+        floors_as_learned=judgement.score.uncertain_floor,
+        seed=seed,
     )
+    if propose and (kind == "unknown" or not found.has_probability(sure)):
+        progress("designing the next experiment", 0.95)
+        rivals = _select_candidates(hypotheses, judgement)
+        refused = where.stage if kind == "unknown" and where is not None else None
+        if len({rival.name for rival in rivals}) > 1:
+            experiment = subject.propose(subject.all_evidence, rivals, rng, refused, minutes)
+            found = replace(found, next=experiment)
+    progress("done", 1.0)
+    return found
+
+
+def _name_effects(
+    subject: Subject,
+    hypotheses: Hypotheses,
+    judgement: Judgement,
+    bootstrap: Bootstrap,
+    rng: np.random.Generator,
+) -> tuple[NamedEffect, ...]:
+    """Return the named effects with parameters and evidence."""
+    effects = []
+    for index, name in judgement.members:
+        trial = judgement.search.trials[index]
+        fit = with_law = next(tried for tried in trial.tried if tried.active[-1] == name)
+        if not any(key.startswith(f"{name}: law") for key in fit.amplitudes):
+            (with_law,) = hypotheses.add_law_discrepancies([fit])
+        effects.append(
+            NamedEffect(
+                **_labels(subject, name),
+                probability=judgement.weights[index][name],
+                parameters=estimate_parameters(subject.evidence.model, hypotheses, with_law, name),
+                log_likelihood_ratio=0.5 * (trial.base.cost - fit.cost),
+                p_value=p_value(hypotheses, trial.base, fit, bootstrap, rng),
+            )
+        )
+    return tuple(effects)
+
+
+def find_effect(model: Model, name: str) -> Effect:
+    """Return an effect of a model by name."""
+    return next(effect for effect in model.effects if effect.name == name)
+
+
+def _labels(subject: Subject, name: str) -> dict[str, Any]:
+    effect = find_effect(subject.evidence.model, name)
+    return {
+        "name": name, "title": effect.title, "phrase": effect.phrase, "stage": effect.subsystem
+    }  # fmt: skip
+
+
+def _find_other_effects(
+    subject: Subject, hypotheses: Hypotheses, judgement: Judgement
+) -> dict[str, float]:
+    """Return the probabilities of effects in other stages than the unnamed ones, by name."""
+    stages = {effect.stage for effect in judgement.unnamed}
+    return {
+        trial.name: 1.0 - trial.probabilities["none"]
+        for trial in judgement.search.trials
+        if trial.name in hypotheses.effects
+        and trial.name in judgement.search.best.active
+        and find_effect(subject.evidence.model, trial.name).subsystem not in stages
+    }
+
+
+def _find_nearest(
+    subject: Subject, hypotheses: Hypotheses, judgement: Judgement, gaps: Sequence[ChannelGap]
+) -> NearestEffect | None:
+    """Return the effect of the prediction, if it is not the null, with the gap that it leaves."""
+    fit, trials = judgement.predicted, judgement.search.trials
+    if fit is judgement.search.null or fit.active[-1] not in hypotheses.effects:
+        return None
+    share = max(0.0, max(gaps, key=lambda gap: gap.before / gap.floor).share_closed)
+    if share <= MIN_SHARE_CLOSED:
+        return None
+    name, evidence = fit.active[-1], subject.evidence
+    base = next((trial.base for trial in trials if fit in trial.tried), trials[0].base)
+    effect = NamedEffect(
+        **_labels(subject, name),
+        probability=0.0,
+        parameters=estimate_parameters(subject.evidence.model, hypotheses, fit, name),
+        log_likelihood_ratio=0.5 * (base.cost - fit.cost),
+        p_value=p_value(hypotheses, base, fit, NO_BOOTSTRAP, np.random.default_rng(0)),
+    )
+    return NearestEffect(
+        effect=effect,
+        share_closed=share,
+        parameters=parameters_at(evidence.model.parameters, evidence.parameters, fit.values),
+        after={gap.channel: gap.after for gap in gaps},
+    )
+
+
+def _find_dependence(
+    subject: Subject, judgement: Judgement, others: Mapping[str, float], progress: Progress
+) -> FoundDependence | None:
+    """Return the law of an unnamed effect; None for one between pulse and speed."""
+    if {effect.stage for effect in judgement.unnamed} == {"pwm_to_rpm"}:
+        return None
+    progress("searching for a law", 0.92)
+    values = judgement.search.null.values
+    summaries = subject.summarize(subject.all_evidence, values, tuple(others))
+    return find_dependence(summaries, subject.evidence.model.rig.propulsion.radius_m)
 
 
 def _probabilities(judgement: Judgement) -> dict[str, float]:
     """Return the probability of every candidate, largest of all trials; of "none" the smallest."""
     weights = judgement.weights
-    effects = dict.fromkeys(
-        name for by_name in weights for name in by_name if name not in NO_EFFECT
-    )
+    names = dict.fromkeys(name for by_name in weights for name in by_name)
+    unknown = [by_name["unknown"] for by_name in weights]
     return {
-        **{name: max(by_name.get(name, 0.0) for by_name in weights) for name in effects},
+        **{
+            name: max(by_name.get(name, 0.0) for by_name in weights)
+            for name in names
+            if name not in ("none", "unknown")
+        },
         "none": min(by_name["none"] for by_name in weights),
-        "unknown": judgement.unknown,
+        "unknown": max(unknown) if judgement.kind == "unknown" else min(unknown),
     }
+
+
+def estimate_parameters(
+    model: Model, hypotheses: Hypotheses, fit: Hypothesis, name: str
+) -> tuple[FoundParameter, ...]:
+    """Return an effect's parameters under a hypothesis.
+
+    Standard deviations include the uncertainty of all other parameters within tolerance, of the
+    law's shape, and of the law's scale. A parameter at its bound, or with about the sd of its
+    prior, is not determined; its interval is the physical range.
+    """
+    posterior_sd = np.sqrt(np.diag(hypotheses.covariance(fit)))
+    law = model.discrepancy.law
+    neutral = {item.name: item.neutral for item in find_effect(model, name).parameters}
+    parameters = hypotheses.evidence.parameters
+    estimates = []
+    for parameter, scaled, sd in zip(parameters, fit.values, posterior_sd, strict=True):
+        if parameter.effect != name:
+            continue
+        value = parameter.value(float(scaled))
+        key = parameter.name.partition(".")[2]
+        zero = neutral[key]
+        reference = parameter.start if zero is None else zero
+        std = float(np.hypot(sd * parameter.scale, law * (value - reference)))
+        low, high = value - SIGMA_95 * std, value + SIGMA_95 * std
+        margin = AT_BOUND * parameter.scale
+        inside = parameter.lower + margin < value < parameter.upper - margin
+        within = low > parameter.lower or high < parameter.upper
+        determined = inside and within and float(sd) < MAX_SD_RATIO * PRIOR_WIDTH_FACTOR
+        if not determined and np.isfinite(parameter.upper - parameter.lower):
+            low, high = parameter.lower, parameter.upper
+            std = (high - low) / sqrt(12.0)
+        estimates.append(
+            FoundParameter(
+                name=key,
+                unit=parameter.unit,
+                value=value,
+                std=std,
+                low=max(low, parameter.lower),
+                high=min(high, parameter.upper),
+                tolerance=parameter.scale,
+                neutral=reference,
+                determined=determined,
+            )
+        )
+    return tuple(estimates)
+
+
+def locate_gap(
+    groups: RowGroups, before: Array, after: Array, stage: Subsystem | None
+) -> EvidenceLocation | None:
+    """Return stage and regime of the largest residuals.
+
+    The regime has the densest gain; a regime of time only if it is clearly denser than others.
+
+    Args:
+        before: (n_rows,) residuals within tolerance.
+        after: (n_rows,) residuals with the named or the nearest effect.
+        stage: of the named effect; None: from the rows.
+    """
+    location: Subsystem = stage or max(
+        groups.stages, key=lambda name: _rms(before[groups.stages[name]])
+    )
+    rows = groups.stages.get(location)
+    if rows is None:
+        rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
+    gained = np.where(rows, before**2 - after**2, 0.0)
+    if gained.sum() <= 0.0:  # no gain: use the excess over the noise
+        gained = np.where(rows, before**2 - 1.0, 0.0)
+    total = gained.sum()
+    best, max_density = ALL_REGIMES, 1.5
+    for name, mask in groups.regimes.items():
+        inside = gained[mask].sum() / total if total > 0.0 else 0.0
+        dense = inside / max(float(np.mean(mask[rows])), 1e-9)
+        if name in (LATE, EARLY):
+            dense /= CLOCK_FACTOR
+        if inside > 0.3 and dense > max_density:
+            best, max_density = name, dense
+    mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows
+    return EvidenceLocation(
+        stage=location,
+        regime=best,
+        size=_rms(before[mask]),
+        share=float(gained[mask].sum() / total) if total > 0.0 else 0.0,
+    )
+
+
+def _disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:
+    """Return residuals by stage and regime, before and after (n_rows,) each."""
+    result = []
+    for stage, rows in groups.stages.items():
+        if not rows.any():
+            continue
+        masks: dict[str, NDArray[np.bool_]] = {ALL_REGIMES: np.ones(len(rows), bool)}
+        masks |= groups.regimes
+        by_regime = {name: _rms(before[mask & rows]) for name, mask in masks.items()}
+        after_by_regime = {name: _rms(after[mask & rows]) for name, mask in masks.items()}
+        result.append(Disagreement(stage=stage, by_regime=by_regime, after=after_by_regime))
+    return tuple(result)
+
+
+def _rms(rows: Array) -> float:
+    return float(np.sqrt(np.mean(rows**2))) if len(rows) else 0.0
+
+
+def _select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[CandidateEffect]:
+    """Return the candidates that an experiment should separate, most probable first.
+
+    At least two, with a joint probability of 95 %, of the least certain trial.
+    """
+    pairs = zip(judgement.search.trials, judgement.weights, strict=True)
+    trial, _ = min(pairs, key=lambda pair: max(pair[1].values()))
+    by_name = trial.probabilities
+    phrases = {effect.name: effect.phrase for effect in hypotheses.evidence.model.effects}
+    phrases |= {name: part.phrase for name, part in hypotheses.discrepancies.items()}
+    fits = {"none": trial.base, **{fit.active[-1]: fit for fit in trial.tried}}
+    phrases["none"] = NONE
+    rivals = [
+        CandidateEffect(
+            name=name, phrase=phrases[name], fit=fit, probability=by_name.get(name, 0.0)
+        )
+        for name, fit in fits.items()
+    ]
+    rivals.sort(key=lambda rival: -rival.probability)
+    count, remaining = 0, 1.0
+    while count < MAX_CANDIDATES and (count < 2 or remaining > CLASS_FROM) and count < len(rivals):
+        remaining -= rivals[count].probability
+        count += 1
+    rivals = [
+        replace(rival, probability=max(rival.probability, MIN_PROBABILITY))
+        for rival in rivals[:count]
+    ]
+    named = [rival for rival in rivals if rival.name not in hypotheses.discrepancies]
+    if not named:
+        return rivals
+    return [rival if rival in named else replace(rival, name="unknown") for rival in rivals]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import ChannelErrors, Evidence, Subject
+from benchtool.explain.engine.evidence import CHANNEL_UNITS, Evidence, Subject
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.shared_errors import solve_covariance
-from benchtool.explain.engine.verdict import ChannelGap
+from benchtool.explain.findings import ChannelGap
 
 FLOOR_QUANTILE = 0.95  # of the draws of the floor; upper end of the noise
 CLOSED_SHARE = 0.8  # of the gap above the floor that a correct explanation closes; assumed
@@ -28,11 +29,14 @@ class LearnedDiscrepancies:
     def __init__(self, hypotheses: Hypotheses, evidence: Evidence) -> None:
         self._errors = hypotheses.errors
         self._discrepancies = [d for d in evidence.discrepancies() if d.readings is not None]
-        self._n_training = hypotheses.n_rows
+        self._n_training = hypotheses.errors.n_rows
 
     def mean(self, fit: Hypothesis) -> Array:
         """Return the expected changes (n_validation,) of validation readings, within tolerance."""
-        coefficients = self._columns(fit).T @ self._weighted_residuals(fit)
+        columns, noise = self._columns(fit), self._errors.noise
+        rows = self._errors.rows(fit.values)[:, 0]
+        weighted = solve_covariance(self._with_laws(fit, columns / noise[:, None]), rows) / noise
+        coefficients = columns.T @ weighted
         total, first = np.zeros(1), 0
         for discrepancy in self._discrepancies:
             assert discrepancy.readings is not None
@@ -47,51 +51,43 @@ class LearnedDiscrepancies:
     def draw(self, fit: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
         """Return random deviations (n_validation, draws) from the expected changes."""
         columns = self._columns(fit) / self._errors.noise[:, None]
-        precision = columns.T @ solve_covariance(self._all_columns(fit), columns)
+        precision = columns.T @ solve_covariance(self._with_laws(fit, columns), columns)
         variances, axes = np.linalg.eigh(np.eye(len(precision)) - precision)
         root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T  # symmetric: robust to rounding
-        changes: Array = self._readings(fit) @ (root @ rng.standard_normal((len(root), draws)))
+        readings = (
+            [  # 0 for discrepancies beyond tolerance
+                (0.0 if d.name in fit.amplitudes else float(d.always))
+                * d.readings[self._n_training :]
+                for d in self._discrepancies
+                if d.readings is not None
+            ]
+            or [np.empty((1, 0))]
+        )
+        changes: Array = np.hstack(readings) @ (root @ rng.standard_normal((len(root), draws)))
         return changes
 
-    def _all_columns(self, fit: Hypothesis) -> Array:
-        """Return all columns over the noise, with those of effect laws."""
-        laws = [self._errors.law(name) for name in fit.amplitudes if ": law" in name]
-        return np.hstack([self._columns(fit) / self._errors.noise[:, None], *laws])
-
-    def _weighted_residuals(self, fit: Hypothesis) -> Array:
-        """Return V^-1 r (n_training,) of the residuals r of a hypothesis."""
-        rows = self._errors.rows(fit.values)[:, 0]
-        return solve_covariance(self._all_columns(fit), rows) / self._errors.noise
-
-    def _amplitudes(self, fit: Hypothesis) -> list[float]:
-        return [fit.amplitudes.get(d.name, float(d.always)) for d in self._discrepancies]
+    def _with_laws(self, fit: Hypothesis, columns: Array) -> Array:
+        """Return columns over the noise, with those of effect laws."""
+        every = self._errors.all_columns
+        laws = [every[name].astype(float) for name in fit.amplitudes if ": law" in name]
+        return np.hstack([columns, *laws])
 
     def _columns(self, fit: Hypothesis) -> Array:
         """Return columns (n_training, r) scaled by amplitude."""
-        pairs = zip(self._amplitudes(fit), self._discrepancies, strict=True)
-        columns = [amplitude * d.columns[: self._n_training] for amplitude, d in pairs]
+        columns = [
+            fit.amplitudes.get(d.name, float(d.always)) * d.columns[: self._n_training]
+            for d in self._discrepancies
+        ]
         return np.hstack([np.empty((self._n_training, 0)), *columns])
-
-    def _readings(self, fit: Hypothesis) -> Array:
-        """Return changes of readings (n_validation, r); 0 for discrepancies beyond tolerance."""
-        if not self._discrepancies:
-            return np.empty((1, 0))
-        return np.hstack(
-            [
-                (0.0 if d.name in fit.amplitudes else amplitude) * d.readings[self._n_training :]
-                for amplitude, d in zip(self._amplitudes(fit), self._discrepancies, strict=True)
-                if d.readings is not None
-            ]
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ValidationScore:
     """Errors on the validation recordings, by channel."""
 
-    errors: dict[str, ChannelErrors]  # columns: model as given, before, after
-    floor: dict[str, Array]  # (draws,) if the model with the named effects is true
-    uncertain_floor: dict[str, Array]  # the same, with uncertain parameters
+    errors: Mapping[str, Array]  # (n_blocks, 3) mean squares: model as given, before, after
+    floor: Mapping[str, Array]  # (draws,) if the model with the named effects is true
+    uncertain_floor: Mapping[str, Array]  # the same, with uncertain parameters
 
     @classmethod
     def of(
@@ -111,9 +107,9 @@ class ValidationScore:
 
         drawn, covariance = discrepancies.draw(best, rng, FLOOR_DRAWS), hypotheses.covariance(best)
         return cls(
-            errors=dict(subject.errors(sets, changes)),
-            uncertain_floor=dict(subject.floor(best.values, drawn, rng, covariance)),
-            floor=dict(subject.floor(best.values, discrepancies.draw(best, rng, draws), rng)),
+            errors=subject.errors(sets, changes),
+            uncertain_floor=subject.floor(best.values, drawn, rng, covariance),
+            floor=subject.floor(best.values, discrepancies.draw(best, rng, draws), rng),
         )
 
     @property
@@ -123,8 +119,8 @@ class ValidationScore:
         A channel is unclosed if less than `CLOSED_SHARE` of its gap above the floor is closed.
         """
         ratios, unclosed = [0.0], [0.0]
-        for name, channel in self.errors.items():
-            _, before, after = np.mean(channel.squares, axis=0)
+        for name, squares in self.errors.items():
+            _, before, after = np.mean(squares, axis=0)
             floor = float(np.median(self.floor[name])) ** 2
             ratios.append(float(np.sqrt(after / floor)))
             if before - after < CLOSED_SHARE * (before - floor):
@@ -134,16 +130,16 @@ class ValidationScore:
     def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
         """Return the gap of each channel."""
         gaps = []
-        for name, channel in self.errors.items():
-            roots = np.sqrt(np.mean(channel.squares, axis=0))
-            blocks = rng.integers(len(channel.squares), size=(RESAMPLES, len(channel.squares)))
-            drawn = np.sqrt(np.mean(channel.squares[blocks], axis=1))
+        for name, squares in self.errors.items():
+            roots = np.sqrt(np.mean(squares, axis=0))
+            blocks = rng.integers(len(squares), size=(RESAMPLES, len(squares)))
+            drawn = np.sqrt(np.mean(squares[blocks], axis=1))
             low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
             floor = self.floor[name]
             gaps.append(
                 ChannelGap(
                     channel=name,
-                    unit=channel.unit,
+                    unit=CHANNEL_UNITS[name],
                     as_given=float(roots[0]),
                     before=float(roots[1]),
                     after=float(roots[2]),

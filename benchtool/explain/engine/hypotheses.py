@@ -78,16 +78,6 @@ class Hypotheses:
         )
         self.errors = SharedErrors(evidence)
         self.discrepancies = self.errors.discrepancies
-        self.n_rows = self.errors.n_rows
-
-    @property
-    def noise(self) -> Array:
-        """Noise of each row over the stated noise (n_rows,), at least 1."""
-        return self.errors.noise
-
-    def linearise(self, values: Array, amplitudes: Mapping[str, float]) -> Linearisation:
-        """Return the linearisation at a point (n_parameters,), cached."""
-        return self.errors.linearise(values, amplitudes)
 
     def region(self, active: Iterable[str]) -> BoundedRegion:
         """Return bounds and penalties if only the active effects may exceed their tolerances."""
@@ -126,7 +116,7 @@ class Hypotheses:
         penalty = self.region(fit.active).penalty
         _, log_determinant = np.linalg.slogdet(self._posterior_precision(fit, penalty))
         log_occam = np.sum(np.log(penalty)) - 0.5 * log_determinant
-        log_noise = self.errors.half_log_determinant(fit.amplitudes)
+        log_noise = self.errors.kernel(fit.amplitudes)[2]
         return float(-0.5 * fit.cost + log_occam - log_noise)
 
     def covariance(self, fit: Hypothesis) -> Array:
@@ -136,7 +126,7 @@ class Hypotheses:
 
     def _posterior_precision(self, fit: Hypothesis, penalty: Array) -> Array:
         """Return curvature at the estimated noise plus prior precision (a square matrix)."""
-        curvature = self.linearise(fit.linearisation_point, fit.amplitudes).curvature
+        curvature = self.errors.linearise(fit.linearisation_point, fit.amplitudes).curvature
         precision: Array = curvature + np.diag(penalty**2) + RIDGE * np.eye(len(curvature))
         return precision
 
@@ -164,7 +154,7 @@ class Hypotheses:
         other effect replaces the last one, which stays within its tolerance.
         """
         region = self.region((*fit.active[:-1], rival))
-        information = self.linearise(fit.linearisation_point, fit.amplitudes).curvature
+        information = self.errors.linearise(fit.linearisation_point, fit.amplitudes).curvature
         return evidence_against(information, fit.values, region.lower, region.upper)
 
     def fit_null(self) -> Hypothesis:
@@ -179,7 +169,7 @@ class Hypotheses:
     ) -> Hypothesis:
         """Return the best fit of active effects from initial values (n_parameters,)."""
         region = self.region(active)
-        linearisation = self.linearise(region.clip(initial_values), amplitudes)
+        linearisation = self.errors.linearise(region.clip(initial_values), amplitudes)
         search = self.errors.search(amplitudes)
         minimum = search.minimize(initial_values, region, linearisation=linearisation)
         return _build_hypothesis(active, minimum, amplitudes)
@@ -215,7 +205,7 @@ class Hypotheses:
 
     def add_candidates(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the base with each further effect or discrepancy added, best first."""
-        near = self.linearise(base.values, base.amplitudes)
+        near = self.errors.linearise(base.values, base.amplitudes)
         search = self.errors.search(base.amplitudes)
         candidates = []
         for name in self.effects:
@@ -248,9 +238,9 @@ class Hypotheses:
         laws = []
         for fit in fits:
             effect = fit.active[-1]
-            law = f"{effect}: law {self.errors.n_columns}"
-            contribution = self.contribution(fit, [effect]) * self.noise
-            self.errors.add(law, self.evidence.varied(contribution) / self.noise[:, None])
+            law = f"{effect}: law {len(self.errors.all_columns)}"
+            contribution = self.contribution(fit, [effect]) * self.errors.noise
+            self.errors.add(law, self.evidence.varied(contribution) / self.errors.noise[:, None])
             laws.append(law)
         return [
             self._take_linear_step(fit, {**fit.amplitudes, law: 1.0})
@@ -266,7 +256,7 @@ class Hypotheses:
             name: OTHER_LAW_SIZE if name.startswith(law) else size
             for name, size in fit.amplitudes.items()
         }
-        near = self.linearise(fit.linearisation_point, amplitudes)
+        near = self.errors.linearise(fit.linearisation_point, amplitudes)
         values, cost = near.step(self.region(fit.active))
         return self.log_evidence(replace(fit, values=values, cost=cost, amplitudes=amplitudes))
 
@@ -280,7 +270,7 @@ class Hypotheses:
     def _take_linear_step(self, fit: Hypothesis, amplitudes: Mapping[str, float]) -> Hypothesis:
         """Return a hypothesis with other amplitudes, refitted to the linearisation at its fit."""
         point = fit.values
-        values, cost = self.linearise(point, amplitudes).step(self.region(fit.active))
+        values, cost = self.errors.linearise(point, amplitudes).step(self.region(fit.active))
         fit = replace(fit, linearisation_point=point, amplitudes=amplitudes)
         return replace(fit, values=values, cost=cost)
 
@@ -308,7 +298,7 @@ class Hypotheses:
         max_cost = base.cost + MAX_COST_GAP
         for candidate in candidates:
             start = region.clip(candidate.values)
-            near = self.linearise(start, base.amplitudes)
+            near = self.errors.linearise(start, base.amplitudes)
             minimum = search.minimize(start, region, linearisation=near, max_cost=max_cost)
             if minimum.cost < best.cost:
                 best = _build_hypothesis(base.active, minimum, base.amplitudes)
@@ -320,7 +310,7 @@ class Hypotheses:
         A draw is a random gradient of the linearisation with the covariance of all errors, shared
         ones included. The bounded problem of each candidate is solved exactly on it.
         """
-        curvature = self.linearise(base.values, base.amplitudes).curvature
+        curvature = self.errors.linearise(base.values, base.amplitudes).curvature
         regions = [self.region((*base.active, e)) for e in self.effects if e not in base.active]
         draw = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)
         n = bootstrap.draws

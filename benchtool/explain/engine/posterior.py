@@ -8,7 +8,7 @@ probable ones on the validation recordings included.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, log
 
@@ -16,18 +16,20 @@ import numpy as np
 
 from benchtool.core.errors import EstimationError
 from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT
-from benchtool.explain.engine.describe import find_effect
 from benchtool.explain.engine.evidence import Subject
 from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
-from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Progress, Trial
 from benchtool.explain.engine.shared_errors import AMPLITUDES
-from benchtool.explain.engine.verdict import EXCESS_ERROR, Kind, UnnamedEffect
+from benchtool.explain.findings import UnnamedEffect
+from benchtool.explain.result import EXCESS_ERROR, Kind
+
+Progress = Callable[[str, float], None]  # progress(task, completed share)
 
 EFFECTS_MISSING = 0.3  # prior probability of an effect, shared among them; assumed
 UNNAMED = 0.1  # prior probability of a discrepancy, shared among them; assumed
 MAX_NAMED_EFFECTS = 5  # effects and discrepancies of one explanation
 MAX_CONTENDERS = 4  # candidates of a trial that are compared on the validation recordings
+CLASS_FROM = 0.05  # min probability of a class member; assumed
 MAX_LOG_ODDS_GAP = 12.0  # below the best candidate; those further behind are not compared
 
 UNEXPLAINED_ERROR = 2.0  # remaining error in noise floors above which an effect is missing; assumed
@@ -46,12 +48,48 @@ UNNAMED_DOMINANCE = 0.2  # sum of squares over that of all named effects; above:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Trial:
+    """Candidates for one missing effect, the others given."""
+
+    base: Hypothesis  # without the effect
+    tried: tuple[Hypothesis, ...]  # the base with each candidate added, most probable first
+    log_odds: Mapping[str, float]  # over the base, prior included
+
+    @property
+    def name(self) -> str:
+        """Name of the most probable candidate."""
+        return self.tried[0].active[-1]
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Probability of each candidate, and of "none"; they sum to 1."""
+        top = max(0.0, *self.log_odds.values())
+        weights = {name: exp(max(odds - top, -700.0)) for name, odds in self.log_odds.items()}
+        weights["none"] = exp(max(-top, -700.0))
+        total = sum(weights.values())
+        return {name: weight / total for name, weight in weights.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Posterior:
     """Result of a search by marginal likelihood."""
 
     null: Hypothesis
     best: Hypothesis  # all members are more probable than not; the null if it has none
     trials: tuple[Trial, ...]  # one for each member; a single one for the null
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Judgement:
+    """Decision after a search, checked on the validation recordings."""
+
+    kind: Kind
+    search: Posterior
+    predicted: Hypothesis  # for predictions: named effects, else the nearest one or the null
+    score: ValidationScore
+    weights: Sequence[Mapping[str, float]]  # of each trial: all effects, "none", "unknown"
+    members: Sequence[tuple[int, str]]  # index of trial, name; of each named effect
+    unnamed: Sequence[UnnamedEffect]
 
 
 def judge(
@@ -89,21 +127,14 @@ def judge(
     elif members and error > EXCESS_ERROR:
         kind = "class" if kind == "effect" else kind
         weights = [_reduce_names(by_name, EXCESS_FACTOR) for by_name in weights]
-    unknown = [by_name["unknown"] for by_name in weights]
     return Judgement(
         kind=kind,
-        null=search.null,
-        best=search.best,
+        search=search,
         predicted=fit,
         score=score,
-        trials=search.trials,
         weights=weights,
         members=members,
-        unknown=max(unknown) if kind == "unknown" else min(unknown),
         unnamed=unnamed,
-        other_effects=_other_effects(subject, hypotheses, search, unnamed)
-        if kind == "unknown"
-        else (),
     )
 
 
@@ -131,29 +162,6 @@ def _add_other_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Tr
     return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(gain, 0.0)})
 
 
-def _other_effects(
-    subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
-) -> list[tuple[str, float]]:
-    """Return effects in other stages than the unnamed ones, with probabilities."""
-    stages = {effect.stage for effect in unnamed}
-    return [
-        (trial.name, 1.0 - probabilities(trial)["none"])
-        for trial in search.trials
-        if trial.name in hypotheses.effects
-        and trial.name in search.best.active
-        and find_effect(subject, trial.name).subsystem not in stages
-    ]
-
-
-def probabilities(trial: Trial) -> dict[str, float]:
-    """Return the probability of each candidate of a trial, and of "none"; they sum to 1."""
-    top = max(0.0, *trial.log_odds.values())
-    weights = {name: exp(max(odds - top, -700.0)) for name, odds in trial.log_odds.items()}
-    weights["none"] = exp(max(-top, -700.0))
-    total = sum(weights.values())
-    return {name: weight / total for name, weight in weights.items()}
-
-
 def _find_unnamed(hypotheses: Hypotheses, search: Posterior) -> list[UnnamedEffect]:
     """Return discrepancies beyond tolerance, largest first."""
     unnamed = [
@@ -175,7 +183,7 @@ def _describe(hypotheses: Hypotheses, fit: Hypothesis, trial: Trial) -> UnnamedE
         name=name,
         stage=discrepancy.stage,
         phrase=discrepancy.phrase,
-        probability=1.0 - probabilities(trial)["none"],
+        probability=1.0 - trial.probabilities["none"],
         share=float(np.max(np.abs(shares[has_effect]))),
         tolerances=float(np.max(np.abs(shares[has_effect]) / tolerance[has_effect])),
         weight=float(rows @ rows),
@@ -193,7 +201,7 @@ def _find_inseparable(
         return None
     candidates = []
     for index, trial in enumerate(search.trials):
-        by_name = probabilities(trial)
+        by_name = trial.probabilities
         probable = [fit for fit in trial.tried if by_name[fit.active[-1]] > CLASS_PROBABILITY]
         effects = [fit for fit in probable if fit.active[-1] in hypotheses.effects]
         others = [fit for fit in probable if fit.active[-1] in hypotheses.discrepancies]
@@ -230,7 +238,7 @@ def _decide(
         named.sort(key=lambda item: -item[1].log_odds[item[1].name])
         return "several", [(index, trial.name) for index, trial in named]
     ((index, trial),) = named
-    by_name = probabilities(trial)
+    by_name = trial.probabilities
     if (law := by_name.get(OTHER_LAW, 0.0)) > 1.0 - CLASS_FROM:
         return "unknown", []
     total = sum(by_name[name] for name in hypotheses.effects if name in by_name)
@@ -264,7 +272,7 @@ def _find_nearest(
 
 def _candidate_probabilities(hypotheses: Hypotheses, trial: Trial) -> dict[str, float]:
     """Return probabilities of every effect, of "none" and of "unknown"; they sum to 1."""
-    by_name = probabilities(trial)
+    by_name = trial.probabilities
     unknown = sum(by_name.pop(name, 0.0) for name in (OTHER_LAW, *hypotheses.discrepancies))
     return {**by_name, "unknown": unknown}
 
@@ -289,7 +297,12 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
     best = _prune(hypotheses, base) if base.active else first.base
     progress("trying alternatives to each effect", 0.5)
     while True:
-        trials = _build_trials(hypotheses, best, first)
+        trials = [first]  # one for each member, given the others
+        if len(best.active) > 1:
+            trials = [
+                _try_candidates(hypotheses, hypotheses.fit_without(best, name))
+                for name in best.active
+            ]
         trials = [_with_validation(hypotheses, held_out, trial) for trial in trials]
         rejected = [trial for trial in trials if best.active and trial.log_odds[trial.name] <= 0.0]
         if not rejected:
@@ -301,13 +314,6 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
         best = max((trial.tried[0] for trial in trials), key=hypotheses.log_evidence)
         best = hypotheses.converge(best)
     return Posterior(null=first.base, best=best, trials=tuple(trials))
-
-
-def _build_trials(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> list[Trial]:
-    """Return a trial for each member of a hypothesis, given the others."""
-    if len(best.active) < 2:
-        return [first]
-    return [_try_candidates(hypotheses, hypotheses.fit_without(best, name)) for name in best.active]
 
 
 def _try_candidates(hypotheses: Hypotheses, base: Hypothesis) -> Trial:

@@ -8,7 +8,6 @@ hundred rows, not a model evaluation.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -28,14 +27,9 @@ STATED_NOISE_ROWS = 20.0  # prior weight of the stated noise (known to about 1/6
 BATCH_ROWS = 1_000_000  # values in a block of rows
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Products:
-    """Products of residuals, their slopes and discrepancy columns at a point."""
-
-    residual: Array  # (1 + n_parameters, same) of residuals and slopes
-    shared: Array  # (n_columns, 1 + n_parameters) of columns with residuals and slopes
-
-
+# Products at a point: of residuals and slopes (1 + n_parameters, same), and of columns with them
+_Products = tuple[Array, Array]
+# Indices of active columns, inverse root of their kernel, half of its log determinant
 _Kernel = tuple[NDArray[np.intp], Array, float]
 
 
@@ -48,7 +42,7 @@ class SharedErrors:
         self.discrepancies = {part.name: part for part in evidence.discrepancies()}
         self._products: dict[bytes, _Products] = {}
         # Over the noise, by discrepancy or law; single precision to save memory.
-        self._columns: dict[str, NDArray[np.float32]] = {}
+        self.all_columns: dict[str, NDArray[np.float32]] = {}
         self._inner = np.empty((0, 0))  # products of all columns
         self._kernels: dict[tuple[tuple[str, float], ...], _Kernel] = {}
 
@@ -89,12 +83,16 @@ class SharedErrors:
         """Add columns (n_rows, r) over the noise; clear cached products."""
         single = columns.astype(np.float32)
         columns = single.astype(float)
-        cross = [present.T @ columns for present in self._columns.values()]
-        cross_terms = np.vstack(cross) if cross else np.empty((0, columns.shape[1]))
+        cross_terms = self._project(columns)
         self._inner = np.block([[self._inner, cross_terms], [cross_terms.T, columns.T @ columns]])
-        self._columns[name] = single
+        self.all_columns[name] = single
         self._kernels.clear()
         self._products.clear()
+
+    def _project(self, rows: Array) -> Array:
+        """Return products of all columns with rows (n_rows, n)."""
+        products = [columns.T @ rows for columns in self.all_columns.values()]
+        return np.vstack([np.empty((0, rows.shape[1])), *products])
 
     @property
     def n_rows(self) -> int:
@@ -114,7 +112,9 @@ class SharedErrors:
     def columns(self, amplitudes: Mapping[str, float]) -> Array:
         """Return the active columns (n_rows, r), scaled by amplitude, over the noise."""
         self._noise  # noqa: B018  # computes the columns
-        parts = [factor * self._columns[name] for name, factor in self.factors(amplitudes).items()]
+        parts = [
+            factor * self.all_columns[name] for name, factor in self.factors(amplitudes).items()
+        ]
         return np.hstack([np.empty((self.n_rows, 0)), *parts])
 
     def rows(self, sets: Array) -> Array:
@@ -122,13 +122,13 @@ class SharedErrors:
         result: Array = self._evidence.residuals(np.atleast_2d(sets)) / self.noise[:, None]
         return result
 
-    def _shared(self, amplitudes: Mapping[str, float]) -> _Kernel:
-        """Return indices of active columns, inverse root of their kernel, its log det / 2."""
+    def kernel(self, amplitudes: Mapping[str, float]) -> _Kernel:
+        """Return the covariance of active columns, cached."""
         key = tuple(sorted(amplitudes.items()))
         if key not in self._kernels:
             factors, first = self.factors(amplitudes), 0
             indices, sizes = list[int](), list[float]()
-            for name, columns in self._columns.items():
+            for name, columns in self.all_columns.items():
                 last = first + columns.shape[1]
                 if name in factors:
                     indices += range(first, last)
@@ -150,23 +150,20 @@ class SharedErrors:
         if key not in self._products:
             rows, jacobian = finite_differences(self._evidence.residuals, at, self._upper)
             both = np.column_stack([rows, jacobian]) / noise[:, None]
-            shared = [columns.T @ both for columns in self._columns.values()]
-            stacked = np.vstack(shared) if shared else np.empty((0, both.shape[1]))
-            self._products[key] = _Products(both.T @ both, stacked)
-        products = self._products[key]
-        indices, half, _ = self._shared(amplitudes)
-        explained = half @ products.shared[indices]
-        reduced = products.residual - explained.T @ explained
+            stacked = self._project(both)
+            self._products[key] = both.T @ both, stacked
+        residual, columns = self._products[key]
+        indices, half, _ = self.kernel(amplitudes)
+        explained = half @ columns[indices]
+        reduced = residual - explained.T @ explained
         cost, gradient, curvature = float(reduced[0, 0]), reduced[1:, 0], reduced[1:, 1:]
         return Linearisation(np.array(at), cost, gradient, curvature)
 
     def search(self, amplitudes: Mapping[str, float]) -> BoundedSearch:
         def costs(sets: Array) -> Array:
             rows = self.rows(sets)
-            indices, half, _ = self._shared(amplitudes)
-            every = list(self._columns.values())
-            shared = np.vstack([part.T @ rows for part in every]) if every else rows[:0]
-            explained = half @ shared[indices]
+            indices, half, _ = self.kernel(amplitudes)
+            explained = half @ self._project(rows)[indices]
             return np.asarray(np.sum(rows**2, axis=0) - np.sum(explained**2, axis=0), float)
 
         return BoundedSearch(costs, lambda at: self.linearise(at, amplitudes))
@@ -174,19 +171,6 @@ class SharedErrors:
     def weighted_residuals(self, at: Array, amplitudes: Mapping[str, float]) -> Array:
         """Return residuals at a point (n_rows,), weighted by the inverse covariance: V^-1 r."""
         return solve_covariance(self.columns(amplitudes), self.rows(at)[:, 0]) / self.noise
-
-    def law(self, name: str) -> Array:
-        """Return the columns of a law discrepancy (n_rows, r), divided by the noise."""
-        return self._columns[name].astype(float)
-
-    @property
-    def n_columns(self) -> int:
-        """Number of discrepancies and laws."""
-        return len(self._columns)
-
-    def half_log_determinant(self, amplitudes: Mapping[str, float]) -> float:
-        """Return half of the log determinant of the covariance of rows divided by their noise."""
-        return self._shared(amplitudes)[2]
 
 
 def _own_shares(columns: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from json import dumps
 from textwrap import fill
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,18 +16,11 @@ LAW_TOLERANCE = 0.1  # min tolerance as a share of the law: no law is known bett
 MAX_SHAPE_SD = 0.3  # of the prior: of a position in widths, of others in shares of the value
 
 
-class DraftTarget(NamedTuple):
-    """Result of a hook, and the stage of an effect with it."""
-
-    returns: str
-    subsystem: Subsystem
-
-
-HOOKS: dict[Hook, DraftTarget] = {
-    "factor": DraftTarget("a factor of the thrust", "rpm_to_thrust"),
-    "thrust_reading": DraftTarget("the reading with the law added: N", "sensor"),
-    "torque": DraftTarget("a torque about the hinge, positive nose down: N m", "hinge"),
-    "gyro_reading": DraftTarget("the reading with the law added: rad/s", "sensor"),
+HOOKS: dict[Hook, tuple[str, Subsystem]] = {  # what a hook returns, and the stage of its effect
+    "factor": ("a factor of the thrust", "rpm_to_thrust"),
+    "thrust_reading": ("the reading with the law added: N", "sensor"),
+    "torque": ("a torque about the hinge, positive nose down: N m", "hinge"),
+    "gyro_reading": ("the reading with the law added: rad/s", "sensor"),
 }
 
 _FORM = '''"""Drafted by benchtool explain {version}: check it, and name it after its cause.
@@ -98,34 +90,28 @@ def draft_effect(dependence: FoundDependence) -> str:
     numbers = ", ".join(f"p.{name}" for name in law.family.numbers)
     shape = f"{law.family.name}({variable.code}, {numbers})"
     assert form.hook
-    hook = HOOKS[form.hook]
+    returns, subsystem = HOOKS[form.hook]
+    values = ", ".join(f"{name} = {value:.4g}" for name, value in law.values.items())
+    if variable.unit != "1":
+        values += f"; reference: {variable.reference:.4g} {variable.unit}"
     functions = {law.family.name} | ({"power"} if "power(" in form.code else set())
     description = f"Effect that depends on {dependence.phrase}; its cause is unknown."
     return _FORM.format(
         name=DRAFT_NAME,
         version=__version__,
-        text=fill(f"It {dependence.text}. {_format_values(dependence)}", 99),
+        text=fill(f"It {dependence.text}. Values: {values}.", 99),
         functions=", ".join(sorted(functions)),
         hook=form.hook,
         argument=", reading: Quantity" if "reading" in form.hook else "",
-        returns=hook.returns,
+        returns=returns,
         code=form.code.format(f=shape),
         description=dumps(description),
-        subsystem=hook.subsystem,
+        subsystem=subsystem,
         bench=form.bench,
         formula=dumps(dependence.formula),
         numbers="\n".join(lines),
         shows=dumps(f"where this differs: {dependence.phrase}"),
     )
-
-
-def _format_values(dependence: FoundDependence) -> str:
-    law, variable = dependence.law, dependence.variable
-    assert law is not None
-    values = ", ".join(f"{name} = {value:.4g}" for name, value in law.values.items())
-    if variable.unit == "1":
-        return f"Values: {values}."
-    return f"Values: {values}; reference: {variable.reference:.4g} {variable.unit}."
 
 
 def _number(

@@ -15,8 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.law_search.families import FAMILIES, LawFamily
-from benchtool.explain.law_search.law import FoundDependence, Law, LawCurve, LawForm, Variable
+from benchtool.explain.law_search.law import (
+    FAMILIES,
+    FoundDependence,
+    Law,
+    LawCurve,
+    LawFamily,
+    LawForm,
+    Variable,
+)
 
 PRIOR_SD = 0.03  # of a law's rms change, relative to the weights; assumed
 MIN_LOG_ODDS = 5.0  # of a dependence over none, corrected for multiple comparisons
@@ -77,11 +84,6 @@ class _Shapes:
     columns: Array  # (m, n_shapes)
     gains: Array  # (n_shapes,) log Bayes factors
 
-    @property
-    def log_bayes_factor(self) -> float:
-        """Log of the mean Bayes factor over the shapes."""
-        return _log_mean(self.gains)
-
 
 def find_dependence(
     summaries: Sequence[ResidualSummary], radius_m: float
@@ -108,7 +110,7 @@ def find_dependence(
     if families[index]:
         closed = _cross_validate([shapes for group in families for shapes in group])
         if closed > MIN_GAIN:
-            law = _refine_law(max(families[index], key=lambda shapes: shapes.log_bayes_factor))
+            law = _refine_law(max(families[index], key=lambda shapes: _log_mean(shapes.gains)))
     return FoundDependence(
         variable=summary.variable,
         form=summary.form,
@@ -135,8 +137,9 @@ def _try_families(summary: ResidualSummary) -> list[_Shapes]:
 def _shapes(summary: ResidualSummary, family: LawFamily, numbers: Array) -> _Shapes:
     """Return the shapes of a family for numbers (n, n_shapes), without those of no effect."""
     variable, form = summary.variable, summary.form
-    is_valid = np.all([row > 0.0 for row in _positive(family, numbers)], axis=0)
-    numbers = numbers[:, np.broadcast_to(is_valid, numbers.shape[1:])]
+    positive = [name in ("width", "length") for name in family.numbers]
+    is_valid = np.all(numbers[positive] > 0.0, axis=0)
+    numbers = numbers[:, is_valid]
     columns = form.weights[:, None] * _centre(form, family(variable.values, numbers))
     scale = np.sqrt(np.mean(columns**2, axis=0) / np.mean(form.weights**2))
     has_effect = scale > 1e-9
@@ -144,11 +147,6 @@ def _shapes(summary: ResidualSummary, family: LawFamily, numbers: Array) -> _Sha
     return _Shapes(
         summary, family, numbers[:, has_effect], columns, _gains(summary.quadratic, columns)
     )
-
-
-def _positive(family: LawFamily, numbers: Array) -> list[Array]:
-    names = zip(family.numbers, numbers, strict=True)
-    return [row for name, row in names if name in ("width", "length")]
 
 
 def _centre(form: LawForm, law: Array) -> Array:
@@ -169,7 +167,7 @@ def _log_bayes_factor(summary: ResidualSummary, tried: Sequence[_Shapes]) -> flo
     columns = form.weights[:, None] * _centre(form, root(variable, form))
     factors = [_smooth_factor(summary.quadratic, size * columns) for size in SMOOTH_SIZES]
     smooth = _log_mean(np.array(factors))
-    return _log_mean(np.array([smooth, *(shapes.log_bayes_factor for shapes in tried)]))
+    return _log_mean(np.array([smooth, *(_log_mean(shapes.gains) for shapes in tried)]))
 
 
 def _log_mean(logarithms: Array) -> float:

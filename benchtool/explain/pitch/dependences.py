@@ -6,24 +6,23 @@ by each hat function (`discrepancies`); products of those columns suffice for th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.law_search.law import DISTANCE, LawForm, Variable
+from benchtool.explain.law_search.law import DISTANCE, NEAR, LawForm, Scale, Variable
 from benchtool.explain.law_search.search import (
     FOLDS,
     CrossValidationFold,
     QuadraticSummary,
     ResidualSummary,
 )
-from benchtool.explain.pitch.discrepancies import DiscrepancySimulation
+from benchtool.explain.pitch.discrepancies import COVERED_DISC, DiscrepancySimulation
 from benchtool.explain.pitch.evidence import PitchEvidence
 
 KNOTS = 21  # at even quantiles of a variable, and as many at even steps of its range
@@ -32,28 +31,12 @@ TORQUE, FACTOR = 3.0, 0.005  # negligible discrepancies: in tolerances, and of a
 TYPICAL = 0.3  # unit of a torque law over thrust times arm; assumed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _VariableForm:
-    """Variable with the form of its law; values of each recording (discs or 1, n)."""
-
-    phrase: str
-    symbol: str
-    code: str
-    reference: float
-    unit: str
-    scale: Literal["positive", "time", "signed", "distance"]
-    form: str
-    values: Sequence[Array]
-
-
 def summarize_residuals(
     evidence: PitchEvidence, values: Array, active: Sequence[str]
 ) -> list[ResidualSummary]:
-    """Return a summary of the innovations for each variable and form of a law.
+    """Return a summary of the innovations at values (n_parameters,) by variable and form of a law.
 
-    Args:
-        values: (n_parameters,) linearisation point.
-        active: effects that may exceed their tolerances.
+    Active effects may exceed their tolerances.
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
@@ -63,24 +46,19 @@ def summarize_residuals(
     nuisances = _Nuisances(nuisance, by_parameter.shape[1], _fold_masks(logs))
     noise = [float(errors.variance[part].sum()) for part in nuisances.parts[:-1]]
     summaries = []
-    for variable in _list_forms(logs):
-        knots = _place_knots(np.concatenate([series.ravel() for series in variable.values]))
+    for variable, form, ratios in _list_forms(logs):
+        knots = _place_knots(np.concatenate([series.ravel() for series in ratios]))
         if len(knots) < 3:
             continue
         columns = [
-            _build_rows(log, variable.form, series, knots)
-            for log, series in zip(logs, variable.values, strict=True)
+            _build_rows(log, form, series, knots) for log, series in zip(logs, ratios, strict=True)
         ]
         rows = np.column_stack([np.concatenate(columns) / errors.noise[:, None], residuals])
         (says, *folds), (bare, *bare_folds) = nuisances.summarize(rows)
         summaries.append(
             ResidualSummary(
-                variable=Variable(
-                    phrase=variable.phrase, symbol=variable.symbol, code=variable.code,
-                    values=knots, reference=variable.reference, unit=variable.unit,
-                    scale=variable.scale,
-                ),
-                form=_build_form(variable.form, logs, len(knots)),
+                variable=replace(variable, values=knots),
+                form=_build_form(form, logs, len(knots)),
                 quadratic=says,
                 bare_quadratic=bare,
                 folds=[
@@ -88,7 +66,7 @@ def summarize_residuals(
                     for rest, bare_rest, squares in zip(folds, bare_folds, noise, strict=True)
                 ],
             )
-        )  # fmt: skip
+        )
     return summaries
 
 
@@ -174,7 +152,7 @@ def _build_rows(log: DiscrepancySimulation, form: str, values: Array, knots: Arr
         plate_share = np.zeros_like(torque_Nm)
         ratio = log.height_m / log.model.rig.propulsion.radius_m
         near = 1.0 / (1.0 + ratio**2) if form == "near" else 1.0
-        plate_share[log.covered_disc] = log.log.logged.plate_share * near
+        plate_share[COVERED_DISC] = log.log.logged.plate_share * near
         torque_Nm = torque_Nm * plate_share
     disc_hats = hats * len(torque_Nm) if len(hats) == 1 else hats
     torque = sum(row[:, None] * hat for row, hat in zip(torque_Nm, disc_hats, strict=True))
@@ -191,8 +169,10 @@ def _hat_functions(values: Array, knots: Array) -> Array:
     return hats
 
 
-def _list_forms(logs: Sequence[DiscrepancySimulation]) -> list[_VariableForm]:
-    """Return each variable with each form of its law."""
+def _list_forms(
+    logs: Sequence[DiscrepancySimulation],
+) -> Iterator[tuple[Variable, str, list[Array]]]:
+    """Yield each variable with each form of its law, and values by recording (discs or 1, n)."""
     angle = [log.values("angle")[None] for log in logs]
     rate = [log.rate[None] for log in logs]
     speed = [log.speed for log in logs]
@@ -207,8 +187,7 @@ def _list_forms(logs: Sequence[DiscrepancySimulation]) -> list[_VariableForm]:
     median_speed, median_load = _median(speed), _median(load)
     discs = range(logs[0].log.logged.n_discs)
     total = " + ".join(f"flow.thrust_N[{disc}]" for disc in discs)
-    variables = []
-    for phrase, symbol, code, unit, scale, values, reference, forms in (
+    table: tuple[tuple[str, str, str, str, Scale, list[Array], float, tuple[str, ...]], ...] = (
         ("the angle", "angle/ref", "flow.pitch_rad / p.reference", "rad", "signed", angle,
          _max_abs(angle), ("torque", "near", "gyro", "encoder")),
         ("the rate", "rate/ref", "flow.rate_rad_s / p.reference", "rad/s", "signed", rate,
@@ -222,12 +201,14 @@ def _list_forms(logs: Sequence[DiscrepancySimulation]) -> list[_VariableForm]:
         ("plate distance", "z/R", DISTANCE, "1", "distance", height, 1.0, ("covered",)),
         ("how quickly a rotor's speed changes", "dw/dt", "", "rad/s^2", "signed", speed_change,
          _max_abs(speed_change), ("factor",)),
-    ):  # fmt: skip
+    )  # fmt: skip
+    for phrase, symbol, code, unit, scale, values, reference, forms in table:
+        variable = Variable(
+            phrase=phrase, symbol=symbol, code=code, reference=reference, unit=unit, scale=scale,
+            values=np.empty(0),
+        )  # fmt: skip
         for form in forms:
-            ratios = [series / reference for series in values]
-            fields = phrase, symbol, code, reference, unit, scale, form, ratios
-            variables.append(_VariableForm(*fields))  # type: ignore[arg-type]
-    return variables
+            yield variable, form, [series / reference for series in values]
 
 
 def _max_abs(values: Sequence[Array]) -> float:
@@ -243,7 +224,6 @@ def _build_form(name: str, logs: Sequence[DiscrepancySimulation], m: int) -> Law
     rig, limits = logs[0].model.rig, logs[0].model.discrepancy
     arms_m = np.abs(rig.disc_positions_m[:, 0])
     torque = _median([arms_m @ log.thrust for log in logs])
-    near = f"flow.coverage[i] / (1.0 + ({DISTANCE}) * ({DISTANCE}))"
     flat = np.ones(m)
     if name == "torque":
         return LawForm(
@@ -265,7 +245,7 @@ def _build_form(name: str, logs: Sequence[DiscrepancySimulation], m: int) -> Law
             tolerance=limits.encoder_rad, bench="pitch", phrase=", in the encoder's reading",
             quantity=f"{typical:.2g} rad",
         )  # fmt: skip
-    code = {"factor": "p.a", "covered": "p.a * flow.coverage[i]", "near": f"p.a * {near}"}[name]
+    code = {"factor": "p.a", "covered": "p.a * flow.coverage[i]", "near": f"p.a * {NEAR}"}[name]
     return LawForm(
         name=name, hook="factor", weights=flat, bench="pitch", tolerance=FACTOR, unit="1",
         formula="1 + {f} / (1 + (z/R)^2)" if name == "near" else "1 + {f}",

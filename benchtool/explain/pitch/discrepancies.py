@@ -6,31 +6,27 @@ gains, so its innovations are linear in any error that it does not model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from scipy.signal import lfilter, ss2tf
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import Discrepancy
-from benchtool.explain.engine.smooth import smooth_root
-from benchtool.explain.pitch.filter import FilterResult, PitchFilter
-from benchtool.physics.effects.effect import Subsystem
+from benchtool.explain.engine.evidence import HALF_Z_OVER_R, WITHIN, Discrepancy, smooth_root
+from benchtool.explain.pitch.filter import FilterResult
+from benchtool.explain.pitch.resampling import find_segments
 from benchtool.physics.model import Model
 from benchtool.physics.tilt import height_over
-from benchtool.simulate.pitch import filter_ticks
 from benchtool.simulate.pitch.lane import plane_below
-
-WITHIN = 1.0 / 3.0  # prior sd over tolerance, as for effects within tolerance
 
 # Correlation lengths: share of the range, log of the distance, share of the duration.
 LENGTH, DISTANCE, TIME = 0.3, 0.5, 0.25
 
-HALF_Z_OVER_R, MIN_Z_OVER_R = 3.0, 0.1  # z/R of half a discrepancy; lower limit of z/R; assumed
+COVERED_DISC = 0  # index of the disc over the plate, as of `PitchBench.from_model`
+MIN_Z_OVER_R = 0.1  # lower limit of z/R; assumed
 STICTION_RAD_S = 0.01  # smaller rates are not resolved: 0.6 deg/s; assumed
 AVERAGING_S = 0.02  # window of angle and rate before a row
 RECORDING_GAP = 100.0  # between recordings, in correlation lengths: independent functions
@@ -43,19 +39,6 @@ VARIABLES = {  # variables of each kind of discrepancy
     "reading": ("angle", "rate"),
 }
 
-STAGES: dict[str, Subsystem] = {"torque": "hinge", "speed": "pwm_to_rpm", "reading": "sensor"}
-PHRASES = {  # meaning of a discrepancy beyond tolerance
-    "torque: distance": "a different law of thrust against distance",
-    "torque: angle": "a torque that depends on the angle",
-    "torque: rate": "a torque that depends on the rate",
-    "torque: thrust": "a torque that depends on the thrust",
-    "torque: time": "a torque that changes with time",
-    "reading: angle": "an encoder's error that depends on the angle",
-    "reading: rate": "a gyro's error that depends on the rate",
-}
-
-Whitener = Callable[[Array], Array]  # innovations (2 + discs, n, r) -> rows (n_rows, r)
-
 
 @dataclass(frozen=True, eq=False)
 class DiscrepancySimulation:
@@ -63,9 +46,7 @@ class DiscrepancySimulation:
 
     log: FilterResult
     model: Model
-    covered_disc: int  # index of the disc over the plate
     index: int  # of the recording
-    whiten: Whitener
 
     @cached_property
     def speed(self) -> Array:
@@ -112,7 +93,7 @@ class DiscrepancySimulation:
     def height_m(self) -> Array:
         """Distance from the covered disc to the plate (n,), with the beam tilted: m."""
         plane = plane_below(self.log.logged.plate_z_m, self.values("angle"), 0.0)
-        x_m, y_m = self.model.rig.disc_positions_m[self.covered_disc, :2]
+        x_m, y_m = self.model.rig.disc_positions_m[COVERED_DISC, :2]
         return np.asarray(height_over(plane, x_m, y_m), float)
 
     def rows(self, channel: Literal["torque", "pitch", "gyro"], errors: Array) -> Array:
@@ -121,9 +102,9 @@ class DiscrepancySimulation:
         for block in np.array_split(errors, 1 + errors.size // MAX_BLOCK_SIZE, axis=1):
             innovations = np.zeros((2 + len(self.speed), *block.shape))
             if channel == "torque":
-                innovations[:2] = self.errors.torque_innovations(block)
+                innovations[:2] = self.torque_innovations(block)
             else:
-                innovations[:2] = self.errors.reading_innovations(int(channel == "gyro"), block)
+                innovations[:2] = self.reading_innovations(int(channel == "gyro"), block)
             parts.append(self.whiten(innovations))
         return np.hstack(parts)
 
@@ -138,10 +119,10 @@ class DiscrepancySimulation:
                 ratio = self.height_m / self.model.rig.propulsion.radius_m / HALF_Z_OVER_R
                 weight = self.log.logged.plate_share / (1.0 + ratio**2)
                 basis = weight[:, None] * basis
-                arms_m, thrust_N = arms_m[[self.covered_disc]], thrust_N[[self.covered_disc]]
+                arms_m, thrust_N = arms_m[[COVERED_DISC]], thrust_N[[COVERED_DISC]]
             tolerance = limits.thrust if variable == "distance" else limits.torque
             share = WITHIN * tolerance * basis
-            innovations[:2] = self.errors.torque_innovations((arms_m @ thrust_N)[:, None] * share)
+            innovations[:2] = self.torque_innovations((arms_m @ thrust_N)[:, None] * share)
         elif channel == "speed":
             share = WITHIN * limits.speed * basis
             rate_Hz = self.log.logged.rate_Hz
@@ -154,7 +135,7 @@ class DiscrepancySimulation:
             size = limits.encoder_rad if variable == "angle" else limits.gyro * float(typical)
             error = WITHIN * size * basis
             share = error / float(typical)
-            innovations[:2] = self.errors.reading_innovations(row, error)
+            innovations[:2] = self.reading_innovations(row, error)
         return innovations, share
 
     def whitened_rows(self, name: str, basis: Array) -> tuple[Array, Array]:
@@ -165,46 +146,32 @@ class DiscrepancySimulation:
         is_affected = np.asarray(channels.any(axis=(1, 2)))[:, None, None]
         return rows, (is_affected * self.log.rows(share)).reshape(rows.shape)
 
-    @cached_property
-    def errors(self) -> FilterErrors:
-        logged = self.log.logged
-        edges = {0, *np.flatnonzero(logged.mode == filter_ticks.RESTART), len(logged)}
-        parts = [slice(a, b) for a, b in pairwise(sorted(edges))]
-        inertia_kgm2 = self.model.rig.body.inertia_yy_kgm2
-        return FilterErrors(self.log.filter, logged.rate_Hz, inertia_kgm2, parts)
-
-
-class FilterErrors:
-    """Response of the innovations to unmodelled torques and reading errors."""
-
-    def __init__(
-        self, filter_: PitchFilter, rate_Hz: float, inertia_kgm2: float, segments: list[slice]
-    ) -> None:
-        dt = 1.0 / rate_Hz
-        self._segments, self._step = segments, filter_.step
-        self._torque_input = np.array([[dt**2 / 2.0], [dt], [0.0]]) / inertia_kgm2
-        self._gain = filter_.gains[:6].reshape(3, 2)
-        self._measured = np.eye(3)[:2]
+    def whiten(self, innovations: Array) -> Array:
+        """Return innovations (2 + discs, n, r) as rows (n_rows, r)."""
+        return np.concatenate(self.log.whiten(innovations))
 
     def torque_innovations(self, torque: Array) -> Array:
-        """Return innovations (2, n, r) of torques (n, r) in N m."""
-        return self._run(self._torque_input, np.zeros((2, 1)), torque)
+        """Return innovations (2, n, r) of unmodelled torques (n, r) in N m."""
+        dt = 1.0 / self.log.logged.rate_Hz
+        torque_input = np.array([[dt**2 / 2.0], [dt], [0.0]]) / self.model.rig.body.inertia_yy_kgm2
+        return self._run(torque_input, np.zeros((2, 1)), torque)
 
     def reading_innovations(self, row: int, error: Array) -> Array:
         """Return innovations (2, n, r) of errors (n, r) in a reading: pitch 0, gyro 1."""
-        feedthrough = np.eye(2)[:, row : row + 1]
-        return self._run(-self._step @ self._gain @ feedthrough, feedthrough, error)
+        filter_, feedthrough = self.log.filter, np.eye(2)[:, row : row + 1]
+        gain = filter_.gains[:6].reshape(3, 2)
+        return self._run(-filter_.step @ gain @ feedthrough, feedthrough, error)
 
     def _run(self, input_gain: Array, feedthrough: Array, values: Array) -> Array:
-        closed = self._step @ (np.eye(3) - self._gain @ self._measured)
-        rows, denominator = ss2tf(closed, input_gain, self._measured, feedthrough)
+        """Return the filter's response (2, n, r) to an input, restarted in each segment."""
+        filter_, measured = self.log.filter, np.eye(3)[:2]
+        segments = find_segments(self.log.logged.mode)
+        closed = filter_.step @ (np.eye(3) - filter_.gains[:6].reshape(3, 2) @ measured)
+        rows, denominator = ss2tf(closed, input_gain, measured, feedthrough)
         return np.array(
             [
                 np.concatenate(
-                    [
-                        lfilter(row, denominator, values[segment], axis=0)
-                        for segment in self._segments
-                    ]
+                    [lfilter(row, denominator, values[part], axis=0) for part in segments]
                 )
                 for row in rows
             ]
@@ -235,8 +202,6 @@ def discrepancies(logs: Sequence[DiscrepancySimulation]) -> Iterator[Discrepancy
             if rows.any():
                 yield Discrepancy(
                     name=name,
-                    stage=STAGES[channel],
-                    phrase=PHRASES.get(name, f"a {channel} error that depends on {variable}"),
                     columns=rows,
                     shares=np.concatenate(shares),
                 )

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.parameter import Parameters
 from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import EARLY, LATE, Discrepancy, RowGroups
 from benchtool.explain.engine.parameters import (
@@ -21,18 +19,14 @@ from benchtool.explain.engine.parameters import (
     parameters_at,
     with_every_effect,
 )
-from benchtool.explain.pitch.discrepancies import (
-    DiscrepancySimulation,
-    Whitener,
-    discrepancies,
-    smooth,
-)
+from benchtool.explain.pitch.discrepancies import DiscrepancySimulation, discrepancies, smooth
 from benchtool.explain.pitch.filter import FilterResult, pitch_filter
+from benchtool.explain.pitch.resampling import find_segments
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
-from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensors
-from benchtool.simulate.pitch.filter_log import LoggedPitch, Predictions, filter_log
+from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
+from benchtool.simulate.pitch.filter_log import LoggedPitch, filter_log
 
 PLANT_HZ = 500.0  # minimum rate of plant steps: ten in a motor lag of 20 ms
 MIN_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
@@ -60,7 +54,6 @@ class PitchEvidence:
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.n_averaged = n_averaged or -(-sum(len(log) for log in logs) // MAX_ROWS)
         self.logs = [self._run_filter(log) for log in logs]
-        self.n_discs = logs[0].n_discs
         # The plant's steps do not resolve shorter lags.
         min_lags_s = {
             f"{effect.name}.{effect.parameters[0].name}": MIN_LAG_S
@@ -85,47 +78,37 @@ class PitchEvidence:
             owner_parameter("inertia_kgm2", inertia, inertia.prior.sd, 0.2 * inertia.value),
             owner_parameter("R_m", radius, radius_sd, 0.2 * radius.value),
             *(
-                owner_parameter(
-                    name,
-                    parameter,
-                    parameter.prior.sd,
-                    parameter.lower,
-                    parameter.lower == parameter.value,
-                )
+                owner_parameter(name, k, k.prior.sd, k.lower, k.lower == k.value)
                 for name in all_shape_names(self.model, "pitch", self._extra_effects)
-                for parameter in [parameters[name]]
+                for k in [parameters[name]]
             ),
         ]
 
     # --- data -----------------------------------------------------------------------------
 
     def _run_filter(self, logged: LoggedPitch) -> FilterResult:
-        bench = self._bench(self.model.parameters, logged.rate_Hz)
         filter_ = pitch_filter(
-            replace(bench, sensors=rig_sensors(self.model.rig)),
+            PitchBench.from_model(self.model),
             logged.rate_Hz,
             gyro=bool(np.isfinite(logged.gyro_rad_s).any()),
             speeds=bool(np.isfinite(logged.speed_rad_s).any()),
         )
         is_evidence = np.ones(len(logged), bool)
         n_settling = round(SETTLING_S * logged.rate_Hz)
-        for start in (0, *np.flatnonzero(logged.mode == 2.0)):
-            is_evidence[start : start + n_settling] = False
+        for segment in find_segments(logged.mode):
+            is_evidence[segment.start : segment.start + n_settling] = False
         return FilterResult.of(logged, filter_, is_evidence, self.n_averaged)
 
-    def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
+    def bench(self, scaled: Array, rate_Hz: float) -> PitchBench:
+        """Return the bench with the parameters at scaled values (n_parameters,)."""
+        parameters = parameters_at(self.model.parameters, self.parameters, scaled)
         substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
         return PitchBench.from_model(
             self.model.with_values(parameters), sensors={}, pwm_quantum_us=0.0,
             plant_rate_Hz=substeps * rate_Hz,
         )  # fmt: skip
 
-    def bench(self, scaled: Array, rate_Hz: float) -> PitchBench:
-        """Return the bench with the parameters at scaled values (n_parameters,)."""
-        return self._bench(parameters_at(self.model.parameters, self.parameters, scaled), rate_Hz)
-
     def residuals(self, scaled: Array) -> Array:
-        """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         sets = np.atleast_2d(scaled)
         parts = [sets[first : first + LANES] for first in range(0, len(sets), LANES)]
         return np.hstack([self._residuals(part) for part in parts])
@@ -135,21 +118,24 @@ class PitchEvidence:
         for log in self.logs:
             benches = [self.bench(values, log.logged.rate_Hz) for values in sets]
             lead = round(SETTLING_S * log.logged.rate_Hz)
-            pieces = [
-                self._whiten_errors(
-                    part, filter_log(benches, part.logged, log.filter.gains, start_s=start_s)
-                )
-                for part, start_s in log.pieces(lead)
-            ]
+            pieces = []
+            for part, start_s in log.pieces(lead):
+                logged = part.logged
+                run = filter_log(benches, logged, log.filter.gains, start_s=start_s)
+                pairs = zip(logged.speed_rad_s, run.speed_rad_s.swapaxes(0, 1), strict=True)
+                errors = [
+                    logged.theta_rad[:, None] - run.theta_rad,
+                    logged.gyro_rad_s[:, None] - run.gyro_rad_s,
+                    *(read[:, None] - speed for read, speed in pairs),
+                ]
+                pieces.append(part.whiten(errors))
             rows += [np.concatenate(channel) for channel in zip(*pieces, strict=True)]
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        """Return discrepancies of torques, speeds and readings."""
         return tuple(discrepancies(self.simulate_discrepancies()))
 
     def varied(self, changes: Array) -> Array:
-        """Return smooth variations (n_rows, r) of an effect's contribution."""
         return changes[:, None] * self._variations
 
     @cached_property
@@ -159,58 +145,25 @@ class PitchEvidence:
         bases = [smooth(logs, name) for name in ("pulse", "rate", "slowness")]
         functions = [np.hstack(parts) for parts in zip(*filter(None, bases), strict=True)]
         rows = [
-            np.tile(log.rows(basis), (self._channels(log), 1))
+            np.tile(log.rows(basis), (log.n_channels, 1))
             for basis, log in zip(functions, self.logs, strict=True)
         ]
         return np.asarray(self.model.discrepancy.law / np.sqrt(3.0) * np.concatenate(rows), float)
 
     def simulate_discrepancies(self) -> list[DiscrepancySimulation]:
-        def build_whitener(log: FilterResult) -> Whitener:
-            return lambda innovations: np.concatenate(self._whiten(log, list(innovations)))
-
-        covered_disc = int(np.argmax(PitchBench.from_model(self.model).covered))
-        return [
-            DiscrepancySimulation(log, self.model, covered_disc, index, build_whitener(log))
-            for index, log in enumerate(self.logs)
-        ]
-
-    def _channels(self, log: FilterResult) -> int:
-        """Return the number of channels with rows in a log."""
-        return 1 + log.has_gyro + sum(log.has_speed)
+        """Return the discrepancies of each recording."""
+        return [DiscrepancySimulation(log, self.model, n) for n, log in enumerate(self.logs)]
 
     def groups(self) -> RowGroups:
-        """Return the stage and the regimes of the rows."""
         speed_masks: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
             masks = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
             n_sensors = 1 + log.has_gyro
-            for is_speed in np.arange(self._channels(log)) >= n_sensors:
+            for is_speed in np.arange(log.n_channels) >= n_sensors:
                 speed_masks.append(np.full(log.n_rows, is_speed))
                 regimes.append({name: log.rows(m.astype(float)) > 0.5 for name, m in masks.items()})
         return RowGroups.concatenate("hinge", speed_masks, regimes)
-
-    def _whiten_errors(self, log: FilterResult, run: Predictions) -> tuple[Array, ...]:
-        """Return residuals of pitch, gyro and measured speeds, (n_rows, n_sets) each."""
-        logged = log.logged
-        pitch = logged.theta_rad[:, None] - run.theta_rad
-        gyro = logged.gyro_rad_s[:, None] - run.gyro_rad_s
-        pairs = zip(logged.speed_rad_s, run.speed_rad_s.swapaxes(0, 1), strict=True)
-        return self._whiten(log, [pitch, gyro, *(read[:, None] - speed for read, speed in pairs)])
-
-    def _whiten(self, log: FilterResult, errors: Sequence[Array]) -> tuple[Array, ...]:
-        """Return errors (n, r) of pitch, gyro and each disc's speed as whitened rows."""
-        whitener = log.filter.whitener
-        pitch = np.nan_to_num(errors[0])
-        rows = [whitener[0, 0] * pitch]
-        if log.has_gyro:  # empty rows would lower the estimated noise
-            rows.append(np.nan_to_num(whitener[1, 0] * pitch + whitener[1, 1] * errors[1]))
-        speeds = zip(log.has_speed, log.logged.speed_rad_s, errors[2:], strict=True)
-        for has_readings, readings, error in speeds:
-            if has_readings:
-                is_finite = np.isfinite(readings)[:, None]
-                rows.append(np.where(is_finite, error, 0.0) / log.filter.speed_sd_rad_s)
-        return tuple(np.sqrt(log.n_averaged) * log.rows(row) for row in rows)
 
 
 NEAR_Z_OVER_R = 2.0  # regime of a near plate; assumed

@@ -7,7 +7,7 @@ cannot absorb a slow effect such as a centre-of-gravity offset.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,8 @@ from scipy.linalg import expm, solve_discrete_are
 from benchtool.core.units import Array
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_log import LoggedPitch
+
+CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
 
 MIN_WAKE_TORQUE = 1e-3  # sd of the wake's torque over m g L where none is stated; assumed
 DEFAULT_CORRELATION_S = 0.1  # of the wake's torque where none is stated; assumed
@@ -34,7 +36,7 @@ class PitchFilter:
 
     gains: Array  # (7,) in the order of `simulate.pitch.filter_ticks`
     whitener: Array  # (2, 2) from innovations of pitch and gyro to unit white noise
-    speed_sd_rad_s: float  # standard deviation of the innovation of a rotor speed
+    reading_sd: Mapping[str, float]  # standard deviation by channel: rad, rad/s, speeds in rad/s
     state_root: Array  # (3, 3) root of the covariance of pitch, rate, wake torque after a reading
     step: Array  # (3, 3) transition matrix of pitch, rate and wake torque over one row
 
@@ -80,6 +82,25 @@ class FilterResult:
             return rows
         return np.asarray(rows.reshape(self.n_rows, self.n_averaged, *rows.shape[1:]).mean(axis=1))
 
+    @property
+    def n_channels(self) -> int:
+        """Number of channels with rows."""
+        return 1 + self.has_gyro + sum(self.has_speed)
+
+    def whiten(self, errors: Sequence[Array] | Array) -> tuple[Array, ...]:
+        """Return errors (n, r) of pitch, gyro and each disc's speed as whitened rows."""
+        whitener = self.filter.whitener
+        pitch = np.nan_to_num(errors[0])
+        rows = [whitener[0, 0] * pitch]
+        if self.has_gyro:  # empty rows would lower the estimated noise
+            rows.append(np.nan_to_num(whitener[1, 0] * pitch + whitener[1, 1] * errors[1]))
+        speeds = zip(self.has_speed, self.logged.speed_rad_s, errors[2:], strict=True)
+        for has_readings, readings, error in speeds:
+            if has_readings:
+                is_finite = np.isfinite(readings)[:, None]
+                rows.append(np.where(is_finite, error, 0.0) / self.filter.reading_sd["rpm"])
+        return tuple(np.sqrt(self.n_averaged) * self.rows(row) for row in rows)
+
     def pieces(self, lead: int) -> Iterator[tuple[FilterResult, float]]:
         """Yield pieces of the recording, each with the time of its first row: s.
 
@@ -95,11 +116,12 @@ class FilterResult:
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:
     """Return the steady-state filter of a bench at the rate of its log."""
     dt_s = 1.0 / rate_Hz
-    theta_sd, gyro_sd, speed_sd = (
-        reading_sd(bench.sensors.get(name, PitchSensor()))
-        for name in ("theta_rad", "gyro_rad_s", "rpm")
-    )
-    wake_Nm, correlation_s = wake_model(bench)
+    reading_sd = {name: _reading_sd(bench.sensors.get(name, PitchSensor())) for name in CHANNELS}
+    theta_sd, gyro_sd = reading_sd["theta_rad"], reading_sd["gyro_rad_s"]
+    rig = bench.model.rig
+    arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
+    min_Nm = MIN_WAKE_TORQUE * rig.body.mass_kg * 9.81 * arm_m
+    wake_Nm, correlation_s = bench.model.random_torque or (min_Nm, DEFAULT_CORRELATION_S)
     a = np.array(
         [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0 / bench.inertia_kgm2], [0.0, 0.0, -1.0 / correlation_s]]
     )
@@ -129,7 +151,7 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
     return PitchFilter(
         gains=np.append(gains.ravel(), SPEED_GAIN if speeds else 0.0),
         whitener=whitener,
-        speed_sd_rad_s=speed_sd,
+        reading_sd=reading_sd,
         step=step,
         state_root=np.asarray(
             np.linalg.cholesky(0.5 * (updated + updated.T) + 1e-16 * scale @ scale), float
@@ -137,14 +159,6 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
     )
 
 
-def reading_sd(sensor: PitchSensor) -> float:
+def _reading_sd(sensor: PitchSensor) -> float:
     """Return the standard deviation of one reading including its quantum; at least 1e-6."""
     return float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))
-
-
-def wake_model(bench: PitchBench) -> tuple[float, float]:
-    """Return standard deviation (N m) and correlation time (s) of the wake's torque."""
-    rig = bench.model.rig
-    arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
-    min_Nm = MIN_WAKE_TORQUE * rig.body.mass_kg * 9.81 * arm_m
-    return bench.model.random_torque or (min_Nm, DEFAULT_CORRELATION_S)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -22,13 +21,18 @@ from benchtool.explain.pitch.resampling import (
     TRANSIT_S,
     ResampledRecording,
     blank_for,
+    find_segments,
     is_plate_moving,
     resample_evenly,
 )
-from benchtool.explain.pitch.sanity_checks import check_consistency, check_motion, match_speeds
-from benchtool.explain.pitch.timing import align_channels
+from benchtool.explain.pitch.sanity_checks import (
+    bridge_gaps,
+    check_consistency,
+    check_motion,
+    match_speeds,
+)
+from benchtool.explain.pitch.timing import align_channels, bench_numbers
 from benchtool.explain.recording_checks import repair_readings
-from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M, LoggedPitch
 
 PLATE_SMOOTHING_S = 0.2  # width of the median; 1 mm matters near the plate
@@ -52,6 +56,10 @@ class PitchLog:
     logged: LoggedPitch
     name: str  # of the file, for display
     remarks: tuple[str, ...]  # repairs and missing channels
+
+    def bench_numbers(self, rig: Rig) -> dict[str, float]:
+        """Return speed over pulse and acceleration over thrust."""
+        return bench_numbers(self.logged, rig)
 
 
 def pitch_log(
@@ -161,35 +169,34 @@ def _check_drive_rate(
     Raises:
         InputError: the rate is below the minimum.
     """
-    warnings = []
+    warnings, channel = list[str](), drive[0]
     time_s = recording.to_si("time_s")
-    for channel in drive[:1]:
-        steps = np.diff(time_s[np.isfinite(recording.column(channel)) & np.isfinite(time_s)])
-        step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-        if step_s > 1.05 * HELD_S:
-            raise InputError(
-                f"sampling rate of {channel} in {name} is {1.0 / step_s:.3g} Hz; minimum: "
-                f"{1.0 / HELD_S:g} Hz, recommended: 100 Hz; record faster"
-            )
-        if step_s > MAX_SAMPLE_INTERVAL_S:
-            warnings.append(
-                f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz: changes within "
-                f"{1000.0 * step_s:.0f} ms are not resolved; record it at 100 Hz"
-            )
-        sensor = rig.sensors.get("theta_rad")
-        if sensor is None or not drive[0].startswith("pwm"):
-            continue
-        ratio = step_s * sensor.rate_Hz
-        is_exact = hypot(sensor.noise, sensor.quantum) <= EXACT_RAD
-        is_decimated = ratio > 1.5 and abs(ratio - round(ratio)) < INTEGER_TOLERANCE
-        if (is_exact and ratio > 1.0 + MAX_RATE_DEFICIT) or is_decimated:
-            result = "a gap that no effect explains" if is_exact else "an apparent lag"
-            warnings.append(
-                f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz, and the beam of rig "
-                f"{rig.name} is read at {sensor.rate_Hz:g} Hz: pulses of a faster loop between "
-                f"rows are not recorded, which causes {result}; record outputs and attitude at "
-                f"the rate of the loop, here {sensor.rate_Hz:g} Hz"
-            )
+    steps = np.diff(time_s[np.isfinite(recording.column(channel)) & np.isfinite(time_s)])
+    step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if step_s > 1.05 * HELD_S:
+        raise InputError(
+            f"sampling rate of {channel} in {name} is {1.0 / step_s:.3g} Hz; minimum: "
+            f"{1.0 / HELD_S:g} Hz, recommended: 100 Hz; record faster"
+        )
+    if step_s > MAX_SAMPLE_INTERVAL_S:
+        warnings.append(
+            f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz: changes within "
+            f"{1000.0 * step_s:.0f} ms are not resolved; record it at 100 Hz"
+        )
+    sensor = rig.sensors.get("theta_rad")
+    if sensor is None or not channel.startswith("pwm"):
+        return warnings
+    ratio = step_s * sensor.rate_Hz
+    is_exact = hypot(sensor.noise, sensor.quantum) <= EXACT_RAD
+    is_decimated = ratio > 1.5 and abs(ratio - round(ratio)) < INTEGER_TOLERANCE
+    if (is_exact and ratio > 1.0 + MAX_RATE_DEFICIT) or is_decimated:
+        result = "a gap that no effect explains" if is_exact else "an apparent lag"
+        warnings.append(
+            f"sampling rate of {channel} is {1.0 / step_s:.3g} Hz, and the beam of rig {rig.name} "
+            f"is read at {sensor.rate_Hz:g} Hz: pulses of a faster loop between rows are not "
+            f"recorded, which causes {result}; record outputs and attitude at the rate of the "
+            f"loop, here {sensor.rate_Hz:g} Hz"
+        )
     return warnings
 
 
@@ -226,10 +233,9 @@ def _select_usable(
         )
     rows = rows.select(~(blank | sliding))
     is_early = np.zeros(len(rows.mode), bool)
-    edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
     has_angle = np.isfinite(rows.recording.column("theta_rad"))
-    for first, last in pairwise(edges):
-        is_early[first : first + int(np.argmax(has_angle[first:last]))] = True
+    for part in find_segments(rows.mode):
+        is_early[part.start : part.start + int(np.argmax(has_angle[part]))] = True
     rows = rows.select(~is_early)
     duration_s = len(rows.mode) / rows.rate_Hz
     if duration_s < MIN_DURATION_S:
@@ -237,8 +243,8 @@ def _select_usable(
             f"recording {name} is too short: {duration_s:.1f} s; minimum: {MIN_DURATION_S:g} s; "
             f"recommended: 30 s with several collectives and plate distances"
         )
-    edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
-    longest_s = max(last - first for first, last in pairwise(edges)) / rows.rate_Hz
+    longest = max(part.stop - part.start for part in find_segments(rows.mode))
+    longest_s = longest / rows.rate_Hz
     if longest_s < MIN_SEGMENT_S:
         raise InputError(
             f"longest segment of {name} without dropouts is {longest_s:.2f} s; minimum: "
@@ -254,16 +260,12 @@ def _has(recording: Recording, name: str) -> bool:
 def _driving_speeds(speeds: Array, mode: Array, rate_Hz: float) -> Array:
     """Return rotor speeds (n_discs, n), interpolated and smoothed, to drive a plant."""
     width = 2 * round(0.5 * SPEED_SMOOTHING_S * rate_Hz) + 1
-    rows = np.arange(speeds.shape[1])
-    smooth = np.empty_like(speeds)
-    edges = [*np.flatnonzero(mode == t.RESTART), len(rows)]
-    for disc, readings in enumerate(speeds):
-        is_finite = np.isfinite(readings)
-        smooth[disc] = np.interp(rows, rows[is_finite], readings[is_finite])
-        for first, last in pairwise(edges):
-            if last - first >= width > 3:
-                smooth[disc, first:last] = savgol_filter(smooth[disc, first:last], width, 2)
-    return np.maximum(smooth, 0.0)
+    smooth = np.array([bridge_gaps(readings) for readings in speeds])
+    for row in smooth:
+        for part in find_segments(mode):
+            if part.stop - part.start >= width > 3:
+                row[part] = savgol_filter(row[part], width, 2)
+    return np.asarray(np.maximum(smooth, 0.0), float)
 
 
 def last_known(values: Array) -> Array:

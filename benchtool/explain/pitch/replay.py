@@ -15,9 +15,9 @@ from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.explain.pitch.evidence import PLANT_HZ
-from benchtool.explain.pitch.gap import LEAD_S
 from benchtool.explain.pitch.log import last_known
 from benchtool.explain.pitch.replay_track import PitchTrack, tracking_error
+from benchtool.explain.pitch.subject import LEAD_S
 from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model

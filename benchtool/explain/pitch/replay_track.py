@@ -13,9 +13,8 @@ from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
+from benchtool.explain.pitch.resampling import Resampler
 from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M
-
-MAX_GAP_S = 1.0  # longer dropouts stay blank, as in import
 
 # Range of the clock's rate: slower logs are interpolated, faster ones decimated. Loops of pitch
 # benches run at 250 Hz and more; assumed.
@@ -93,72 +92,39 @@ def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:
     rate_Hz = float(np.clip(log_rate_Hz, MIN_RATE_HZ, MAX_RATE_HZ))
     clock = float(times_s.min()) + np.arange(int(np.ptp(times_s) * rate_Hz) + 1) / rate_Hz
     numbers = _numbers(recording, motors)
-    resampler = _Resampler(recording, time_s, clock)
+    resampler = Resampler(time_s, clock)
     plate, over, remarks = _surface(recording, resampler, numbers)
     pulses_us, pulse_remarks = _pulses(recording, resampler, numbers)
     if log_rate_Hz < LOW_RATE_HZ:
         remarks.append(f"Attitude was logged at {log_rate_Hz:.3g} Hz and is interpolated linearly.")
     rpm = np.empty((0, len(clock)))
     if any(f"rpm{number}" in recording for number in numbers):
-        rpm = np.array([resampler.interpolate(f"rpm{number}") for number in numbers])
+        rpm = np.array(
+            [resampler.interpolate(_values(recording, f"rpm{number}")) for number in numbers]
+        )
     return PitchTrack(
         rate_Hz=rate_Hz,
         time_s=clock,
-        theta_rad=resampler.interpolate("theta_rad"),
-        gyro_rad_s=resampler.interpolate("gyro_rad_s"),
-        reference_rad=resampler.hold("theta_ref_rad"),
+        theta_rad=resampler.interpolate(_values(recording, "theta_rad")),
+        gyro_rad_s=resampler.interpolate(_values(recording, "gyro_rad_s")),
+        reference_rad=resampler.hold(_values(recording, "theta_ref_rad")),
         pwm_us=pulses_us,
         rpm=rpm,
-        torque_Nm=resampler.interpolate("torque_Nm"),
-        disturbance_Nm=resampler.interpolate("disturbance_Nm"),
+        torque_Nm=resampler.interpolate(_values(recording, "torque_Nm")),
+        disturbance_Nm=resampler.interpolate(_values(recording, "disturbance_Nm")),
         plate_z_m=plate,
-        distance_m=resampler.interpolate("distance_m"),
+        distance_m=resampler.interpolate(_values(recording, "distance_m")),
         over=over,
         remarks=(*remarks, *pulse_remarks),
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Resampler:
-    """Resampling of a recording's channels to a clock."""
-
-    recording: Recording
-    time_s: Array
-    clock: Array
-
-    def find_values(self, name: str) -> tuple[Array, Array]:
-        """Return the sorted times and values of a channel's finite rows."""
-        if name not in self.recording:
-            return np.empty(0), np.empty(0)
-        channel = self.recording.channels[self.recording.index(name)]
-        # Speeds stay in rpm and pulses in microseconds, for display.
-        is_raw = channel.unit in ("rpm", "pwm_us")
-        values = self.recording.column(name) if is_raw else self.recording.to_si(name)
-        rows = np.flatnonzero(np.isfinite(values) & np.isfinite(self.time_s))
-        rows = rows[np.argsort(self.time_s[rows], kind="stable")]
-        return self.time_s[rows], values[rows]
-
-    def interpolate(self, name: str) -> Array:
-        """Return a linearly interpolated channel (n,); blank in gaps and outside."""
-        times_s, values = self.find_values(name)
-        if not times_s.size:
-            return np.full(len(self.clock), np.nan)
-        resampled = np.interp(self.clock, times_s, values, left=np.nan, right=np.nan)
-        return self._without_gaps(times_s, resampled)
-
-    def hold(self, name: str) -> Array:
-        """Return a channel (n,) held until the next value; blank before the first."""
-        times_s, values = self.find_values(name)
-        if not times_s.size:
-            return np.full(len(self.clock), np.nan)
-        previous = np.searchsorted(times_s, self.clock + 1e-9, side="right") - 1
-        resampled = np.where(previous >= 0, values[np.maximum(previous, 0)], np.nan)
-        return self._without_gaps(times_s, resampled)
-
-    def _without_gaps(self, times_s: Array, resampled: Array) -> Array:
-        for gap in np.flatnonzero(np.diff(times_s) > MAX_GAP_S):
-            resampled[(self.clock > times_s[gap]) & (self.clock < times_s[gap + 1])] = np.nan
-        return resampled
+def _values(recording: Recording, name: str) -> Array:
+    """Return a channel, blank if missing; speeds in rpm and pulses in microseconds, for display."""
+    if name not in recording:
+        return np.full(len(recording), np.nan)
+    is_raw = recording.channels[recording.index(name)].unit in ("rpm", "pwm_us")
+    return recording.column(name) if is_raw else recording.to_si(name)
 
 
 def _numbers(recording: Recording, motors: Sequence[int]) -> list[int]:
@@ -175,20 +141,22 @@ def _numbers(recording: Recording, motors: Sequence[int]) -> list[int]:
 
 
 def _pulses(
-    recording: Recording, resampler: _Resampler, numbers: Sequence[int]
+    recording: Recording, resampler: Resampler, numbers: Sequence[int]
 ) -> tuple[Array, list[str]]:
     """Return pulses (n_rotors, n) and remarks on their source."""
     remarks = []
     pulses = []
     for number in numbers:
         if f"pwm{number}_us" in recording:
-            pulses.append(resampler.hold(f"pwm{number}_us"))
+            pulses.append(resampler.hold(_values(recording, f"pwm{number}_us")))
         elif f"motor{number}_share" in recording:
-            pulses.append(1000.0 + 1000.0 * resampler.hold(f"motor{number}_share"))
+            pulses.append(
+                1000.0 + 1000.0 * resampler.hold(_values(recording, f"motor{number}_share"))
+            )
             remarks.append("Outputs were logged as shares: 0 to 1 is shown as 1000 to 2000 µs.")
     if len(pulses) < len(numbers) or not np.isfinite(pulses).any():
         return np.empty((0, len(resampler.clock))), []
-    times_s = np.unique(resampler.find_values(f"pwm{numbers[0]}_us")[0])
+    times_s = np.unique(resampler.find_readings(_values(recording, f"pwm{numbers[0]}_us"))[0])
     rate_Hz = 1.0 / float(np.median(np.diff(times_s))) if len(times_s) > 2 else np.inf
     if rate_Hz < LOW_RATE_HZ:
         remarks.append(
@@ -199,11 +167,11 @@ def _pulses(
 
 
 def _surface(
-    recording: Recording, resampler: _Resampler, numbers: Sequence[int]
+    recording: Recording, resampler: Resampler, numbers: Sequence[int]
 ) -> tuple[Array, Array, list[str]]:
     """Return plate distance (n,), coverage of each rotor (n_rotors, n), and remarks."""
     n = len(resampler.clock)
-    plate = resampler.hold("plate_z_m")
+    plate = resampler.hold(_values(recording, "plate_z_m"))
     is_parked = ~(plate < MIN_PARKED_Z_M)
     plate = np.where(is_parked, PARKED_M, plate)
     count = max(len(numbers), 1)
@@ -211,7 +179,7 @@ def _surface(
     has_coverage = False
     for index, number in enumerate(numbers or [1]):
         if f"coverage{number}" in recording:
-            over[index] = np.nan_to_num(resampler.hold(f"coverage{number}"))
+            over[index] = np.nan_to_num(resampler.hold(_values(recording, f"coverage{number}")))
             has_coverage = True
     if not has_coverage and "plate_z_m" in recording:
         over[0] = (~is_parked).astype(float)

@@ -26,6 +26,7 @@ Mask = NDArray[np.bool_]
 MAX_JITTER = 0.1  # of even steps, relative to the median step
 MAX_INTERPOLATION_STEPS = 1.6  # between readings to interpolate
 HELD_S = 0.05  # maximum hold of a drive: a few motor lags; assumed
+MAX_DROPOUT_S = 1.0  # longer dropouts stay blank in a track, as in import
 MAX_GAP_S = 0.25  # of the angle, before the filter restarts; assumed
 MIN_RATE_HZ = 20.0  # of the angle, for plant steps; assumed
 READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")  # instantaneous; other channels hold
@@ -109,6 +110,12 @@ def resample_evenly(recording: Recording, name: str) -> ResampledRecording:
     )
 
 
+def find_segments(mode: Array) -> list[slice]:
+    """Return the segments of a log, from each restart of the filter to the next."""
+    edges = sorted({0, *np.flatnonzero(mode == t.RESTART), len(mode)})
+    return [slice(first, last) for first, last in pairwise(edges)]
+
+
 def blank_for(values: Array, rate_Hz: float, seconds: float) -> Mask:
     """Return rows (n,) after more than `seconds` without a value of a channel."""
     is_finite = np.isfinite(values)
@@ -130,9 +137,10 @@ def _resample_parts(
         times = time_s[part]
         start, end = times[angle_rows[0]], times[angle_rows[-1]]
         clock = start + step_s * np.arange(int((end - start) / step_s + 1e-6) + 1)
+        resampler = Resampler(times, clock)
         rows = [
-            (_interpolate if READINGS.fullmatch(name) else _average_held)(
-                clock, times, recording.column(name)[part], step_s
+            (resampler.read if READINGS.fullmatch(name) else resampler.average)(
+                recording.column(name)[part], step_s
             )
             for name in recording.names
         ]
@@ -148,43 +156,74 @@ def _resample_parts(
     return resampled, [slice(start, end) for start, end in pairwise(edges)]
 
 
-def _interpolate(clock: Array, all_times_s: Array, values: Array, step_s: float) -> Array:
-    """Return readings at ticks: interpolated if dense, else the nearest one, else nan."""
-    is_finite = np.isfinite(values)
-    if not is_finite.any():
-        return np.full(len(clock), np.nan)
-    times_s, readings = all_times_s[is_finite], values[is_finite]
-    after = np.searchsorted(times_s, clock - 1e-9)
-    left, right = np.maximum(after - 1, 0), np.minimum(after, len(times_s) - 1)
-    interval = times_s[right] - times_s[left]
-    interpolated = np.interp(clock, times_s, readings)
-    closer = np.where(np.abs(times_s[left] - clock) <= np.abs(times_s[right] - clock), left, right)
-    is_near = np.abs(times_s[closer] - clock) <= 0.5 * step_s * (1.0 - 1e-6)
-    nearest: Array = np.where(is_near, readings[closer], np.nan)
-    exact = np.abs(times_s[right] - clock) < 1e-9
-    inside = (after > 0) & (after < len(times_s)) & ~exact
-    inside &= interval <= MAX_INTERPOLATION_STEPS * step_s
-    return np.where(inside, interpolated, nearest)
+@dataclass(frozen=True, slots=True, eq=False)
+class Resampler:
+    """Resampling of channels (m,) to a clock; blank where a channel has no reading."""
 
+    time_s: Array  # (m,) of the readings
+    clock: Array  # (n,) in order
 
-def _average_held(clock: Array, all_times_s: Array, values: Array, step_s: float) -> Array:
-    """Return the mean of a held channel from each tick to the next; nan if it is too old.
+    def find_readings(self, values: Array) -> tuple[Array, Array]:
+        """Return times and values of the finite readings, in the order of time."""
+        rows = np.flatnonzero(np.isfinite(values) & np.isfinite(self.time_s))
+        rows = rows[np.argsort(self.time_s[rows], kind="stable")]
+        return self.time_s[rows], values[rows]
 
-    The mean, because an output logged just after an angle acts during nearly the whole tick.
-    """
-    is_finite = np.isfinite(values)
-    if not is_finite.any():
-        return np.full(len(clock), np.nan)
-    times_s, outputs = all_times_s[is_finite], values[is_finite]
-    edges = np.append(clock, clock[-1] + step_s)
-    sums = np.concatenate([[0.0], np.cumsum(outputs[:-1] * np.diff(times_s))])
-    latest = np.clip(np.searchsorted(times_s, edges, side="right") - 1, 0, len(times_s) - 1)
-    total = sums[latest] + outputs[latest] * (edges - times_s[latest])
-    middle = clock + 0.5 * step_s
-    newest = np.searchsorted(times_s, middle, side="right") - 1
-    age = middle - times_s[np.maximum(newest, 0)]
-    is_fresh = (newest >= 0) & (age <= max(HELD_S, step_s) + 0.5 * step_s)
-    return np.where(is_fresh, np.diff(total) / step_s, np.nan)
+    def interpolate(self, values: Array) -> Array:
+        """Return readings, interpolated linearly except in dropouts (n,)."""
+        times_s, readings = self.find_readings(values)
+        if not times_s.size:
+            return np.full(len(self.clock), np.nan)
+        resampled = np.interp(self.clock, times_s, readings, left=np.nan, right=np.nan)
+        return self._without_dropouts(times_s, resampled)
+
+    def hold(self, values: Array) -> Array:
+        """Return values held until the next one except in dropouts (n,)."""
+        times_s, outputs = self.find_readings(values)
+        if not times_s.size:
+            return np.full(len(self.clock), np.nan)
+        previous = np.searchsorted(times_s, self.clock + 1e-9, side="right") - 1
+        resampled = np.where(previous >= 0, outputs[np.maximum(previous, 0)], np.nan)
+        return self._without_dropouts(times_s, resampled)
+
+    def _without_dropouts(self, times_s: Array, resampled: Array) -> Array:
+        for gap in np.flatnonzero(np.diff(times_s) > MAX_DROPOUT_S):
+            resampled[(self.clock > times_s[gap]) & (self.clock < times_s[gap + 1])] = np.nan
+        return resampled
+
+    def read(self, values: Array, step_s: float) -> Array:
+        """Return readings at ticks: interpolated if dense, else the nearest one, else nan."""
+        times_s, readings = self.find_readings(values)
+        if not times_s.size:
+            return np.full(len(self.clock), np.nan)
+        clock = self.clock
+        after = np.searchsorted(times_s, clock - 1e-9)
+        left, right = np.maximum(after - 1, 0), np.minimum(after, len(times_s) - 1)
+        before_s, after_s = np.abs(times_s[left] - clock), np.abs(times_s[right] - clock)
+        closer = np.where(before_s <= after_s, left, right)
+        is_near = np.abs(times_s[closer] - clock) <= 0.5 * step_s * (1.0 - 1e-6)
+        nearest: Array = np.where(is_near, readings[closer], np.nan)
+        inside = (after > 0) & (after < len(times_s)) & (after_s >= 1e-9)
+        inside &= times_s[right] - times_s[left] <= MAX_INTERPOLATION_STEPS * step_s
+        return np.where(inside, np.interp(clock, times_s, readings), nearest)
+
+    def average(self, values: Array, step_s: float) -> Array:
+        """Return the mean of a held channel from each tick to the next; nan if it is too old.
+
+        The mean, because an output logged just after an angle acts during nearly the whole tick.
+        """
+        times_s, outputs = self.find_readings(values)
+        if not times_s.size:
+            return np.full(len(self.clock), np.nan)
+        edges = np.append(self.clock, self.clock[-1] + step_s)
+        sums = np.concatenate([[0.0], np.cumsum(outputs[:-1] * np.diff(times_s))])
+        latest = np.clip(np.searchsorted(times_s, edges, side="right") - 1, 0, len(times_s) - 1)
+        total = sums[latest] + outputs[latest] * (edges - times_s[latest])
+        middle = self.clock + 0.5 * step_s
+        newest = np.searchsorted(times_s, middle, side="right") - 1
+        age = middle - times_s[np.maximum(newest, 0)]
+        is_fresh = (newest >= 0) & (age <= max(HELD_S, step_s) + 0.5 * step_s)
+        return np.where(is_fresh, np.diff(total) / step_s, np.nan)
 
 
 READ_S = 0.1  # two readings at 20 Hz; assumed

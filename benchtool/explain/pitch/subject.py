@@ -1,54 +1,47 @@
-"""Pitch recordings as the subject of an explanation."""
+"""Pitch recordings as the subject of an explanation.
+
+The gap is the error of open-loop predictions over windows. Each window starts from the filter's
+state estimate from earlier samples only. The floor is the prediction error of a true model: from
+the covariance of the initial state, the stated wake torque and the stated sensor noise, independent
+of the residuals.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchtool.core.rig import Rig
-from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.core.units import Array
-from benchtool.explain.engine.design import ExpectedOutcome, Forecast, build_proposal, select_design
-from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
-from benchtool.explain.engine.judgement import CandidateEffect
-from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.engine.evidence import CHANNEL_UNITS, Subject
+from benchtool.explain.findings import Overlay
 from benchtool.explain.pitch.dependences import summarize_residuals
-from benchtool.explain.pitch.evidence import PitchEvidence
-from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
-from benchtool.explain.pitch.log import PitchLog, pitch_log
-from benchtool.explain.pitch.timing import bench_numbers
-from benchtool.explain.recording_checks import check_bench_kind
-from benchtool.physics.effects.effect import Effect, Subsystem
+from benchtool.explain.pitch.evidence import SETTLING_S, PitchEvidence
+from benchtool.explain.pitch.filter import CHANNELS, FilterResult
+from benchtool.explain.pitch.log import PitchLog
+from benchtool.explain.pitch.next_experiment import next_pitch
+from benchtool.explain.pitch.resampling import find_segments
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
-from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.run import PitchJob
-from benchtool.simulate.pitch.simulate import simulate_pitch
+from benchtool.simulate.pitch.filter_log import (
+    LoggedPitch,
+    Predictions,
+    filter_log,
+    predict_windows,
+)
 
-MIN_AVERAGED = 5  # rows averaged into one to compare experiments
+RPM = 30.0 / np.pi
 
-RATE_HZ = 250.0
+LEAD_S = 0.1  # pulses before a window that a delay needs
+MAX_LANES = 32  # true models simulated at once
+MAX_BLOCK_SIZE = 2_000_000  # rows times lanes predicted at once: two minutes at 250 Hz
+OVERLAP = 2  # half-overlapping windows; the mean is nearly as precise as with 1.5 times as many
+BLOCK_S = 1.0  # of reported errors; longer than the correlation of windows and wake
 
-MOTIONS = {
-    "slow reversals": Signal(shape="triangle", level=8.0, period_s=10.0),
-    "steps": Signal(shape="steps", levels=(0.0, 10.0, -10.0, 5.0, -12.0, 12.0), every_s=2.5),
-    "a chirp": Signal(shape="chirp", level=5.0, start_Hz=0.2, end_Hz=2.5),
-}
-COLLECTIVES = {
-    "steps of the collective": Signal(shape="steps", levels=(0.0, 0.15, -0.15), every_s=5.0),
-    "a ladder of the collective": Signal(
-        shape="steps", every_s=2.0, levels=(-0.2, -0.1, 0.0, 0.1, 0.2, 0.1, 0.0, -0.1)
-    ),
-}
-DITHER = Signal(shape="prbs", level=15.0, bit_s=0.04, seed=1)
-Z_OVER_R = (0.9, 1.3, 2.0, 3.0)
-LENGTHS_S = (20.0, 30.0, 45.0, 60.0)  # candidate durations of a design; assumed
-SLIDE_S = 1.0  # between visits of the plate; assumed
 # Candidate prediction windows, ascending. Over a near plate the beam diverges from any prediction
 # within a second, so that errors of a few long windows are dominated by chance.
 WINDOWS_S = (0.25, 0.5, 1.0)
@@ -61,128 +54,140 @@ ONE_SIDED_95 = 1.645  # normal quantile
 BREAK = np.full((1, 4), np.nan)  # between windows, to break lines
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PitchDesign:
-    """Design of a pitch experiment: motions in turn, one plate visit per distance."""
-
-    motions: tuple[str, ...]
-    collective: str = ""
-    dither: bool = False
-    z_over_R: tuple[float, ...] = ()
-    length_s: float = LENGTHS_S[0]
-
-    def schedule(self) -> Schedule:
-        """Return the schedule of its commands."""
-        turn_s = self.length_s / max(1, len(self.motions))
-        visit_s = self.length_s / (len(self.z_over_R) + 1)
-        return Schedule(
-            name="next_schedule",
-            title=self.text(),
-            duration_s=self.length_s,
-            reference_deg=tuple(
-                replace(MOTIONS[name], from_s=index * turn_s, to_s=(index + 1) * turn_s)
-                for index, name in enumerate(self.motions)
-            ),
-            collective=(COLLECTIVES[self.collective],) if self.collective else (),
-            dither_us=(DITHER,) if self.dither else (),
-            plate=tuple(
-                PlateVisit(
-                    z_over_R=ratio, in_s=index * visit_s, out_s=(index + 1) * visit_s - SLIDE_S
-                )
-                for index, ratio in enumerate(self.z_over_R, 1)
-            ),
-        )
-
-    def text(self) -> str:
-        """Return the design as a phrase."""
-        parts = [*self.motions, self.collective, "dither on the pulses" if self.dither else ""]
-        motions = ", ".join(part for part in parts if part)
-        ratios = ", ".join(f"{ratio:g}" for ratio in self.z_over_R)
-        plate = f"the plate parked, then at z/R {ratios}" if ratios else "no plate"
-        return f"{motions[:1].upper()}{motions[1:]}; {plate}; {self.length_s:g} s"
-
-    def more(self, rig: Rig) -> dict[str, PitchDesign]:
-        """Return designs with one addition each, by its name."""
-        designs = {}
-        for name in MOTIONS.keys() - set(self.motions):
-            designs[name] = replace(self, motions=(*self.motions, name))
-        for name in COLLECTIVES.keys() - {self.collective}:
-            designs[name] = replace(self, collective=name)
-        if not self.dither:
-            designs["dither"] = replace(self, dither=True)
-        for ratio in set(Z_OVER_R) - set(self.z_over_R):
-            if ratio * rig.propulsion.radius_m >= rig.plate.z_min_m:
-                ratios = tuple(sorted((*self.z_over_R, ratio), reverse=True))
-                designs[f"z/R {ratio}"] = replace(self, z_over_R=ratios)
-        for length_s in LENGTHS_S:
-            if length_s > self.length_s:
-                designs["length"] = replace(self, length_s=length_s)
-                break
-        return designs
+def read_channels(logged: LoggedPitch) -> dict[str, Array]:
+    """Return readings (n,), speeds (n, n_discs), by channel in its unit."""
+    rpm = RPM * logged.speed_rad_s.T
+    return {"theta_rad": logged.theta_rad, "gyro_rad_s": logged.gyro_rad_s, "rpm": rpm}
 
 
-def next_pitch(
-    evidence: PitchEvidence,
-    rivals: Sequence[CandidateEffect],
-    rng: np.random.Generator,
-    refused: Subsystem | None = None,
-    minutes: float | None = None,
-) -> NextExperiment:
-    """Return the experiment with the best expected separation of the rivals."""
-    model, logs = evidence.model, [log.logged for log in evidence.logs]
-    n_averaged = max(MIN_AVERAGED, evidence.n_averaged)
-    forecast = Forecast(evidence.of(logs, n_averaged), rivals)
-    values = forecast.rivals[0].fit.values
-    parameters = parameters_at(model.parameters, evidence.parameters, values)
-    bench = PitchBench.from_model(model.with_values(parameters))
-    job = PitchJob(bench, PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ))
+def predicted_channels(run: Predictions) -> dict[str, Array]:
+    """Return predictions (n, lanes), speeds (n, n_discs, lanes), by channel in its unit."""
+    return {"theta_rad": run.theta_rad, "gyro_rad_s": run.gyro_rad_s, "rpm": RPM * run.speed_rad_s}
 
-    seed = int(rng.integers(2**31))
 
-    def expect(design: PitchDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
-        sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
-        recording = simulate_pitch(job, sampled, seed).recording(model.rig)
-        log = pitch_log(recording, model.rig, checked=False).logged
-        new, combined = (evidence.of(data, n_averaged) for data in ([log], [*logs, log]))
-        return forecast.expected(new, combined, drawn)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Windows:
+    """Windows of a log without dropouts, after the filter has settled."""
 
-    ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
-    first = PitchDesign(motions=("slow reversals",))
-    best = select_design(
-        ladder if refused == "pwm_to_rpm" else first,
-        lambda design: design.more(model.rig),
-        expect,
-        lambda design: design.length_s,
-        60.0 * minutes if minutes else LENGTHS_S[-1],
-    )
-    outcome, schedule = expect(best, rng), best.schedule()
-    return build_proposal(
-        forecast.rivals, outcome, best.text(), best.length_s, refused, schedule=schedule
-    )
+    log: FilterResult  # the recording with its filter
+    starts: NDArray[np.intp]  # (w,) first rows
+    rows: int  # rows of a window
+    block: int  # consecutive windows in a block
+
+    @classmethod
+    def of(cls, log: FilterResult, window_s: float, overlap: int = 1) -> Windows:
+        """Return windows of a length; each begins after 1/`overlap` of the previous one."""
+        logged = log.logged
+        rows = max(2, round(window_s * logged.rate_Hz))
+        hop = max(1, rows // overlap)
+        n_settling = round(SETTLING_S * logged.rate_Hz)
+        starts = {
+            start
+            for segment in find_segments(logged.mode)
+            for start in range(segment.start + n_settling, segment.stop - rows + 1, hop)
+        }
+        block = max(1, round(BLOCK_S * logged.rate_Hz / hop))
+        return cls(log=log, starts=np.array(sorted(starts), np.intp), rows=rows, block=block)
+
+    def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
+        """Return predictions of each bench (lane) in each window, from its state estimate."""
+        return self._run(benches, slice(None), self._states(benches))
+
+    def errors(self, benches: Sequence[PitchBench]) -> dict[str, Array]:
+        """Return mean squared errors of each block (b, lanes) by channel."""
+        errors: dict[str, list[Array]] = {name: [] for name in CHANNELS}
+        readings, states = read_channels(self.log.logged), self._states(benches)
+        for part in self._parts(len(benches)):
+            runs = self._run(benches, part, states[part])
+            for start, run in zip(self.starts[part], runs, strict=True):
+                for name, values in predicted_channels(run).items():
+                    error = readings[name][start : start + self.rows, ..., None] - values
+                    if np.isfinite(error).any():
+                        errors[name].append(np.nanmean(error**2, axis=tuple(range(error.ndim - 1))))
+        return {name: self._in_blocks(np.array(s)) for name, s in errors.items() if s}
+
+    def _in_blocks(self, squares: Array) -> Array:
+        """Return means of blocks of windows; the last block includes the remaining windows."""
+        firsts = self.block * np.arange(max(1, len(squares) // self.block))
+        sizes = np.diff([*firsts, len(squares)])
+        means: Array = np.add.reduceat(squares, firsts) / sizes[:, None]
+        return means
+
+    def floor(
+        self, bench: PitchBench, truths: Sequence[PitchBench], rng: np.random.Generator
+    ) -> dict[str, Array]:
+        """Return root mean squared errors of a true model (draws,) by channel.
+
+        Args:
+            truths: true model of each draw: the model itself, or draws of its parameters.
+        """
+        states = self._states([bench])
+        squares = {name: np.zeros(len(truths)) for name in CHANNELS}
+        for part in self._parts(min(len(truths), MAX_LANES)):
+            nominal = self._run([bench], part, states[part])
+            for first in range(0, len(truths), MAX_LANES):
+                lanes = slice(first, first + MAX_LANES)
+                starts = [np.repeat(state, len(truths[lanes]), axis=1) for state in states[part]]
+                for state in starts:
+                    noise = rng.standard_normal((3, state.shape[1]))
+                    state[:3] += self.log.filter.state_root @ noise
+                seed = int(rng.integers(2**31))
+                runs = self._run(truths[lanes], part, starts, seed)
+                for name, increments in self._squares(runs, nominal, rng).items():
+                    squares[name][lanes] += increments
+        return {name: np.sqrt(total / len(self.starts)) for name, total in squares.items()}
+
+    def _squares(
+        self, runs: Sequence[Predictions], nominal: Sequence[Predictions], rng: np.random.Generator
+    ) -> dict[str, Array]:
+        """Return mean squared errors (lanes,) with sensor noise, summed over windows."""
+        total = dict.fromkeys(CHANNELS, np.zeros(runs[0].theta_rad.shape[-1]))
+        for run, expected in zip(runs, map(predicted_channels, nominal), strict=True):
+            for name, prediction in predicted_channels(run).items():
+                noise = rng.standard_normal(prediction.shape, np.float32)
+                noise = self.log.filter.reading_sd[name] * noise
+                scale = RPM if name == "rpm" else 1.0
+                error = prediction - expected[name] + scale * noise.astype(float)
+                total[name] = total[name] + np.mean(error**2, axis=tuple(range(error.ndim - 1)))
+        return total
+
+    def _parts(self, lanes: int) -> list[slice]:
+        """Return the windows in parts that fit in memory."""
+        n_windows = max(1, MAX_BLOCK_SIZE // (self.rows * lanes))
+        return [slice(first, first + n_windows) for first in range(0, len(self.starts), n_windows)]
+
+    def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
+        """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
+        run = filter_log(benches, self.log.logged, self.log.filter.gains)
+        rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.deflection)
+        speed = run.state_speed_rad_s
+        return [np.vstack([*(v[row] for v in rows), speed[row]]) for row in self.starts]
+
+    def _run(
+        self,
+        benches: Sequence[PitchBench],
+        part: slice,
+        states: Sequence[Array],
+        seed: int | None = None,
+    ) -> list[Predictions]:
+        logged = self.log.logged
+        lead = round(LEAD_S * logged.rate_Hz)
+        return predict_windows(benches, logged, self.starts[part], self.rows, lead, states, seed)
 
 
 class PitchSubject(Subject):
     """Pitch recordings, compared with a model."""
 
     kind = "pitch"
-    missed_by = staticmethod(summarize_residuals)
-    next_by = staticmethod(next_pitch)
+    summarize = staticmethod(summarize_residuals)
+    propose = staticmethod(next_pitch)
     evidence: PitchEvidence
+    check_evidence: PitchEvidence
     all_evidence: PitchEvidence
 
-    def __init__(
-        self,
-        model: Model,
-        learn: Sequence[PitchLog],
-        check: Sequence[PitchLog],
-        extra: Sequence[Effect] = (),
-    ) -> None:
-        self.training, self.validation = tuple(learn), tuple(check)
-        logs = (*learn, *check)
-        check_bench_kind([(log.name, bench_numbers(log.logged, model.rig)) for log in logs])
-        self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
-        self._validation = PitchEvidence(model, [log.logged for log in check], extra)
-        self.all_evidence = PitchEvidence(model, [log.logged for log in logs], extra)
+    @staticmethod
+    def gather(model: Model, logs: Sequence[PitchLog], extra: Sequence[Effect]) -> PitchEvidence:
+        return PitchEvidence(model, [log.logged for log in logs], extra)
 
     @cached_property
     def window_s(self) -> float:
@@ -200,18 +205,15 @@ class PitchSubject(Subject):
             predictable = window_s
         return predictable
 
-    def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
+    def errors(self, sets: Array, changes: Array) -> Mapping[str, Array]:
         """Return errors in each block of the check recordings, by channel."""
         errors: dict[str, list[Array]] = {}
-        for log in self._validation.logs:
-            benches = [self._validation.bench(scaled, log.logged.rate_Hz) for scaled in sets]
+        for log in self.check_evidence.logs:
+            benches = [self.check_evidence.bench(scaled, log.logged.rate_Hz) for scaled in sets]
             windows = Windows.of(log, self.window_s, OVERLAP)
             for name, squares in windows.errors(benches).items():
                 errors.setdefault(name, []).append(squares)
-        return {
-            name: ChannelErrors(unit=UNITS[name], squares=np.concatenate(squares))
-            for name, squares in errors.items()
-        }
+        return {name: np.concatenate(squares) for name, squares in errors.items()}
 
     def floor(
         self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
@@ -228,13 +230,13 @@ class PitchSubject(Subject):
     ) -> Mapping[str, Array]:
         total: dict[str, Array] = {}
         count = 0
-        for log in self._validation.logs:
+        for log in self.check_evidence.logs:
             windows = Windows.of(log, window_s, OVERLAP)
-            bench = self._validation.bench(at, log.logged.rate_Hz)
+            bench = self.check_evidence.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
                 scaled = rng.multivariate_normal(at, spread, draws, method="eigh")
-                truths = [self._validation.bench(x, log.logged.rate_Hz) for x in scaled]
+                truths = [self.check_evidence.bench(x, log.logged.rate_Hz) for x in scaled]
             for name, roots in windows.floor(bench, truths, rng).items():
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
@@ -242,10 +244,10 @@ class PitchSubject(Subject):
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with the predictions of each window, by channel."""
-        log = self._validation.logs[0]
+        log = self.check_evidence.logs[0]
         rate_Hz = log.logged.rate_Hz
         windows = Windows.of(log, self.window_s)
-        runs = windows.predicted([self._validation.bench(x, rate_Hz) for x in (before, after)])
+        runs = windows.predicted([self.check_evidence.bench(x, rate_Hz) for x in (before, after)])
         overlays = []
         for name, read in read_channels(log.logged).items():
             values = read if read.ndim == 1 else read[:, 0]
@@ -260,8 +262,8 @@ class PitchSubject(Subject):
             at, measured, line, other = np.concatenate(pieces).T
             overlays.append(
                 Overlay(
-                    channel=name if name != "rpm" else "rpm1", unit=UNITS[name], axis="time_s",
-                    at=at, measured=measured, before=line, after=other,
+                    channel=name if name != "rpm" else "rpm1", unit=CHANNEL_UNITS[name],
+                    axis="time_s", at=at, measured=measured, before=line, after=other,
                 )
             )  # fmt: skip
         return tuple(overlays)

@@ -16,9 +16,9 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
+from benchtool.explain.pitch.resampling import find_segments
 from benchtool.explain.pitch.sanity_checks import bridge_gaps, gyro_disagreement
 from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
 MIN_DURATION_S = 8.0  # of the longest segment, to estimate offsets
@@ -130,15 +130,12 @@ def estimate_offset(x: Array, y: Array, rate_Hz: float, band_Hz: tuple[float, fl
     target = y[inner]
     shifts = range(-max_rows, max_rows + 1)
     products = [x[max_rows - k : len(x) - max_rows - k] @ target for k in shifts]
-    rows_late = float(shifts[int(np.argmax(products))])
-    for _ in range(4):
+    rows_late, coefficients = float(shifts[int(np.argmax(products))]), np.array([1.0, 0.0])
+    for _ in range(5):
+        rows_late -= coefficients[1] / coefficients[0]
         shifted = np.interp(rows - rows_late, rows, x)
         columns = np.stack([shifted, np.gradient(shifted)], axis=1)[inner]
-        scale, slope = _solve_jackknife(columns, target)[0]
-        rows_late -= slope / scale
-    shifted = np.interp(rows - rows_late, rows, x)
-    columns = np.stack([shifted, np.gradient(shifted)], axis=1)[inner]
-    coefficients, blocks = _solve_jackknife(columns, target)
+        coefficients, blocks = _solve_jackknife(columns, target)
     shift = blocks[:, 1] / blocks[:, 0]
     se = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((shift - shift.mean()) ** 2))
     correlation = float(np.corrcoef(columns[:, 0], target)[0, 1])
@@ -159,9 +156,8 @@ def _solve_jackknife(columns: Array, y: Array) -> tuple[Array, Array]:
 
 def _longest_segment(logged: LoggedPitch) -> LoggedPitch:
     """Return the longest segment without dropouts."""
-    edges = [0, *np.flatnonzero(logged.mode == t.RESTART), len(logged)]
-    first, last = max(pairwise(edges), key=lambda piece: piece[1] - piece[0])
-    return logged.between(first, last)
+    longest = max(find_segments(logged.mode), key=lambda part: part.stop - part.start)
+    return logged.between(longest.start, longest.stop)
 
 
 def _integrate(values: Array, rate_Hz: float) -> Array:

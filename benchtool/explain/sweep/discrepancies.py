@@ -14,13 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import Discrepancy
-from benchtool.explain.engine.smooth import smooth_root
+from benchtool.explain.engine.evidence import HALF_Z_OVER_R, VISIT, WITHIN, Discrepancy, smooth_root
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.physics.model import Model
-
-WITHIN = 1.0 / 3.0  # prior sd over tolerance, as for effects within tolerance
-HALF_Z_OVER_R = 3.0  # distance at which a plate discrepancy is halved; assumed
 
 # Correlation lengths: log distance, log speed, share of the duration, lateral position over radius.
 DISTANCE, SPEED, TIME, LATERAL = 0.5, 0.12, 0.25, 0.5
@@ -65,7 +61,7 @@ def thrust_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Proces
     if len(np.unique(log.stay)) > 3:
         share = np.full(len(log), tolerance)
         positions = 10.0 * log.stay[:, None].astype(float)
-        yield Process("thrust: visit", sweep, rows, positions, share * typical, share)
+        yield Process(VISIT, sweep, rows, positions, share * typical, share)
 
 
 def speed_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Process]:
@@ -102,28 +98,18 @@ def variations(logs: Sequence[SweepLog], model: Model) -> Array:
     return np.hstack([model.discrepancy.law / np.sqrt(2.0) * root for root in roots])
 
 
-PHRASES = {  # meaning of a discrepancy beyond tolerance
-    "thrust: distance": "a different law of thrust against distance",
-    "thrust: visit": "something that changes from visit to visit",
-}
-
-
 def discrepancies(processes: Sequence[Process], n_rows: int) -> list[Discrepancy]:
     """Return discrepancies of processes; their rows are indices in the whole evidence."""
     result = []
     ordered = sorted(processes, key=lambda part: (part.name, part.sweep))
     for name, parts in groupby(ordered, key=lambda part: part.name):
         columns = [_columns(list(same), n_rows) for _, same in groupby(parts, lambda p: p.sweep)]
-        channel, _, variable = name.partition(": ")
         result.append(
             Discrepancy(
                 name=name,
-                stage="rpm_to_thrust" if channel == "thrust" else "pwm_to_rpm",
-                phrase=PHRASES.get(name, f"a {channel} error that depends on {variable}"),
                 columns=np.hstack([part for part, _ in columns]),
                 shares=np.hstack([part for _, part in columns]),
                 readings=np.hstack([part for part, _ in columns]),
-                always=name != "thrust: visit",
             )
         )
     return result

@@ -136,23 +136,10 @@ class SweepEvidence:
         index = self._index[name]
         return self.parameters[index].start + self.parameters[index].scale * scaled[:, index]
 
-    def speeds(self, log: SweepLog, scaled: Array) -> Array:
-        """Return speeds at the log's pulses (m, n_sets) with fitted scale per level: rad/s."""
-        assert log.power is not None
-        return log.power.speeds(self.drive(log, scaled))
-
     def predicted(self, log: SweepLog, scaled: Array, readings: Array) -> Array:
-        """Return each rotor's speeds predicted from earlier readings, in rad/s.
-
-        `readings` and result: (n, m, n_sets) or (n, m, 1).
-        """
+        """Return rotor speeds predicted from earlier readings, (n, m, n_sets or 1) in rad/s."""
         assert log.power is not None
         return log.power.predicted(self.drive(log, scaled), readings)
-
-    def voltages(self, log: SweepLog, scaled: Array) -> Array:
-        """Return voltages (m, n_sets) with fitted open-circuit voltage: V."""
-        assert log.power is not None
-        return log.power.voltages(self.supply(log, scaled))
 
     def of(self, log: SweepLog) -> SweepEvidence:
         """Return the evidence of one other sweep about the same model."""
@@ -180,7 +167,6 @@ class SweepEvidence:
     # --- evidence -------------------------------------------------------------------------
 
     def residuals(self, scaled: Array) -> Array:
-        """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         sets = np.atleast_2d(scaled)
         rows = []
         for log, whitener in zip(self.logs, self.whiteners, strict=True):
@@ -188,21 +174,20 @@ class SweepEvidence:
             rows.append(whitener @ (log.thrust_N[:, None] - predicted_N))
             power = log.power
             if power is not None:
-                errors = power.speed_rad_s[:, None] - self.speeds(log, sets)
+                errors = power.speed_rad_s[:, None] - power.speeds(self.drive(log, sets))
                 rows.append(errors / power.speed_se[:, None])
                 measured = np.isfinite(power.voltage_V)
                 if measured.any():
-                    errors = power.voltage_V[measured, None] - self.voltages(log, sets)[measured]
+                    predicted_V = power.voltages(self.supply(log, sets))
+                    errors = (power.voltage_V[:, None] - predicted_V)[measured]
                     rows.append(errors / power.voltage_se)
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        """Return discrepancies of thrusts, speeds and voltages."""
         raw = discrepancies(list(self._processes()), self._n_rows)
         return tuple(replace(item, columns=self._whiten(item.columns)) for item in raw)
 
     def varied(self, changes: Array) -> Array:
-        """Return smooth variations (n_rows, r) of an effect's contribution to thrusts."""
         functions = variations(self.logs, self.model)
         parts = np.split(changes[self.thrust_rows], np.cumsum([len(log) for log in self.logs])[:-1])
         roots = zip(self.noise_roots, parts, strict=True)
@@ -215,46 +200,42 @@ class SweepEvidence:
         changes[self.thrust_rows] = changes_N
         return self._whiten(changes)
 
+    def rows(self) -> Iterator[tuple[SweepLog, slice, slice]]:
+        """Yield each log with its rows of thrusts, and of speeds and voltages."""
+        first = 0
+        for log in self.logs:
+            middle = first + len(log)
+            last = middle + (log.power.n_rows if log.power is not None else 0)
+            yield log, slice(first, middle), slice(middle, last)
+            first = last
+
     @property
     def thrust_rows(self) -> NDArray[np.intp]:
         """Indices of the rows of thrusts."""
-        first, rows = 0, []
-        for log in self.logs:
-            rows.append(first + np.arange(len(log)))
-            first += len(log) + (log.power.n_rows if log.power else 0)
-        return np.concatenate(rows)
+        return np.concatenate([np.arange(rows.start, rows.stop) for _, rows, _ in self.rows()])
 
     def _processes(self) -> Iterator[Process]:
         """Yield the Gaussian processes of all logs, with row indices of `residuals`."""
-        first = 0
-        for sweep, log in enumerate(self.logs):
-            parts = [(thrust_processes, len(log))]
-            if log.power is not None:
-                parts.append((speed_processes, log.power.n_rows))
-            for build, n_rows in parts:
-                for process in build(log, sweep, self.model):
-                    yield replace(process, rows=first + process.rows)
-                first += n_rows
+        for sweep, (log, *parts) in enumerate(self.rows()):
+            for build, rows in zip((thrust_processes, speed_processes), parts, strict=True):
+                if rows.stop > rows.start:
+                    for process in build(log, sweep, self.model):
+                        yield replace(process, rows=rows.start + process.rows)
 
     @property
     def _n_rows(self) -> int:
-        return sum(len(log) + (log.power.n_rows if log.power else 0) for log in self.logs)
+        return int(max(speeds.stop for _, _, speeds in self.rows()))
 
     def _whiten(self, changes: Array) -> Array:
         """Return whitened rows of changes of readings (n_rows, r)."""
-        whitened, first = np.empty_like(changes), 0
-        for log, whitener in zip(self.logs, self.whiteners, strict=True):
-            last = first + len(log)
-            whitened[first:last] = whitener @ changes[first:last]
-            power = log.power
-            if power is not None:
-                first, last = last, last + power.n_rows
-                whitened[first:last] = power.whiten_changes(changes[first:last])
-            first = last
+        whitened = np.empty_like(changes)
+        for (log, thrusts, speeds), whitener in zip(self.rows(), self.whiteners, strict=True):
+            whitened[thrusts] = whitener @ changes[thrusts]
+            if log.power is not None:
+                whitened[speeds] = log.power.whiten_changes(changes[speeds])
         return whitened
 
     def groups(self) -> RowGroups:
-        """Return the stage and the regimes of the rows."""
         is_speed: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from benchtool.core.units import Array
 from benchtool.data.columns import word_to_code
 from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.evidence import EARLY, LATE
-from benchtool.explain.recording_checks import check_bench_kind, repair_readings
+from benchtool.explain.recording_checks import repair_readings
 from benchtool.explain.sweep.power import SupplyModel, reconstruct_supply
 from benchtool.fit.uncertainty.bench_errors import Visits
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
@@ -52,6 +51,21 @@ class SweepLog:
     def stay(self) -> NDArray[np.intp]:
         """Index of the stay at one plate position (m,)."""
         return self.visits.stay
+
+    def bench_numbers(self, rig: Rig) -> dict[str, float]:
+        """Return thrust over squared speed far from the plate, and speed over pulse."""
+        c, power = self.conditions, self.power
+        squared_speed = np.sum(c.speed_rad_s**2, axis=0)
+        is_far = ~self.tare & (squared_speed > 0.0)
+        is_far &= c.plate_z_m >= np.quantile(c.plate_z_m[is_far], 0.75)
+        numbers = {}
+        if c.speed_measured:
+            ratio = np.median(self.thrust_N[is_far] / squared_speed[is_far])
+            numbers["thrust over squared speed"] = float(ratio)
+        if power is not None:
+            middle = np.argsort(power.pulse_us)[len(power.pulse_us) // 2]
+            numbers["speed over pulse"] = float(power.speed_rad_s[middle] / power.pulse_us[middle])
+        return numbers
 
 
 def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
@@ -154,26 +168,6 @@ def _list_missing(
     elif power is None:
         notes.append("no pulses with speeds: battery sag cannot be judged")
     return notes
-
-
-def check_same_bench(logs: Sequence[SweepLog]) -> None:
-    """Raise if sweeps are of different benches, by thrust and pulse at a speed."""
-    check_bench_kind([(log.name, _bench_numbers(log)) for log in logs])
-
-
-def _bench_numbers(log: SweepLog) -> dict[str, float]:
-    squared_speed = np.sum(log.conditions.speed_rad_s**2, axis=0)
-    is_far = ~log.tare & (squared_speed > 0.0)
-    is_far &= log.conditions.plate_z_m >= np.quantile(log.conditions.plate_z_m[is_far], 0.75)
-    numbers = {}
-    if log.conditions.speed_measured:
-        ratio = np.median(log.thrust_N[is_far] / squared_speed[is_far])
-        numbers["thrust over squared speed"] = float(ratio)
-    if log.power is not None:
-        middle = np.argsort(log.power.pulse_us)[len(log.power.pulse_us) // 2]
-        ratio = log.power.speed_rad_s[middle] / log.power.pulse_us[middle]
-        numbers["speed over pulse"] = float(ratio)
-    return numbers
 
 
 NEAR_Z_OVER_R, FAR_Z_OVER_R = 1.0, 4.0  # limits of regimes; assumed

@@ -15,9 +15,14 @@ import tomli_w
 
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.explain.engine.design import ExpectedOutcome, Forecast, build_proposal, select_design
-from benchtool.explain.engine.judgement import CandidateEffect
-from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.engine.design import (
+    CandidateEffect,
+    ExpectedOutcome,
+    Forecast,
+    build_proposal,
+    select_design,
+)
+from benchtool.explain.findings import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.fit.uncertainty.bench_errors import plate_positions

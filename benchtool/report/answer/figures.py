@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import degrees
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.explain.answer import ExplainResult, find_channel_label
-from benchtool.explain.engine.describe import Disagreement
-from benchtool.explain.engine.verdict import (
-    STAGE_TITLES,
+from benchtool.explain.findings import (
     AlternativeEffects,
     ChannelGap,
+    Disagreement,
     FoundParameter,
 )
+from benchtool.explain.result import Explanation
+from benchtool.physics.effects.effect import Subsystem
 from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
@@ -28,16 +30,47 @@ MAX_BARS = 9  # explanations drawn; the remaining ones share one bar
 VISIBLE = 0.001  # less probable explanations share that bar as well
 ALWAYS = ("none", "unknown")  # explanations drawn at any probability
 
+STAGE_TITLES: dict[Subsystem, str] = {  # for headings and cells
+    "pwm_to_rpm": "from pwm to rpm",
+    "rpm_to_thrust": "from rpm to thrust",
+    "hinge": "hinge",
+    "sensor": "sensor",
+    "plate": "plate",
+}
 
-def _disagreements(answer: ExplainResult) -> list[Disagreement]:
+
+class ChannelLabel(NamedTuple):
+    """Display title and unit of a channel, with a factor on stored values."""
+
+    title: str
+    unit: str
+    factor: float = 1.0
+
+
+_CHANNELS = {
+    "theta_rad": ChannelLabel("pitch", "deg", degrees(1.0)),
+    "gyro_rad_s": ChannelLabel("pitch rate", "deg/s", degrees(1.0)),
+    "thrust_N": ChannelLabel("thrust", "N"),
+    "rpm": ChannelLabel("rotor speed", "rpm"),
+}
+
+
+def find_channel_label(channel: str) -> ChannelLabel:
+    """Return display title, unit and factor of a channel."""
+    if channel not in _CHANNELS:
+        return ChannelLabel(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
+    return _CHANNELS[channel]
+
+
+def _disagreements(answer: Explanation) -> list[Disagreement]:
     """Return the stages with residuals, the largest first."""
-    disagreements = [item for item in answer.explanation.disagreements if item.by_regime]
+    disagreements = [item for item in answer.disagreements if item.by_regime]
     return sorted(disagreements, key=lambda item: -max(item.by_regime.values()))
 
 
-def _marked(answer: ExplainResult, item: Disagreement) -> str:
+def _marked(answer: Explanation, item: Disagreement) -> str:
     """Return the regime of a stage named by the verdict, else ""; thrust acts on beam motion."""
-    where = answer.verdict.where
+    where = answer.where
     if where is None:
         return ""
     if where.stage in {other.stage for other in _disagreements(answer)}:
@@ -60,8 +93,8 @@ def visible_regimes(
     return visible
 
 
-def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
-    after = item.after if answer.has_model else {}
+def _regimes(answer: Explanation, item: Disagreement) -> list[str]:
+    after = item.after if answer.effects else {}
     return visible_regimes(item.by_regime, after, _marked(answer, item))
 
 
@@ -75,9 +108,9 @@ def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
         1.1 + sum(0.42 + 0.3 * len(_regimes(answer, item)) for item in _disagreements(answer))
     ),
 )
-def draw_disagreements(figure: Figure, answer: ExplainResult) -> None:
+def draw_disagreements(figure: Figure, answer: Explanation) -> None:
     """Draw one panel per stage and one bar per regime; 1 is noise alone."""
-    stages, changed = _disagreements(answer), answer.has_model
+    stages, changed = _disagreements(answer), bool(answer.effects)
     panels = stack_panels(figure, [len(_regimes(answer, item)) for item in stages])
     half, height = (0.19, 0.36) if changed else (0.0, 0.6)
     for axes, item in zip(panels, stages, strict=True):
@@ -135,23 +168,22 @@ def percentage(value: float) -> str:
     name="which",
     title=lambda answer, alternatives: (
         f"Alternatives to: {answer.find_title(alternatives.effect)}"
-        if answer.verdict.kind == "several"
+        if answer.kind == "several"
         else "Probability of each explanation"
     ),
-    caption=lambda answer, _: WHICH_OF_SEVERAL if answer.verdict.kind == "several" else WHICH,
+    caption=lambda answer, _: WHICH_OF_SEVERAL if answer.kind == "several" else WHICH,
     each=lambda answer: {
-        alternatives.effect if answer.verdict.kind == "several" else "": alternatives
-        for alternatives in answer.verdict.alternatives
+        alternatives.effect if answer.kind == "several" else "": alternatives
+        for alternatives in answer.alternatives
     },
     height_in=lambda _, item: 1.1 + 0.27 * len(shown_explanations(item.probabilities)),
 )
 def draw_probabilities(
-    figure: Figure, answer: ExplainResult, alternatives: AlternativeEffects
+    figure: Figure, answer: Explanation, alternatives: AlternativeEffects
 ) -> None:
     """Draw one bar per explanation, most probable first."""
-    verdict = answer.verdict
-    several = verdict.kind == "several"
-    named = (alternatives.effect,) if several else verdict.names or (verdict.kind,)
+    several = answer.kind == "several"
+    named = (alternatives.effect,) if several else answer.names or (answer.kind,)
     bars = shown_explanations(alternatives.probabilities)
     axes = figure.subplots()
     colors = [AFTER if name in named else GREY for name in bars]
@@ -164,10 +196,10 @@ def draw_probabilities(
     axes.set_xlabel("probability")
 
 
-def _parameters(answer: ExplainResult) -> dict[str, FoundParameter]:
+def _parameters(answer: Explanation) -> dict[str, FoundParameter]:
     return {
         f"{effect.title}\n{item.name}": item
-        for effect in answer.verdict.effects
+        for effect in answer.effects
         for item in effect.parameters
     }
 
@@ -186,7 +218,7 @@ def parameter_text(item: FoundParameter) -> str:
     when=lambda answer: bool(_parameters(answer)),
     height_in=lambda answer: 1.25 + 0.5 * len(_parameters(answer)),
 )
-def parameters(figure: Figure, answer: ExplainResult) -> None:
+def parameters(figure: Figure, answer: Explanation) -> None:
     """Draw one point with interval per parameter; grey band: within tolerance."""
     items = _parameters(answer)
     sizes = [
@@ -217,7 +249,7 @@ def parameters(figure: Figure, answer: ExplainResult) -> None:
 
 def gap_numbers(gap: ChannelGap, changed: bool) -> str:
     """Return before, after and floor of a gap as text in display units."""
-    display = find_channel_label(gap.channel, gap.unit)
+    display = find_channel_label(gap.channel)
     before, after, floor = (
         f"{display.factor * value:.3g}" for value in (gap.before, gap.after, gap.floor)
     )
@@ -229,18 +261,18 @@ def gap_numbers(gap: ChannelGap, changed: bool) -> str:
     title="Gap on the validation recordings",
     caption="Prediction error before (hatched) and after, relative to the noise floor; thin lines: "
     "95 % bootstrap intervals over windows. Diamonds: model file without adjustment.",
-    when=lambda answer: bool(answer.verdict.gaps),
-    height_in=lambda answer: 1.5 + 0.78 * len(answer.verdict.gaps),
+    when=lambda answer: bool(answer.gaps),
+    height_in=lambda answer: 1.5 + 0.78 * len(answer.gaps),
 )
-def gap(figure: Figure, answer: ExplainResult) -> None:
+def gap(figure: Figure, answer: Explanation) -> None:
     """Draw two bars per channel, relative to the noise floor; grey band: noise alone."""
-    gaps = answer.verdict.gaps
+    gaps = answer.gaps
     axes = figure.subplots()
     largest = max(max(item.before_high, item.as_given, item.before) / item.floor for item in gaps)
     for row, item in enumerate(gaps):
-        _gap_bars(axes, row, item, answer.has_model)
+        _gap_bars(axes, row, item, bool(answer.effects))
     axes.axvline(1.0, color=BLACK, lw=0.9)
-    titles = [find_channel_label(item.channel, item.unit).title for item in gaps]
+    titles = [find_channel_label(item.channel).title for item in gaps]
     named_rows(axes, titles, bottom=0.45, top=0.62)
     if largest > LOGARITHMIC_FROM:
         axes.set_xscale("log")
@@ -287,15 +319,15 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
 
 
 @figure(
-    title=lambda answer: f"Unexplained share over {answer.verdict.depends.phrase}",
+    title=lambda answer: f"Unexplained share over {answer.depends.phrase}",
     caption="Dots: residual of each reading after adjustment within tolerance. Line with 95 % "
     "band: smooth function of the variable. Dashed: drafted law, up to a constant.",
-    when=lambda answer: answer.verdict.depends is not None,
+    when=lambda answer: answer.depends is not None,
     height_in=3.4,
 )
-def depends(figure: Figure, answer: ExplainResult) -> None:
+def depends(figure: Figure, answer: Explanation) -> None:
     """Draw residuals, a smooth function with its band, and the law shifted to its mean."""
-    dependence = answer.verdict.depends
+    dependence = answer.depends
     assert dependence is not None
     curve, axes = dependence.curve, figure.subplots()
     axes.axhline(0.0, color=GREY, linewidth=0.9)

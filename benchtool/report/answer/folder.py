@@ -11,10 +11,10 @@ from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import json_ready, replace_json, replace_text
-from benchtool.explain.answer import ExplainResult
 from benchtool.explain.law_search.draft import DRAFT_NAME, draft_effect
 from benchtool.explain.law_search.law import FoundDependence
 from benchtool.explain.next_steps import next_file
+from benchtool.explain.result import Explanation
 from benchtool.explain.updated_model import (
     MODEL,
     NEAREST,
@@ -40,12 +40,12 @@ def check_not_existing(folder: Path | None, json_file: Path | None) -> None:
 
 
 def write_folder(
-    folder: Path, answer: ExplainResult, display_path: Path | None = None
+    folder: Path, answer: Explanation, display_path: Path | None = None
 ) -> WrittenFiles:
     """Write an explanation, replacing its files; return the paths of models, schedule and draft."""
     shown_folder, effects_file = display_path or folder, answer.request.effects_file
     folder.mkdir(parents=True, exist_ok=True)
-    model = _write_model(folder, MODEL, answer if answer.has_model else None, effects_file)
+    model = _write_model(folder, MODEL, answer if answer.effects else None, effects_file)
     nearest = _write_model(folder, NEAREST, with_nearest_effect(answer), effects_file)
     name, text = next_file(answer)
     if name:
@@ -64,9 +64,9 @@ def write_folder(
     return written
 
 
-def _write_draft(folder: Path, answer: ExplainResult) -> str:
+def _write_draft(folder: Path, answer: Explanation) -> str:
     """Write the drafted effect of an unnamed dependence to a new file; return its name or ""."""
-    depends = answer.verdict.depends
+    depends = answer.depends
     if depends is None or depends.law is None:
         return ""
     names = (f"{DRAFT_NAME}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
@@ -76,7 +76,7 @@ def _write_draft(folder: Path, answer: ExplainResult) -> str:
 
 
 def _write_model(
-    folder: Path, name: str, answer: ExplainResult | None, effects_file: Path | None
+    folder: Path, name: str, answer: Explanation | None, effects_file: Path | None
 ) -> str:
     """Write the model with its rig and effects file; return its name, "" without a model."""
     if answer is None:
@@ -94,7 +94,7 @@ def _write_model(
     return name
 
 
-def write_json(path: Path, answer: ExplainResult, folder: Path | None = None) -> None:
+def write_json(path: Path, answer: Explanation, folder: Path | None = None) -> None:
     """Write the JSON file of an explanation; replaces an existing file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if folder is None:
@@ -116,13 +116,12 @@ class WrittenFiles:
     draft: str = ""
 
 
-def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any]:
+def answer_tables(answer: Explanation, written: WrittenFiles) -> dict[str, Any]:
     """Return the contents of the JSON file; all keys are always present."""
-    verdict = answer.verdict
     tables = {
         "version": VERSION,
-        "verdict": verdict.kind,
-        "sentence": verdict.sentence,
+        "verdict": answer.kind,
+        "sentence": answer.sentence,
         "effects": [
             _fields(effect, "name", "title", "stage", "probability")
             | {
@@ -133,41 +132,42 @@ def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any
                 }
             }
             | _fields(effect, "log_likelihood_ratio", "p_value")
-            for effect in verdict.effects
+            for effect in answer.effects
         ],
-        "class": list(verdict.class_members),
-        "probabilities": dict(verdict.probabilities),
-        "places": [_fields(item, "effect", "probabilities") for item in verdict.alternatives],
-        "stages": dict(verdict.stages),
+        "class": list(answer.class_members),
+        "probabilities": dict(answer.probabilities),
+        "places": [_fields(item, "effect", "probabilities") for item in answer.alternatives],
+        "stages": dict(answer.stages),
         "unnamed": [
             _fields(effect, "name", "phrase", "stage", "probability", "share", "tolerances")
-            for effect in verdict.unnamed
+            for effect in answer.unnamed
         ],
-        "where": _fields(verdict.where, "stage", "regime", "size", "share"),
+        "where": _fields(answer.where, "stage", "regime", "size", "share"),
         "gap": {
             gap.channel: _fields(
                 gap, "unit", "before", "after", "floor",
                 floor_5_95="floor_", before_95="before_", after_95="after_",
             ) | _fields(gap, "as_given", "share_closed")
-            for gap in verdict.gaps
+            for gap in answer.gaps
         },
-        "nearest": _fields(verdict.nearest, "name", "share_closed", "after")
+        "nearest": _fields(answer.nearest and answer.nearest.effect, "name")
+        | _fields(answer.nearest, "share_closed", "after")
         | {"model": written.nearest or None},
-        "depends": _depends(verdict.depends, written.draft),
-        "tolerances": dict(verdict.tolerances),
+        "depends": _depends(answer.depends, written.draft),
+        "tolerances": dict(answer.tolerances),
         "not_judged": {
             name: {
                 "reason": unjudged.reason,
                 "tolerances_needed": unjudged.size,
                 "sentence": unjudged_sentence(answer, name),
             }
-            for name, unjudged in verdict.not_judged.items()
+            for name, unjudged in answer.not_judged.items()
         },
         "remarks": list(answer.remarks),
         "next_experiment": _next(answer, written.schedule),
         "model_out": written.model or None,
         "seconds": answer.seconds,
-        **_fields(verdict, "bench", "window_s", "draws"),
+        **_fields(answer, "bench", "window_s", "draws"),
         **_fields(answer, "seed", "simulated"),
         "model": answer.request.loaded.model.name,
         "data": {
@@ -202,8 +202,8 @@ def _fields(item: Any, *names: str, **spans: str) -> dict[str, Any]:
     return values | pairs
 
 
-def _next(answer: ExplainResult, path: str) -> dict[str, Any]:
-    experiment = answer.verdict.next
+def _next(answer: Explanation, path: str) -> dict[str, Any]:
+    experiment = answer.next
     kind = None if experiment is None else "schedule" if experiment.schedule is not None else "plan"
     return {
         **_fields(experiment, "candidates", "title", "reason"),

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchtool.core.units import Array
-from benchtool.explain.answer import ExplainResult, find_channel_label
-from benchtool.explain.engine.evidence import Overlay
-from benchtool.report.answer.figures import AFTER, BEFORE
+from benchtool.explain.findings import Overlay
+from benchtool.explain.result import Explanation
+from benchtool.report.answer.figures import AFTER, BEFORE, find_channel_label
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
 from benchtool.report.panels import legend_below, spread, stack_panels
@@ -36,21 +36,21 @@ def overlay_caption(window_s: float) -> str:
     )
 
 
-def _overlay_title(answer: ExplainResult, overlay: Overlay) -> str:
-    source = "recording" if answer.verdict.bench == "pitch" else "sweep"
-    title = find_channel_label(overlay.channel, overlay.unit).title.capitalize()
+def _overlay_title(answer: Explanation, overlay: Overlay) -> str:
+    source = "recording" if answer.bench == "pitch" else "sweep"
+    title = find_channel_label(overlay.channel).title.capitalize()
     return f"{title} on the validation {source}"
 
 
 @figure(
     title=_overlay_title,
-    caption=lambda answer, _: overlay_caption(answer.verdict.window_s),
-    each=lambda answer: {item.channel: item for item in answer.explanation.overlays},
+    caption=lambda answer, _: overlay_caption(answer.window_s),
+    each=lambda answer: {item.channel: item for item in answer.overlays},
     height_in=3.7,
 )
-def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
+def overlay(figure: Figure, answer: Explanation, overlay: Overlay) -> None:
     """Draw one channel over its residuals; right column: enlarged where the old model is worst."""
-    if answer.verdict.bench != "pitch":
+    if answer.bench != "pitch":
         panels = stack_panels(figure, (1.8, 1.0))
         _overlay_column(panels, answer, overlay, as_lines=False)
         legend_below(figure, panels[:1], 3)
@@ -65,7 +65,7 @@ def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
     grid[1, 1].set_xlim(first, last)
     grid[1, 1].sharey(grid[1, 0])
     rows = (overlay.at >= first) & (overlay.at <= last)
-    factor = find_channel_label(overlay.channel, overlay.unit).factor
+    factor = find_channel_label(overlay.channel).factor
     visible = factor * np.concatenate(
         [overlay.measured[rows], overlay.before[rows], overlay.after[rows]]
     )
@@ -98,15 +98,15 @@ def worst_stretch(at: Array, error: Array) -> tuple[float, float]:
 
 
 def _overlay_column(
-    panels: list[Axes], answer: ExplainResult, overlay: Overlay, as_lines: bool
+    panels: list[Axes], answer: Explanation, overlay: Overlay, as_lines: bool
 ) -> None:
-    display = find_channel_label(overlay.channel, overlay.unit)
+    display = find_channel_label(overlay.channel)
     measured = display.factor * overlay.measured
     simulated = [
         ("simulated, old model", display.factor * overlay.before, BEFORE, "^"),
         ("simulated, new model", display.factor * overlay.after, AFTER, "s"),
     ]
-    if not answer.has_model:
+    if not answer.effects:
         simulated = [("simulated", display.factor * overlay.before, AFTER, "s")]
     values, residuals = panels
     if as_lines:
@@ -119,7 +119,7 @@ def _overlay_column(
         )
     floors = [
         display.factor * gap.floor
-        for gap in answer.verdict.gaps
+        for gap in answer.gaps
         if overlay.channel.startswith(gap.channel) and isfinite(gap.floor)
     ]
     spread(residuals, floors[0] if floors else float("nan"), "noise-floor")

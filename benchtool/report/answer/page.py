@@ -11,11 +11,10 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.parameter import Parameter
-from benchtool.explain.answer import ExplainResult, find_channel_label
 from benchtool.explain.engine.held_out import FLOOR_QUANTILE
-from benchtool.explain.engine.verdict import ALL_REGIMES, STAGE_LOCATIONS
 from benchtool.explain.law_search.draft import DRAFT_NAME
 from benchtool.explain.next_steps import format_steps, next_sentence, next_steps
+from benchtool.explain.result import ALL_REGIMES, STAGE_LOCATIONS, Explanation
 from benchtool.explain.updated_model import (
     MODEL,
     NEAREST,
@@ -23,7 +22,7 @@ from benchtool.explain.updated_model import (
     added_effects,
     model_with_effects,
 )
-from benchtool.report.answer.figures import gap_numbers, parameter_text
+from benchtool.report.answer.figures import find_channel_label, gap_numbers, parameter_text
 from benchtool.report.answer.tables import (
     effects_table,
     gap_table,
@@ -64,9 +63,9 @@ class Change:
         return f"{self.name} = {self.now:.4g}{unit} ({before} before)"
 
 
-def changes(answer: ExplainResult) -> tuple[Change, ...]:
+def changes(answer: Explanation) -> tuple[Change, ...]:
     """Return the parameters changed in the new model, identified ones first; empty without one."""
-    if not answer.has_model:
+    if not answer.effects:
         return ()
     old = answer.request.loaded.model.parameters
     named = {effect.name for effect in added_effects(answer)}
@@ -88,7 +87,7 @@ def changes(answer: ExplainResult) -> tuple[Change, ...]:
     return tuple(sorted(changed, key=lambda item: not item.found))
 
 
-def changes_table(answer: ExplainResult) -> Table:
+def changes_table(answer: Explanation) -> Table:
     """Return a table of the changes in the new model."""
     return Table(
         "Changes in the new model. Values are absolute, not increments.",
@@ -107,24 +106,25 @@ def changes_table(answer: ExplainResult) -> Table:
     )
 
 
-def nearest_sentence(answer: ExplainResult, folder: str) -> str:
+def nearest_sentence(answer: Explanation, folder: str) -> str:
     """Return a sentence on the gap with the nearest effect, and the path of its model."""
-    nearest = answer.verdict.nearest
-    if nearest is None or nearest.effect is None:
+    nearest = answer.nearest
+    if nearest is None:
         return ""
     gaps = []
-    for gap in answer.verdict.gaps:
-        display = find_channel_label(gap.channel, gap.unit)
+    for gap in answer.gaps:
+        display = find_channel_label(gap.channel)
         errors = (gap.before, nearest.after[gap.channel], gap.floor)
         texts = [f"{display.factor * error:.3g}" for error in errors]
         gaps.append(f"{display.title} {texts[0]} → {texts[1]} {display.unit} (floor {texts[2]})")
     file = f" {Path(folder) / NEAREST} contains it, for interim simulations." if folder else ""
-    return f" With {nearest.phrase}, the nearest effect, the gap would be: {', '.join(gaps)}.{file}"
+    text = f" With {nearest.effect.phrase}, the nearest effect, the gap would be:"
+    return f"{text} {', '.join(gaps)}.{file}"
 
 
-def _draft(answer: ExplainResult, folder: str) -> str:
+def _draft(answer: Explanation, folder: str) -> str:
     """Return a sentence with the file of the drafted law, or how to get one."""
-    dependence = answer.verdict.depends
+    dependence = answer.depends
     if dependence is None or dependence.law is None:
         return ""
     if not folder:
@@ -132,11 +132,11 @@ def _draft(answer: ExplainResult, folder: str) -> str:
     return f" Its law is drafted as an effect: {Path(folder) / DRAFT_NAME}.py."
 
 
-def added_sentence(answer: ExplainResult, folder: str = "") -> str:
+def added_sentence(answer: Explanation, folder: str = "") -> str:
     """Return a sentence on the effects added to the model, and its file if there is a folder."""
-    kind = answer.verdict.kind
+    kind = answer.kind
     old = answer.request.loaded.model.name
-    if not answer.has_model:
+    if not answer.effects:
         reason = "nothing is missing" if kind == "none" else "no effect is named"
         nearest = nearest_sentence(answer, folder)
         return f"No new model: {reason}, so {old} is unchanged.{_draft(answer, folder)}{nearest}"
@@ -147,9 +147,9 @@ def added_sentence(answer: ExplainResult, folder: str = "") -> str:
     return f"Written: {Path(folder) / MODEL}, {old} with {names}{remark} added."
 
 
-def where_sentence(answer: ExplainResult) -> str:
+def where_sentence(answer: Explanation) -> str:
     """Return a sentence on the stage and regime with the largest disagreement."""
-    where = answer.verdict.where
+    where = answer.where
     if where is None:
         return _agreement(answer)
     text = f"The disagreement is {STAGE_LOCATIONS[where.stage]}"
@@ -163,11 +163,11 @@ def where_sentence(answer: ExplainResult) -> str:
     )
 
 
-def _agreement(answer: ExplainResult) -> str:
+def _agreement(answer: Explanation) -> str:
     """Return a sentence on the error of a complete model on the validation recordings."""
-    training_floors, excesses = answer.explanation.floors_as_learned, []
-    for gap in answer.verdict.gaps:
-        display = find_channel_label(gap.channel, gap.unit)
+    training_floors, excesses = answer.floors_as_learned, []
+    for gap in answer.gaps:
+        display = find_channel_label(gap.channel)
         limit = float(
             np.quantile(training_floors.get(gap.channel, [gap.floor_high]), FLOOR_QUANTILE)
         )
@@ -184,10 +184,10 @@ def _agreement(answer: ExplainResult) -> str:
     )
 
 
-def _now(answer: ExplainResult, next_name: str, folder: str) -> list[Block]:
+def _now(answer: Explanation, next_name: str, folder: str) -> list[Block]:
     """Return blocks on the new model and on the next experiment and commands."""
     blocks: list[Block] = [Paragraph(added_sentence(answer, folder))]
-    if answer.has_model:
+    if answer.effects:
         blocks.append(changes_table(answer))
     if to_do := next_sentence(answer):
         blocks.append(Paragraph(to_do))
@@ -200,8 +200,8 @@ def _now(answer: ExplainResult, next_name: str, folder: str) -> list[Block]:
     return blocks
 
 
-def _not_judged(answer: ExplainResult) -> list[Block]:
-    names = answer.verdict.not_judged
+def _not_judged(answer: Explanation) -> list[Block]:
+    names = answer.not_judged
     blocks: list[Block] = [Warnings(answer.remarks)] if answer.remarks else []
     if names:
         sentences = {answer.find_title(name): unjudged_sentence(answer, name) for name in names}
@@ -209,12 +209,12 @@ def _not_judged(answer: ExplainResult) -> list[Block]:
     return blocks or [Paragraph("All effects of this kind of bench were judged.")]
 
 
-def _facts(answer: ExplainResult) -> Block:
-    verdict, model = answer.verdict, answer.request.loaded.model
+def _facts(answer: Explanation) -> Block:
+    model = answer.request.loaded.model
     facts = {
         "model": f"{model.name} ({answer.request.model_file})",
         "rig": f"{model.rig.name}: {model.rig.title}",
-        "bench": verdict.bench,
+        "bench": answer.bench,
         "learned from": ", ".join(source.name for source in answer.request.learn),
         "checked on": ", ".join(source.name for source in answer.request.check),
         "seed": str(answer.seed),
@@ -222,26 +222,25 @@ def _facts(answer: ExplainResult) -> Block:
         "software": f"benchtool {__version__}",
     }
     return FactTable(
-        facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()}
+        facts | {f"sha256 of {name}": digest for name, digest in answer.request.hashes.items()}
     )
 
 
-def _highlights(answer: ExplainResult) -> dict[str, str]:
-    verdict = answer.verdict
+def _highlights(answer: Explanation) -> dict[str, str]:
     tiles = {
         f"{effect.title}: {item.name}": parameter_text(item)
-        for effect in verdict.effects[:2]
+        for effect in answer.effects[:2]
         for item in effect.parameters[:2]
     }
-    for gap in verdict.gaps[:1]:
-        title = find_channel_label(gap.channel, gap.unit).title
-        tiles[f"gap of {title}"] = gap_numbers(gap, answer.has_model)
+    for gap in answer.gaps[:1]:
+        title = find_channel_label(gap.channel).title
+        tiles[f"gap of {title}"] = gap_numbers(gap, bool(answer.effects))
     return tiles
 
 
-def _depends(answer: ExplainResult) -> Block | None:
+def _depends(answer: Explanation) -> Block | None:
     """Return a paragraph on the dependence of the unnamed effect; None without one."""
-    dependence = answer.verdict.depends
+    dependence = answer.depends
     if dependence is None:
         return None
     text = (
@@ -261,7 +260,7 @@ def _depends(answer: ExplainResult) -> Block | None:
 
 FLOOR = (
     "The floor does not depend on these residuals: it is the error of the model on data simulated "
-    "with the same model, median of {0.verdict.draws} draws of the stated sensor and wake noise."
+    "with the same model, median of {0.draws} draws of the stated sensor and wake noise."
 )
 ANSWER = Page(
     "answer",
@@ -270,8 +269,8 @@ ANSWER = Page(
         (
             "Which",
             [
-                lambda answer: Paragraph(answer.verdict.sentence),
-                lambda answer: effects_table(answer) if answer.verdict.effects else None,
+                lambda answer: Paragraph(answer.sentence),
+                lambda answer: effects_table(answer) if answer.effects else None,
                 *("parameters", "which"),
             ],
         ),
@@ -283,13 +282,13 @@ ANSWER = Page(
         lambda answer: run_sections(source.path for source in answer.request.sources),
     ],
     title="Explanation: {0.request.loaded.model.name}",
-    summary=lambda answer: f"{answer.verdict.sentence} {answer.caution}".strip(),
+    summary=lambda answer: f"{answer.sentence} {answer.caution}".strip(),
     highlights=_highlights,
 )
 
 
 def answer_page(
-    answer: ExplainResult, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
+    answer: Explanation, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
 ) -> Report:
     """Return the report page of an explanation."""
     report = ANSWER.report(answer, answer.commands, figures)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from benchtool.explain.answer import ExplainResult, find_channel_label
-from benchtool.explain.engine.verdict import STAGE_TITLES, ChannelGap, FoundParameter, NamedEffect
-from benchtool.report.answer.figures import parameter_text, percentage
+from benchtool.explain.findings import ChannelGap, FoundParameter, NamedEffect
+from benchtool.explain.result import Explanation
+from benchtool.report.answer.figures import (
+    STAGE_TITLES,
+    find_channel_label,
+    parameter_text,
+    percentage,
+)
 from benchtool.report.numbers import decimal_exponent, decimals_for, power_of_ten, scaled, with_unit
 from benchtool.report.page import Table
 
 
-def effects_table(answer: ExplainResult) -> Table:
+def effects_table(answer: Explanation) -> Table:
     """Return a table of named effects with parameters, intervals and evidence."""
     rows = [
         _effect_row(effect, item, first=item is effect.parameters[0])
-        for effect in answer.verdict.effects
+        for effect in answer.effects
         for item in effect.parameters
     ]
     return Table(
@@ -27,16 +32,14 @@ def effects_table(answer: ExplainResult) -> Table:
     )
 
 
-def short_effects_table(answer: ExplainResult) -> Table:
+def short_effects_table(answer: Explanation) -> Table:
     """Return the table of named effects for a terminal."""
     return effects_table(answer).select_columns((0, 2, 3, 4, 5, 6), _effects_caption(answer), 2)
 
 
-def _effects_caption(answer: ExplainResult, more: str = "") -> str:
+def _effects_caption(answer: Explanation, more: str = "") -> str:
     remark = (
-        " Values of a class member assume that it acts alone."
-        if answer.verdict.kind == "class"
-        else ""
+        " Values of a class member assume that it acts alone." if answer.kind == "class" else ""
     )
     return (
         f"Named effects. Value: absolute value in the new model, not an increment; tolerance: "
@@ -75,7 +78,7 @@ SHORT_LEGEND = (
 LEGEND = f"As given: model file without adjustment. {SHORT_LEGEND}"
 
 
-def gap_table(answer: ExplainResult) -> Table:
+def gap_table(answer: Explanation) -> Table:
     """Return a table of the gap of each channel: as given, before, after, floor."""
     return Table(
         f"{_gap_caption(answer)} {LEGEND}",
@@ -83,25 +86,25 @@ def gap_table(answer: ExplainResult) -> Table:
             *("channel", "unit", "as given", "before (95 %)", "after (95 %)", "floor"),
             *("floor, 5 to 95 %", "closed"),
         ),
-        [_gap_row(gap, answer.has_model) for gap in answer.verdict.gaps],
+        [_gap_row(gap, bool(answer.effects)) for gap in answer.gaps],
         text_columns=2,
     )
 
 
-def short_gap_table(answer: ExplainResult) -> Table:
+def short_gap_table(answer: Explanation) -> Table:
     """Return the table of gaps for a terminal."""
     caption = f"{_gap_caption(answer)} {SHORT_LEGEND}"
     return gap_table(answer).select_columns((0, 1, 3, 4, 5, 7), caption)
 
 
-def _gap_caption(answer: ExplainResult) -> str:
-    window = answer.verdict.window_s
+def _gap_caption(answer: Explanation) -> str:
+    window = answer.window_s
     scope = f"over windows of {window:g} s" if window > 0.0 else "of settled points"
     return f"Root mean square prediction error on the validation recordings {scope}."
 
 
 def _gap_row(gap: ChannelGap, changed: bool) -> tuple[str, ...]:
-    display = find_channel_label(gap.channel, gap.unit)
+    display = find_channel_label(gap.channel)
 
     def to_text(value: float) -> str:
         return f"{display.factor * value:.3g}"
@@ -127,14 +130,14 @@ def _share(gap: ChannelGap) -> str:
     return f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"
 
 
-def unjudged_sentence(answer: ExplainResult, name: str) -> str:
+def unjudged_sentence(answer: Explanation, name: str) -> str:
     """Return the reason why the data cannot judge an effect."""
-    unjudged = answer.verdict.not_judged[name]
+    unjudged = answer.not_judged[name]
     if unjudged.reason == "no_trace":
         return "has no effect on this data at any size"
     if unjudged.reason == "not_tried":
         return "is not a candidate on any bench; test it manually in the model"
-    items, tolerances = answer.verdict.parameters, answer.verdict.tolerances
+    items, tolerances = answer.parameters, answer.tolerances
     sizes = [
         f"{full.partition('.')[2]} off by "
         f"{with_unit(f'{unjudged.size * value:.3g}', items[full].unit)}"
@@ -145,14 +148,14 @@ def unjudged_sentence(answer: ExplainResult, name: str) -> str:
     return f"detection limit: {unjudged.size:.2g} tolerances{limits}"
 
 
-def tolerances_table(answer: ExplainResult) -> Table:
+def tolerances_table(answer: Explanation) -> Table:
     """Return a table of the tolerances of all candidates."""
-    items = answer.verdict.parameters
+    items = answer.parameters
     rows = [
         (name, with_unit(f"{value:.3g}", items[name].unit if name in items else "1"))
-        for name, value in answer.verdict.tolerances.items()
+        for name, value in answer.tolerances.items()
     ]
-    departures = answer.request.loaded.model.discrepancy.relevant_on(answer.verdict.bench)
+    departures = answer.request.loaded.model.discrepancy.relevant_on(answer.bench)
     rows += [(f"discrepancy.{name}", f"{value:.3g}") for name, value in departures.items()]
     return Table(
         "Tolerances. An effect is named only beyond its tolerance, a discrepancy from all laws "
@@ -162,9 +165,9 @@ def tolerances_table(answer: ExplainResult) -> Table:
     )
 
 
-def next_table(answer: ExplainResult) -> Table:
+def next_table(answer: Explanation) -> Table:
     """Return a table of the evidence that the next experiment is expected to give."""
-    experiment = answer.verdict.next
+    experiment = answer.next
     expected = experiment.expected if experiment is not None else {}
     first = answer.find_title(experiment.candidates[0]) if experiment is not None else ""
     return Table(

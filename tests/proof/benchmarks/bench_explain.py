@@ -28,7 +28,7 @@ def seconds(family: str, blocks: int) -> tuple[float, str]:
         for table, name in ((record.learn, "learn"), (record.check, "check"))
     )
     began = time.process_time()
-    verdict = explain(PitchSubject(model, [learn], [check]), propose=False).verdict
+    verdict = explain(PitchSubject(model, [learn], [check]), propose=False)
     return time.process_time() - began, " and ".join((verdict.kind, *verdict.names))
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchtool.explain.answer import answer_request, read_request
+from benchtool.explain.request import read_request
 from tests.proof.blind.families import NONE
 from tests.proof.blind.scored import Scored
 from tests.proof.blind.scoring import Asked, run, score_answer
@@ -100,7 +100,7 @@ def scored(family: str, one: Asked) -> Scored:
         began = time.process_time()
         files = (str(record / name) for name in ("learn.csv", "check.csv", "model.toml"))
         learn, check, model = files
-        verdict = answer_request(read_request([learn], [check], model)).verdict
+        verdict = read_request([learn], [check], model).explain()
         seconds = time.process_time() - began
     also_true = tuple(truth.get("also_true", ())) if truth["names"] else ()
     sizes = {name: truth["sizes"].get(name, TOLERANCES) for name in (*truth["names"], *also_true)}

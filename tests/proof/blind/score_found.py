@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 
 from benchtool.core.errors import InputError
-from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.result import Explanation
 from tests.proof.blind import score_pitch, score_sweep
 from tests.proof.blind.pitch import records as pitch
 from tests.proof.blind.scored import share_of
@@ -46,12 +46,12 @@ LAWLESS = ("arm_flexure", "encoder_backlash", "esc_steps", "thrust_lean")
 CLOSED = 0.7  # share of the held-out gap that a law should close
 
 
-def _explained(bench: str, family: str, seed: int) -> Verdict:
+def _explained(bench: str, family: str, seed: int) -> Explanation:
     if bench == "sweep":
         record = sweep.make_record(seed, family, excitation="rich")
-        return score_sweep.verdict_on(record)[0].verdict
+        return score_sweep.verdict_on(record)[0]
     measured = pitch.make_record(seed, family, excitation="rich")
-    return score_pitch.verdict_on(measured)[0].verdict
+    return score_pitch.verdict_on(measured)[0]
 
 
 def found_on(bench: str, family: str, seed: int) -> tuple[bool, bool]:

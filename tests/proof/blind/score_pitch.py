@@ -14,11 +14,11 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.explain.engine.explain import Explanation, explain
+from benchtool.explain.engine.explain import explain
 from benchtool.explain.engine.parameters import with_every_effect
-from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.result import Explanation
 from benchtool.physics.model_file import load_model
 from tests.proof.blind.pitch.gap import floor_of
 from tests.proof.blind.pitch.information import information
@@ -68,7 +68,7 @@ def _log(table: object, name: str) -> PitchLog:
     return pitch_log(recording, loaded.model.rig, name, loaded.plate_slide_s)
 
 
-def _gaps_truly(record: HiddenRecord, verdict: Verdict) -> dict[str, float]:
+def _gaps_truly(record: HiddenRecord, verdict: Explanation) -> dict[str, float]:
     """Return the gap over the floor of the verdict's model with the wake as strong as it truly is.
 
     Nothing where that wake asks for windows of another length.
@@ -106,14 +106,14 @@ def scored(one: Asked) -> Scored:
         blocks=one.length,
     )
     found, seconds = verdict_on(record)
-    verdict, truth = found.verdict, record.truth
+    truth = record.truth
     more: dict[str, object] = {}
     if truth.kind == "outside":
         more["stage"] = OUTSIDE_STAGE.get(one.family, "")
     if truth.kind == "named" and one.strength == "full" and one.excitation == "rich":
-        missed = floor_of(record.parts[1], truth.plant, verdict.window_s)
-        floors = {gap.channel: gap.floor for gap in verdict.gaps}
-        more["gaps_truly"] = _gaps_truly(record, verdict)
+        missed = floor_of(record.parts[1], truth.plant, found.window_s)
+        floors = {gap.channel: gap.floor for gap in found.gaps}
+        more["gaps_truly"] = _gaps_truly(record, found)
         more["true_gaps"] = {
             "theta_rad": missed["theta"] / floors["theta_rad"],
             "gyro_rad_s": missed["gyro"] / floors["gyro_rad_s"],

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
-from benchtool.explain.engine.explain import Explanation, explain
-from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.result import Explanation
+from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.physics.model_file import load_model
 from tests.proof.blind.scored import Scored
@@ -52,18 +53,18 @@ def verdict_on(record: HiddenSweep, more: Sequence[Part] = ()) -> tuple[Explanat
     Of further sweeps of the bench the first half are to learn from, the others to check on.
     """
     with TemporaryDirectory() as folder:
-        learn, check, model_file = write_record(record, Path(folder))
+        *paths, model_file = write_record(record, Path(folder))
         model = load_model(model_file).model
-        points = [read_points(path, KINDS) for path in (learn, check)]
+        points = [read_points(path, KINDS) for path in paths]
         further = []
         for place, part in enumerate(more):
             path = Path(folder) / f"more_{place}" / "points.csv"
             write_table(part.table, path)
             further.append(read_points(path, KINDS))
     half = len(further) // 2
-    subject = SweepSubject(
-        model, [points[0], *further[:half]], [points[1], *further[half:]]
-    )  # fmt: skip
+    learn = [sweep_log(part, model.rig) for part in (points[0], *further[:half])]
+    check = [sweep_log(part, model.rig) for part in (points[1], *further[half:])]
+    subject = SweepSubject(model, learn, check)
     began = time.perf_counter()
     found = explain(subject)
     return found, time.perf_counter() - began
@@ -86,11 +87,11 @@ def scored(one: Asked) -> Scored:
         seconds,
         hidden,
         lambda: information(record.parts[0], record.truth.bench),
-        true_gaps=_true_gaps(record, found.verdict),
+        true_gaps=_true_gaps(record, found),
     )
 
 
-def _true_gaps(record: HiddenSweep, verdict: Verdict) -> dict[str, float]:
+def _true_gaps(record: HiddenSweep, verdict: Explanation) -> dict[str, float]:
     """Return how far the true bench misses its own first check sweep, over the stated floor.
 
     It is told what a model is told: speeds and places as they were read.

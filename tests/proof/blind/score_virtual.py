@@ -20,13 +20,13 @@ from tempfile import TemporaryDirectory
 from typing import Literal, NamedTuple
 
 from benchtool.commands.app import main
-from benchtool.explain.answer import read_request
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.engine.parameters import (
     ScaledParameter,
     effect_parameters,
     with_every_effect,
 )
+from benchtool.explain.request import read_request
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.model_file import load_model
 from tests.proof.blind.families import NONE
@@ -114,7 +114,7 @@ def scored(name: str, one: Asked) -> Scored:
             _type([command, address, *how.split(), "--yes", "--out", f"run{place}"])
         began = time.process_time()
         request = read_request(["run0"], ["run1"], bench.model)
-        verdict = explain(request.subject(), propose=False).verdict
+        verdict = explain(request.subject(), propose=False)
         seconds = time.process_time() - began
     return score_answer(one, "named" if sizes else "none", sizes, verdict, seconds, values)
 

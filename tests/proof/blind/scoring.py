@@ -17,8 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.explain import Explanation
-from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.result import Explanation
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.tasks import TaskStore, run_tasks
 from tests.proof.blind.families import NONE, PAIR
@@ -159,19 +158,17 @@ def score(
         information: works out what the record tells about its true model.
         more: fields of `Scored` that only one of the benches has, or that it works out otherwise.
     """
-    verdict = found.verdict
     luck, learning = (
         within(draws, found.floors, GAP_REACHED)
         for draws in (found.floors, found.floors_as_learned)
     )
     # What is outside has a name and no effects with sizes.
-    known = score_answer(one, truth.kind, dict.fromkeys(truth.names, 0.0), verdict, seconds, hidden)
+    known = score_answer(one, truth.kind, dict.fromkeys(truth.names, 0.0), found, seconds, hidden)
     return replace(
         known,
         sizes=tuple(effect.size for effect in truth.effects),
-        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
-        confirmed=verdict.kind == "class"
-        and class_confirmed(verdict.names, truth.names, information),
+        gaps={gap.channel: gap.after / gap.floor for gap in found.gaps},
+        confirmed=found.kind == "class" and class_confirmed(found.names, truth.names, information),
         by_luck=luck,
         by_learning=learning,
         **more,
@@ -182,7 +179,7 @@ def score_answer(
     one: Asked,
     kind: Kind,
     sizes: Mapping[str, float],
-    verdict: Verdict,
+    verdict: Explanation,
     seconds: float,
     hidden: Mapping[str, float],
 ) -> Scored:
@@ -217,7 +214,9 @@ def score_answer(
     )
 
 
-def scored_parameters(verdict: Verdict, hidden: Mapping[str, float]) -> tuple[ScoredParameter, ...]:
+def scored_parameters(
+    verdict: Explanation, hidden: Mapping[str, float]
+) -> tuple[ScoredParameter, ...]:
     """Return the numbers of named effects whose true values, `effect.parameter`, are known."""
     return tuple(
         ScoredParameter(

@@ -75,7 +75,7 @@ GROUPS = {
         ("tests/unit/physics/test_images.py", "tests/unit/physics/test_paper_tables.py"),
     ),
     "verdict": Group(
-        ("benchtool/explain/engine/posterior.py", "benchtool/explain/engine/verdict.py"),
+        ("benchtool/explain/engine/posterior.py", "benchtool/explain/result.py"),
         (
             "tests/unit/explain/test_verdict_words.py",
             "tests/unit/explain/test_posterior.py",

@@ -7,7 +7,7 @@ import pytest
 from benchtool.bench.drivers import open_bench
 from benchtool.commands.app import main
 from benchtool.core.errors import InputError
-from benchtool.explain.answer import read_request
+from benchtool.explain.request import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe

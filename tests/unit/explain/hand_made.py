@@ -12,25 +12,24 @@ from benchtool.core.channel import Channel
 from benchtool.core.parameter import Parameters
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.answer import ExplainResult, Request
-from benchtool.explain.engine.describe import Disagreement
-from benchtool.explain.engine.evidence import Evidence, Overlay
-from benchtool.explain.engine.explain import Explanation
+from benchtool.explain.engine.design import CandidateEffect
+from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import Hypothesis
-from benchtool.explain.engine.judgement import CandidateEffect
-from benchtool.explain.engine.verdict import (
+from benchtool.explain.findings import (
     AlternativeEffects,
     ChannelGap,
+    Disagreement,
     EvidenceLocation,
     FoundParameter,
-    Kind,
     NamedEffect,
     NearestEffect,
     NextExperiment,
+    Overlay,
     UnjudgedEffect,
-    Verdict,
 )
 from benchtool.explain.recordings import RecordingSource
+from benchtool.explain.request import Request
+from benchtool.explain.result import Explanation, Kind
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import LoadedModel, load_model
 from benchtool.physics.tolerances import model_tolerances
@@ -103,8 +102,8 @@ def gap(channel: str, unit: str, before: float, after: float, floor: float) -> C
     )  # fmt: skip
 
 
-def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
-    """Make a verdict of that kind about the pitch bench."""
+def verdict(kind: Kind = "effect", **changes: Any) -> Explanation:
+    """Make an explanation of that kind about the pitch bench, of recordings in memory."""
     model = load_model(MODEL).model
     known = Parameters(
         (name, item.with_value(0.0309) if name == "inertia_kgm2" else item)
@@ -115,7 +114,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         "effect": (FRICTION,), "several": (FRICTION, OFFSET), "class": (FRICTION, OFFSET),
     }.get(kind, ())  # fmt: skip
     named = bool(effects)
-    given = Verdict(
+    given = Explanation(
         kind=kind,
         bench="pitch",
         effects=effects,
@@ -133,8 +132,8 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             gap("rpm", "rpm", 31.0, 30.0 if named else 31.0, 29.0),
         ),
         nearest=NearestEffect(
-            name="coulomb_friction", phrase="Coulomb friction", share_closed=0.61, effect=FRICTION,
-            parameters=known, after={"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0},
+            effect=FRICTION, share_closed=0.61, parameters=known,
+            after={"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0},
         ) if kind == "unknown" else None,
         tolerances=model_tolerances(model, "pitch"),
         unnamed=(),
@@ -149,8 +148,8 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
     return replace(given, **changes)
 
 
-def explanation(kind: Kind = "effect") -> Explanation:
-    """Make a verdict with curves behind it."""
+def curves(named: bool) -> dict[str, Any]:
+    """Return the curves behind a verdict."""
     rng = np.random.default_rng(3)
     at = np.arange(0.0, 12.0, 0.004)
     at[::250] = np.nan
@@ -158,19 +157,16 @@ def explanation(kind: Kind = "effect") -> Explanation:
     true = 0.17 * np.sin(1.3 * t)
     before = true + 0.015 * np.sin(2.0 * t) * (t > 4.0)
     after = true + 0.002 * np.sin(3.0 * t)
-    found = verdict(kind)
-    named = bool(found.effects)
     parts = {"everywhere": 1.9, "slow reversals": 3.4, "at rest": 2.2, "fast motion": 1.1}
-    return Explanation(
-        verdict=found,
-        overlays=(
+    return {
+        "overlays": (
             Overlay(
                 channel="theta_rad", unit="rad", axis="time_s", at=at,
                 measured=true + 0.002 * rng.standard_normal(len(t)), before=before,
                 after=after if named else before,
             ),
         ),
-        disagreements=(
+        "disagreements": (
             Disagreement(
                 stage="hinge", by_regime=parts,
                 after=dict.fromkeys(parts, 1.05) if named else parts,
@@ -180,7 +176,7 @@ def explanation(kind: Kind = "effect") -> Explanation:
                 after=dict.fromkeys(parts, 1.01),
             ),
         ),
-    )  # fmt: skip
+    }  # fmt: skip
 
 
 def far_off(evidence: Evidence, name: str, tolerances: float) -> CandidateEffect:
@@ -200,11 +196,8 @@ def source(path: str, sha256: str) -> RecordingSource:
     return RecordingSource(path=path, name=path, recording=recording, sha256=sha256)
 
 
-def answer(
-    kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any
-) -> ExplainResult:
-    """Make an answer of that kind about the pitch bench."""
-    assert all(name in EFFECTS for name in verdict(kind).names)
+def answer(kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any) -> Explanation:
+    """Make an answer of that kind about the pitch bench, of recordings in files."""
     request = Request(
         loaded=loaded or load_model(MODEL),
         model_file="model.toml",
@@ -217,11 +210,13 @@ def answer(
         check=(source("check.csv", "2" * 64),),
     )
     asked = {name: changes.pop(name) for name in [*changes] if hasattr(request, name)}
-    given = ExplainResult(
-        explanation=explanation(kind),
-        request=replace(request, **asked),
-        seed=0,
+    given = verdict(kind)
+    assert all(name in EFFECTS for name in given.names)
+    given = replace(
+        given,
+        source=replace(request, **asked),
         seconds=4.2,
         commands=("benchtool explain learn.csv --model model.toml --check check.csv",),
+        **curves(bool(given.effects)),
     )
     return replace(given, **changes)

@@ -6,19 +6,20 @@ import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from benchtool.commands.app import build_app
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import load_schedule
-from benchtool.explain.engine.verdict import KINDS, Kind, UnjudgedEffect
+from benchtool.explain.findings import UnjudgedEffect
 from benchtool.explain.next_steps import next_steps
+from benchtool.explain.result import Kind
 from benchtool.explain.updated_model import format_added_model
 from benchtool.physics.model_file import load_model, model_from_toml
 from benchtool.report.answer.folder import WrittenFiles, answer_tables, write_folder
-from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, verdict
+from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap
 
 PROMISED = (
     "version", "verdict", "effects", "class", "where", "gap", "nearest", "tolerances",
@@ -33,7 +34,7 @@ def tables(kind: Kind, written: WrittenFiles | None = None) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", get_args(Kind))
 def test_every_promised_key_is_there_whatever_the_verdict(kind):
     found = tables(kind)
     assert set(PROMISED) <= set(found)
@@ -57,9 +58,7 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
 
 def test_what_is_not_judged_is_numbers_with_a_sentence():
     trace = {"motor_lag": UnjudgedEffect.below(5000.0), "plate_offset": UnjudgedEffect.below(4.2)}
-    told = replace(answer(), explanation=replace(
-        answer().explanation, verdict=verdict(not_judged=trace)
-    ))  # fmt: skip
+    told = answer(not_judged=trace)
     found = json.loads(json.dumps(answer_tables(told, WrittenFiles()), allow_nan=False))[
         "not_judged"
     ]
@@ -71,15 +70,12 @@ def test_what_is_not_judged_is_numbers_with_a_sentence():
 
 
 def test_numbers_that_json_has_not_become_null():
-    broken = verdict(gaps=(gap("theta_rad", "rad", float("nan"), float("inf"), 0.1),))
-    found = replace(
-        answer(), explanation=replace(answer().explanation, verdict=broken)
-    )  # fmt: skip
+    found = answer(gaps=(gap("theta_rad", "rad", float("nan"), float("inf"), 0.1),))
     assert answer_tables(found, WrittenFiles())["gap"]["theta_rad"]["before"] is None
 
 
 @pytest.mark.parametrize("folder", ["", "found"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", get_args(Kind))
 def test_every_option_of_the_commands_exists(kind, folder):
     for step in next_steps(answer(kind), folder):
         program, name, *words = shlex.split(step.command)
@@ -122,9 +118,7 @@ def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it():
     found = Parameters(
         (name, item.with_value(moved.get(name, item.value))) for name, item in parent.items()
     )
-    told = answer()
-    swept = verdict("effect", bench="sweep", parameters=found)
-    made = format_added_model(replace(told, explanation=replace(told.explanation, verdict=swept)))
+    made = format_added_model(answer(bench="sweep", parameters=found))
     new = model_from_toml(made, "new.toml").model.parameters
     assert new["inertia_kgm2"].free
     assert new["inertia_kgm2"].prior == parent["inertia_kgm2"].prior
@@ -132,7 +126,7 @@ def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it():
     assert (new["k"].prior.kind, new["k"].prior.mean) == ("normal", parent["k"].value)
     assert new["k"].prior.sd == pytest.approx(0.01 * parent["k"].value)
     assert not new["R_m"].free
-    pitch = model_from_toml(format_added_model(told), "new.toml").model.parameters
+    pitch = model_from_toml(format_added_model(answer()), "new.toml").model.parameters
     assert not pitch["inertia_kgm2"].free
 
 
@@ -146,10 +140,7 @@ def test_an_effect_that_the_parent_has_not_is_put_in():
     loaded = load_model(MODEL)
     bare = replace(loaded, model=loaded.model.without("coulomb_friction"))
     calibrated = bare.model.with_effect("speed_map", gain=0.003).parameters
-    asked = answer(loaded=bare)
-    found = replace(
-        asked, explanation=replace(asked.explanation, verdict=verdict(parameters=calibrated))
-    )
+    found = answer(loaded=bare, parameters=calibrated)
     model = model_from_toml(format_added_model(found), "new.toml").model
     assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
     assert model.parameters["speed_map.gain"].value == 0.003

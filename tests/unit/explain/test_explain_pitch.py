@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.engine.explain import Explanation, explain
+from benchtool.explain.engine.explain import explain
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import PitchLog, pitch_log
-from benchtool.explain.pitch.subject import PitchSubject, next_pitch
+from benchtool.explain.pitch.next_experiment import next_pitch
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.result import Explanation
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.hand_made import far_off
@@ -36,7 +38,7 @@ def friction(model):
 
 @pytest.mark.slow
 def test_hidden_friction_is_named_with_its_size(friction):
-    verdict = friction.verdict
+    verdict = friction
     assert (verdict.kind, verdict.names) == ("effect", ("coulomb_friction",))
     found = verdict.effects[0].parameters[0]
     assert found.low <= 0.011 <= found.high
@@ -58,7 +60,7 @@ def test_small_imperfections_are_nothing(model):
         .with_effect("lag_shape", with_speed=0.2, rising=0.02)
         .with_effect("gyro_lag", late_s=0.0006)
     )
-    verdict = explained(model, truth).verdict
+    verdict = explained(model, truth)
     assert verdict.kind == "none"
     assert verdict.effects == ()
     assert all(gap.after == gap.before for gap in verdict.gaps)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.engine.describe import locate_gap
 from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
-from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.engine.explain import explain, locate_gap
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.result import Explanation
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.pitch.filter_log import filter_log
@@ -28,9 +27,9 @@ def turned(truth: Model, seed: int) -> PitchLog:
     return pitch_log(without(recorded(truth, seed), r"pwm\d_us"), truth.rig, f"seed {seed}")
 
 
-def judged(model: Model, truth: Model) -> Verdict:
+def judged(model: Model, truth: Model) -> Explanation:
     subject = PitchSubject(model, [turned(truth, 1)], [turned(truth, 2)])
-    return explain(subject, draws=32).verdict
+    return explain(subject, draws=32)
 
 
 def test_what_lies_before_the_speeds_is_never_named(model):

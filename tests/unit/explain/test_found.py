@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.explain.answer import ExplainResult
 from benchtool.explain.law_search.draft import DRAFT_NAME, draft_effect
-from benchtool.explain.law_search.families import FAMILIES, LawFamily
-from benchtool.explain.law_search.law import FoundDependence
+from benchtool.explain.law_search.law import FAMILIES, FoundDependence, LawFamily
 from benchtool.explain.law_search.search import find_dependence
 from benchtool.explain.next_steps import next_steps
+from benchtool.explain.result import Explanation
 from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import BenchKind
@@ -115,11 +114,9 @@ def test_a_draft_keeps_the_contract_of_effects(family, hook, tmp_path, rng, monk
     assert effect.phrase == "found effect"
 
 
-def unknown(found: FoundDependence) -> ExplainResult:
+def unknown(found: FoundDependence) -> Explanation:
     """Return an answer that says unknown, and what it depends on."""
-    made = answer("unknown")
-    verdict = replace(made.verdict, depends=found)
-    return replace(made, explanation=replace(made.explanation, verdict=verdict))
+    return answer("unknown", depends=found)
 
 
 def test_a_draft_is_written_once_and_told_of(tmp_path, rng):
@@ -127,7 +124,7 @@ def test_a_draft_is_written_once_and_told_of(tmp_path, rng):
     found = find_dependence(shown(LAWS["resonance"](speed), rng, speed), RADIUS_M)
     assert found is not None
     made, folder = unknown(found), tmp_path / "found"
-    assert "; it depends on rotor speed; closes " in made.verdict.sentence
+    assert "; it depends on rotor speed; closes " in made.sentence
     names = ("found_effect.py", "found_effect_2.py")
     first = write_folder(folder, made).draft
     mine = "a person has named it"

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.describe import estimate_parameters
-from benchtool.explain.engine.evidence import Discrepancy, RowGroups, Subject
+from benchtool.explain.engine.evidence import Discrepancy, RowGroups
+from benchtool.explain.engine.explain import estimate_parameters
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
-from benchtool.explain.engine.judgement import Trial
 from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.engine.posterior import Posterior, search_models
+from benchtool.explain.engine.posterior import Posterior, Trial, search_models
+from benchtool.physics.model import Model
 
 
 def search(truth: list[float], seed: int = 1) -> Posterior:
@@ -66,16 +66,10 @@ def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined():
     hypotheses = Hypotheses(blind)
     item = SimpleNamespace(name="x", neutral=0.0)
     effects = [SimpleNamespace(name=name, parameters=[item]) for name in ("a", "b")]
-    subject = cast(
-        "Subject",
-        SimpleNamespace(
-            evidence=SimpleNamespace(
-                model=SimpleNamespace(effects=effects, discrepancy=SimpleNamespace(law=0.1))
-            ),
-        ),
-    )
+    discrepancy = SimpleNamespace(law=0.1)
+    model = cast("Model", SimpleNamespace(effects=effects, discrepancy=discrepancy))
     one = hypotheses.fit(("a", "b"), np.zeros(4))
-    known, unknown = (estimate_parameters(subject, hypotheses, one, name)[0] for name in "ab")
+    known, unknown = (estimate_parameters(model, hypotheses, one, name)[0] for name in "ab")
     assert known.determined
     assert known.text == f"{known.value:.4g} ± {known.std:.2g}"
     # A tenth of what the effect does, as far as a law may be off, beside what the data leave.
@@ -91,12 +85,10 @@ def test_a_number_at_its_bound_is_not_determined():
     evidence = Linear(np.array([60.0, 0.0, 0.0, 0.0]), 3)
     hypotheses = Hypotheses(evidence)
     item = SimpleNamespace(name="x", neutral=0.0)
-    model = SimpleNamespace(
-        effects=[SimpleNamespace(name="a", parameters=[item])],
-        discrepancy=SimpleNamespace(law=0.0),
-    )
-    subject = cast("Subject", SimpleNamespace(evidence=SimpleNamespace(model=model)))
-    (found,) = estimate_parameters(subject, hypotheses, hypotheses.fit(("a",), np.zeros(4)), "a")
+    effects = [SimpleNamespace(name="a", parameters=[item])]
+    discrepancy = SimpleNamespace(law=0.0)
+    model = cast("Model", SimpleNamespace(effects=effects, discrepancy=discrepancy))
+    (found,) = estimate_parameters(model, hypotheses, hypotheses.fit(("a",), np.zeros(4)), "a")
     assert found.value == pytest.approx(50.0)
     assert not found.determined
     assert (found.low, found.high) == (-50.0, 50.0)

@@ -36,7 +36,7 @@ def simulate(evidence: PitchEvidence) -> DiscrepancySimulation:
 
 def white(evidence: PitchEvidence, innovations: Array) -> Array:
     """Return rows of innovations (2, n, 1) of pitch and gyro."""
-    shown = np.zeros((2 + evidence.n_discs, *innovations.shape[1:]))
+    shown = np.zeros((2 + MODEL.rig.n_discs, *innovations.shape[1:]))
     shown[:2] = innovations
     return simulate(evidence).whiten(shown)[:, 0]
 
@@ -49,7 +49,7 @@ def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence):
         (1, replace(logged, gyro_rad_s=logged.gyro_rad_s + error)),
     ):
         real = rows_of(PitchEvidence(MODEL, [wrong])) - rows_of(evidence)
-        shown = white(evidence, simulate(evidence).errors.reading_innovations(row, error[:, None]))
+        shown = white(evidence, simulate(evidence).reading_innovations(row, error[:, None]))
         assert np.linalg.norm(shown - real) < 0.03 * np.linalg.norm(real)
 
 
@@ -59,7 +59,7 @@ def test_a_torque_runs_through_the_filter_as_it_says(evidence):
     item = next(one for one in evidence.parameters if one.name == "cog_offset.x_m")
     mass_kg = MODEL.rig.body.mass_kg
     weight_Nm = mass_kg * 9.81 * item.scale * np.cos(evidence.logs[0].logged.theta_rad)
-    shown = white(evidence, simulate(evidence).errors.torque_innovations(weight_Nm[:, None]))
+    shown = white(evidence, simulate(evidence).torque_innovations(weight_Nm[:, None]))
     assert min(np.linalg.norm(real - shown), np.linalg.norm(real + shown)) < 0.1 * np.linalg.norm(
         real
     )

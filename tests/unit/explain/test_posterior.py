@@ -39,16 +39,19 @@ def test_of_two_effects_each_is_tried_beside_the_other():
     trials = found(lambda x: 6.0 * (x + np.sign(x)), 1).trials
     places = [(trial.name, trial.base.active) for trial in trials]
     assert places == [("step", ("slope",)), ("slope", ("step",))]
-    assert [set(trial.log_odds) for trial in trials] == [{"step", "curve"}, {"slope", "curve"}]
+    assert [set(trial.log_odds) for trial in trials] == [
+        {"step", "thrust: curve"},
+        {"slope", "thrust: curve"},
+    ]
 
 
 def test_what_no_effect_describes_is_the_discrepancy():
-    assert names_of(lambda x: 6.0 * np.cos(4.0 * x)) == [("curve",)] * 12
+    assert names_of(lambda x: 6.0 * np.cos(4.0 * x)) == [("thrust: curve",)] * 12
 
 
 def test_noise_beyond_the_stated_one_is_found_in_the_rows():
     noisy = Smooth(lambda x: 0.0 * x, 3, np.arange(ROWS), noise=2.0)
-    assert np.allclose(Hypotheses(noisy).noise, 2.0, rtol=0.15)
+    assert np.allclose(Hypotheses(noisy).errors.noise, 2.0, rtol=0.15)
 
 
 def test_a_check_that_shows_nothing_of_it_takes_a_name_back():
@@ -89,8 +92,7 @@ class Smooth:
         """Return the curve."""
         return (
             Discrepancy(
-                name="curve", stage="rpm_to_thrust", phrase="a curve", columns=0.3 * self._curve,
-                shares=self._curve,
+                name="thrust: curve", columns=0.3 * self._curve, shares=self._curve
             ),
         )  # fmt: skip
 

@@ -17,7 +17,8 @@ from benchtool.data.run.read import read_points
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recording_checks import repair_readings
-from benchtool.explain.sweep.log import check_same_bench, sweep_log
+from benchtool.explain.sweep.log import sweep_log
+from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import changed, recorded, without
 
@@ -216,8 +217,8 @@ def test_of_good_sweeps_nothing_is_claimed(name):
 
 
 def test_sweeps_of_two_benches_are_refused(swept):
-    rig = load_model("quad").model.rig
+    model = load_model("quad").model
     other = changed(swept, thrust_N=1.4 * swept.column("thrust_N"))
-    logs = [sweep_log(one, rig, name) for one, name in ((swept, "learn"), (other, "check"))]
+    logs = [sweep_log(one, model.rig, name) for one, name in ((swept, "learn"), (other, "check"))]
     with pytest.raises(InputError, match=r"thrust over squared speed in check is 1.40 times"):
-        check_same_bench(logs)
+        SweepSubject(model, logs[:1], logs[1:])

@@ -13,11 +13,11 @@ from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
 from benchtool.data.run.recording_file import write_recording
 from benchtool.explain.recordings import bench_kind, read_sources
+from benchtool.explain.request import read_request
 from benchtool.physics.model_file import LoadedModel, load_model
 from tests.unit.explain.hand_made import MODEL
 
 THEIRS = "t,theta_ref,theta,gyro,pwm1,pwm2,rpm1,rpm2,plate_z"
-SWEEP = Path(__file__).parents[3] / "datasets" / "single_rotor" / "run"
 
 
 def csv(folder: Path, name: str, header: str = THEIRS, first: float = 0.0) -> str:
@@ -111,9 +111,9 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path):
         ("m.toml", "a.csv", "m.toml: this is a TOML file"),
         ("word.csv", "a.csv", "it contains 'hello' and no row below"),
         ("bare.parquet", "a.csv", "bare.parquet.json is missing"),
-        ("other.csv", "a.csv", r"\[columns\] names 't', which other.csv lacks; .* a, b, c$"),
+        ("other.csv", "a.csv", r"of model.toml names 't', which other.csv lacks; .* a, b, c$"),
         ("notime.csv", "a.csv", "neither theta_rad .* nor thrust_N"),
-        ("a.csv", str(SWEEP), "a.csv is from a pitch bench, .* plate sweep"),
+        ("a.csv", "swept.csv", "a.csv is from a pitch bench, .* plate sweep"),
     ],
 )
 def test_what_cannot_be_explained_is_refused_with_the_reason(
@@ -124,6 +124,7 @@ def test_what_cannot_be_explained_is_refused_with_the_reason(
     csv(tmp_path, "copy.csv")
     csv(tmp_path, "other.csv", "a,b,c")
     csv(tmp_path, "notime.csv", "time_s,gyro_rad_s")
+    csv(tmp_path, "swept.csv", "time_s,thrust_N")
     files = {
         "bare.parquet": "PAR1",
         "m.toml": "[model]\n",
@@ -132,6 +133,6 @@ def test_what_cannot_be_explained_is_refused_with_the_reason(
     for name, text in files.items():
         (tmp_path / name).write_text(text, "utf-8")
     with pytest.raises(BenchtoolError, match=said) as refused:
-        read_sources(learn.split(), check.split(), loaded())
+        read_request(learn.split(), check.split(), str(MODEL))
     assert refused.value.exit_code == 2
     assert "\n" not in str(refused.value)

@@ -17,14 +17,17 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.data.table import read_table
-from benchtool.explain.engine.explain import Explanation, explain
-from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.findings import NextExperiment
+from benchtool.explain.result import Explanation
+from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.next_experiment import MINUTES
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.explain.updated_model import format_added_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.discrepancy import DiscrepancyTolerances
+from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.hand_made import answer, far_off
 
@@ -39,10 +42,18 @@ def halves(name: str) -> tuple[Recording, Recording]:
     return points.select(odd | tare), points.select(~odd | tare)
 
 
+def subject_of(
+    model: Model, learn: Sequence[Recording], check: Sequence[Recording]
+) -> SweepSubject:
+    """Return sweeps to learn from and to check on, with a model."""
+    logs = ([sweep_log(points, model.rig) for points in part] for part in (learn, check))
+    return SweepSubject(model, *logs)
+
+
 def explained(model: str, name: str) -> Explanation:
     """Explain one half of a run, checked on the other."""
     learn, check = halves(name)
-    return explain(SweepSubject(load_model(model).model, [learn], [check]))
+    return explain(subject_of(load_model(model).model, [learn], [check]))
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +62,7 @@ def story():
 
 
 def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story):
-    verdict = story.verdict
+    verdict = story
     assert (verdict.kind, verdict.names) == ("effect", ("body_lift",))
     (found,) = verdict.effects[0].parameters
     truth = load_model("virtual_pquad").model.parameters["body_lift.K_b"].value
@@ -63,7 +74,7 @@ def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story):
 
 def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(story, tmp_path):
     """It carries what explain adjusted within what was known; held, K_b alone would be too sure."""
-    given = answer(loaded=load_model("quad"), explanation=story)
+    given = replace(story, source=answer(loaded=load_model("quad")).source)
     (tmp_path / "model.toml").write_text(format_added_model(given), encoding="utf-8")
     run = str(DATASETS / "quad" / "run")
     recipe = Recipe(name="again", model=str(tmp_path / "model.toml"), data=(run,))
@@ -79,7 +90,7 @@ def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(story, tmp_path)
 
 
 def test_the_whole_model_lacks_nothing():
-    verdict = explained("quad_bench", "quad").verdict
+    verdict = explained("quad_bench", "quad")
     assert (verdict.kind, verdict.names) == ("none", ())
     for gap in verdict.gaps:
         assert gap.after == gap.before
@@ -88,9 +99,9 @@ def test_the_whole_model_lacks_nothing():
 def proposed(name: str, first: str, second: str) -> tuple[NextExperiment, Plan]:
     """Return the sweep that shall tell two effects of five tolerances apart, and its plan."""
     learn, check = halves(name)
-    subject = SweepSubject(load_model(MODELS[name]).model, [learn], [check])
+    subject = subject_of(load_model(MODELS[name]).model, [learn], [check])
     pair = [far_off(subject.evidence, name, 5.0) for name in (first, second)]
-    found = subject.next_experiment(pair, np.random.default_rng(0))
+    found = subject.propose(subject.all_evidence, pair, np.random.default_rng(0))
     assert found is not None
     return found, plan_from_toml(found.plan_toml, "next").resolved(subject.evidence.model.rig)
 
@@ -129,7 +140,7 @@ def test_a_measured_rotor_pair_follows_another_law(reference_data):
     loaded = load_model(DATASETS / "rotor_pair" / "model.toml")
     path = reference_data / "ground_effect" / "rotor_pairs.csv"
     points = read_table(path, loaded.columns, ["series=Fz0"])
-    verdict = explain(SweepSubject(loaded.model, [points], [points])).verdict
+    verdict = explain(subject_of(loaded.model, [points], [points]))
     assert verdict.kind == "unknown"
     assert verdict.probabilities["unknown"] > 0.9
     assert verdict.unnamed[0].name == "thrust: distance"
@@ -165,8 +176,8 @@ def lab_sweep(path: Path, seed: int, distances: Sequence[float]) -> Recording:
 def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path):
     learn = lab_sweep(tmp_path / "learn.csv", 1, (0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 3.5, 6.0))
     check = lab_sweep(tmp_path / "check.csv", 2, (0.7, 0.9, 1.2, 1.6, 2.2, 3.0, 5.0))
-    subject = SweepSubject(load_model("single").model, [learn], [check])
-    verdict = explain(subject, propose=False).verdict
+    subject = subject_of(load_model("single").model, [learn], [check])
+    verdict = explain(subject, propose=False)
     assert verdict.kind == "unknown"
     assert "a different law of thrust against distance, up to 2" in verdict.sentence
     assert "also load-cell hysteresis, probability above 0.99" in verdict.sentence
@@ -203,14 +214,14 @@ def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(reference_data,
             measured_sweep(curve, tmp_path / f"{number}.csv", number, sd_N=0.03)
             for number in (seed, seed + 1)
         )
-        verdict = explain(SweepSubject(model, [learn], [check]), propose=False).verdict
+        verdict = explain(subject_of(model, [learn], [check]), propose=False)
         assert all(effect.probability <= 0.9 for effect in verdict.effects)
         if verdict.kind == "class":
             classes += 1
             assert "unknown" in verdict.class_members
             assert any("record points beyond 5 R" in remark for remark in verdict.remarks)
     assert classes >= 1
-    known = SweepSubject(model.with_fixed("R_m"), [learn], [check])
+    known = subject_of(model.with_fixed("R_m"), [learn], [check])
     assert known.free_law == ""
 
 
@@ -220,6 +231,6 @@ def test_a_departure_within_the_stated_discrepancy_is_none_that_matters(tmp_path
     learn, check = (lab_sweep(tmp_path / f"{seed}.csv", seed, distances) for seed in (1, 2))
     model = load_model("single").model
     model = replace(model, discrepancy=DiscrepancyTolerances(thrust=0.1))
-    verdict = explain(SweepSubject(model, [learn], [check]), propose=False).verdict
+    verdict = explain(subject_of(model, [learn], [check]), propose=False)
     assert verdict.names == ("load_cell_hysteresis",)
     assert verdict.kind == "effect"

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.verdict import UnjudgedEffect, UnnamedEffect
+from benchtool.explain.findings import UnjudgedEffect, UnnamedEffect
 from tests.unit.explain.hand_made import FRICTION, NEXT, OFFSET, gap, verdict
 
 

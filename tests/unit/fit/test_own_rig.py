@@ -25,7 +25,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_to_toml
 from benchtool.data.run.read import run_rig
 from benchtool.data.run.run import Run
-from benchtool.explain.answer import read_request
+from benchtool.explain.request import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe

@@ -43,7 +43,7 @@ def test_the_expected_runs_are_those_of_independent_signs(rng):
 def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise():
     given = answer()
     (axes,) = render_figures("answer", given, ["gap"])["gap"].figure.axes
-    gaps = given.verdict.gaps
+    gaps = given.gaps
     widths = [size / gap.floor for gap in gaps for size in (gap.before, gap.after)]
     assert_allclose([patch.get_width() for patch in axes.patches], widths)  # type: ignore[attr-defined]
     band = axes.collections[0].get_paths()[0].vertices[:, 0]
@@ -57,7 +57,7 @@ def test_parameters_stand_beside_the_band_that_would_not_matter():
     (axes,) = render_figures("answer", given, ["parameters"])["parameters"].figure.axes
     assert axes.patches[0].get_gid() == "tolerance"
     points = [np.asarray(bars.lines[0].get_xdata()).item() for bars in axes.containers]  # type: ignore[attr-defined]
-    found = [item for effect in given.verdict.effects for item in effect.parameters]
+    found = [item for effect in given.effects for item in effect.parameters]
     assert_allclose(points, [(item.value - item.neutral) / item.tolerance for item in found])
 
 

@@ -46,7 +46,7 @@ def whitened(model: Model, logged: LoggedPitch) -> tuple[np.ndarray, np.ndarray]
     innovation = np.array(
         [logged.theta_rad - found.theta_rad[:, 0], logged.gyro_rad_s - found.gyro_rad_s[:, 0]]
     )
-    speeds = (logged.speed_rad_s - found.speed_rad_s[:, :, 0].T) / filter_.speed_sd_rad_s
+    speeds = (logged.speed_rad_s - found.speed_rad_s[:, :, 0].T) / filter_.reading_sd["rpm"]
     return (filter_.whitener @ innovation)[:, 75:], speeds[:, 75:]
 
 

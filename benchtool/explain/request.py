@@ -1,23 +1,18 @@
-"""Request and result of an explanation, with provenance."""
+"""Recordings, model and user-defined effects of an explanation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import degrees
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from benchtool.core.errors import InputError, MissingColumn
-from benchtool.core.text import pluralize
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.atomic import file_hash
 from benchtool.explain.engine.evidence import Subject
-from benchtool.explain.engine.explain import NO_BOOTSTRAP, Explanation, explain
-from benchtool.explain.engine.hypotheses import Bootstrap
-from benchtool.explain.engine.judgement import Progress
-from benchtool.explain.engine.verdict import SURE, Verdict
-from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recordings import (
     RecordingSource,
@@ -26,111 +21,13 @@ from benchtool.explain.recordings import (
     find_path_error,
     read_sources,
 )
+from benchtool.explain.result import Explanation
+from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ExplainResult:
-    """Explanation with its request and provenance."""
-
-    explanation: Explanation
-    request: Request
-    seed: int  # of all random draws
-    seconds: float  # computing time
-    commands: tuple[str, ...] = ()  # as typed
-
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict."""
-        return self.explanation.verdict
-
-    @property
-    def simulated(self) -> bool:
-        """True if any recording is simulated."""
-        return any(source.simulated for source in self.request.sources)
-
-    def find_title(self, name: str) -> str:
-        """Return an effect's title, or the name if it has no title ("none")."""
-        effects = {**EFFECTS, **{effect.name: effect for effect in self.request.user_effects}}
-        return effects[name].title if name in effects else name
-
-    @property
-    def has_model(self) -> bool:
-        """True if an effect can be added to the model."""
-        return bool(self.verdict.effects)
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Repairs of the recordings, and missing columns."""
-        lines = [line for source in self.request.sources for line in source.remarks]
-        return tuple(dict.fromkeys((*lines, *self.verdict.remarks)))
-
-    @property
-    def caution(self) -> str:
-        """Caution about the recordings; empty without warnings."""
-        if not self.remarks:
-            return ""
-        first, *others = self.remarks
-        hint = f" ({pluralize(len(others), 'more remark')} in the list of unjudged effects)"
-        return f"Caution: {first.rstrip('.')}{hint if others else ''}."
-
-    @property
-    def hashes(self) -> Mapping[str, str]:
-        """SHA-256 of each recording by its name."""
-        return {source.name: source.sha256 for source in self.request.sources}
-
-
-class ChannelLabel(NamedTuple):
-    """Display title and unit of a channel, with a factor on stored values."""
-
-    title: str
-    unit: str
-    factor: float = 1.0
-
-
-_CHANNELS = {
-    "theta_rad": ChannelLabel("pitch", "deg", degrees(1.0)),
-    "gyro_rad_s": ChannelLabel("pitch rate", "deg/s", degrees(1.0)),
-    "thrust_N": ChannelLabel("thrust", "N"),
-    "rpm": ChannelLabel("rotor speed", "rpm"),
-}
-
-
-def find_channel_label(channel: str, unit: str) -> ChannelLabel:
-    """Return display title, unit and factor of a channel."""
-    if channel not in _CHANNELS and channel.startswith("rpm"):
-        return ChannelLabel(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
-    return _CHANNELS.get(channel, ChannelLabel(channel, unit))
-
-
-def answer_request(
-    request: Request,
-    *,
-    commands: Sequence[str] = (),
-    seed: int = 0,
-    draws: int = 128,
-    bootstrap: Bootstrap = NO_BOOTSTRAP,
-    sure: float = SURE,
-    minutes: float | None = None,
-    progress: Progress = lambda what, share: None,
-) -> ExplainResult:
-    """Explain the recordings of a request; the caller sets `seconds`."""
-    explanation = explain(
-        request.subject(),
-        seed=seed,
-        draws=draws,
-        bootstrap=bootstrap,
-        sure=sure,
-        minutes=minutes,
-        progress=progress,
-    )
-    return ExplainResult(
-        explanation=explanation, request=request, seed=seed, seconds=0.0, commands=tuple(commands)
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -158,18 +55,42 @@ class Request:
         """Bench of the recordings."""
         return bench_kind(self.learn[0])
 
+    @property
+    def effects(self) -> dict[str, Effect]:
+        """All effects by name: those of the library, and user-defined ones."""
+        return {**EFFECTS, **{effect.name: effect for effect in self.user_effects}}
+
+    @property
+    def hashes(self) -> Mapping[str, str]:
+        """SHA-256 of each recording by its name."""
+        return {source.name: source.sha256 for source in self.sources}
+
     def subject(self) -> Subject:
         """Return the recordings with the model; InputError if they are insufficient."""
         model, effects = self.loaded.model, [e for e in self.user_effects if self.kind in e.benches]
         if self.kind == "sweep":
-            learn, check = ([s.recording for s in part] for part in (self.learn, self.check))
+            learn, check = (
+                [sweep_log(source.recording, model.rig) for source in part]
+                for part in (self.learn, self.check)
+            )
             return SweepSubject(model, learn, check, effects)
-        return PitchSubject(model, self._logs(self.learn), self._logs(self.check), effects)
-
-    def _logs(self, sources: Sequence[RecordingSource]) -> list[PitchLog]:
-        rig = self.loaded.model.rig
         slide_s = self.loaded.plate_slide_s
-        return [pitch_log(source.recording, rig, source.name, slide_s) for source in sources]
+        training, validation = (
+            [pitch_log(source.recording, model.rig, source.name, slide_s) for source in part]
+            for part in (self.learn, self.check)
+        )
+        return PitchSubject(model, training, validation, effects)
+
+    def explain(self, commands: Sequence[str] = (), **options: Any) -> Explanation:
+        """Explain the recordings; options as of the engine's `explain`."""
+        found = explain(self.subject(), **options)
+        remarks = [line for source in self.sources for line in source.remarks]
+        return replace(
+            found,
+            remarks=tuple(dict.fromkeys((*remarks, *found.remarks))),
+            source=self,
+            commands=tuple(commands),
+        )
 
 
 def read_request(

@@ -1,0 +1,148 @@
+"""Design of the next pitch experiment, to separate rival explanations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchtool.core.rig import Rig
+from benchtool.core.schedule import PlateVisit, Schedule, Signal
+from benchtool.explain.engine.design import (
+    CandidateEffect,
+    ExpectedOutcome,
+    Forecast,
+    build_proposal,
+    select_design,
+)
+from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.findings import NextExperiment
+from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.physics.effects.effect import Subsystem
+from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.gain_file import load_gains
+from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.simulate import simulate_pitch
+
+MIN_AVERAGED = 5  # rows averaged into one to compare experiments
+
+RATE_HZ = 250.0
+
+MOTIONS = {
+    "slow reversals": Signal(shape="triangle", level=8.0, period_s=10.0),
+    "steps": Signal(shape="steps", levels=(0.0, 10.0, -10.0, 5.0, -12.0, 12.0), every_s=2.5),
+    "a chirp": Signal(shape="chirp", level=5.0, start_Hz=0.2, end_Hz=2.5),
+}
+COLLECTIVES = {
+    "steps of the collective": Signal(shape="steps", levels=(0.0, 0.15, -0.15), every_s=5.0),
+    "a ladder of the collective": Signal(
+        shape="steps", every_s=2.0, levels=(-0.2, -0.1, 0.0, 0.1, 0.2, 0.1, 0.0, -0.1)
+    ),
+}
+DITHER = Signal(shape="prbs", level=15.0, bit_s=0.04, seed=1)
+Z_OVER_R = (0.9, 1.3, 2.0, 3.0)
+LENGTHS_S = (20.0, 30.0, 45.0, 60.0)  # candidate durations of a design; assumed
+SLIDE_S = 1.0  # between visits of the plate; assumed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchDesign:
+    """Design of a pitch experiment: motions in turn, one plate visit per distance."""
+
+    motions: tuple[str, ...]
+    collective: str = ""
+    dither: bool = False
+    z_over_R: tuple[float, ...] = ()
+    length_s: float = LENGTHS_S[0]
+
+    def schedule(self) -> Schedule:
+        """Return the schedule of its commands."""
+        turn_s = self.length_s / max(1, len(self.motions))
+        visit_s = self.length_s / (len(self.z_over_R) + 1)
+        return Schedule(
+            name="next_schedule",
+            title=self.text(),
+            duration_s=self.length_s,
+            reference_deg=tuple(
+                replace(MOTIONS[name], from_s=index * turn_s, to_s=(index + 1) * turn_s)
+                for index, name in enumerate(self.motions)
+            ),
+            collective=(COLLECTIVES[self.collective],) if self.collective else (),
+            dither_us=(DITHER,) if self.dither else (),
+            plate=tuple(
+                PlateVisit(
+                    z_over_R=ratio, in_s=index * visit_s, out_s=(index + 1) * visit_s - SLIDE_S
+                )
+                for index, ratio in enumerate(self.z_over_R, 1)
+            ),
+        )
+
+    def text(self) -> str:
+        """Return the design as a phrase."""
+        parts = [*self.motions, self.collective, "dither on the pulses" if self.dither else ""]
+        motions = ", ".join(part for part in parts if part)
+        ratios = ", ".join(f"{ratio:g}" for ratio in self.z_over_R)
+        plate = f"the plate parked, then at z/R {ratios}" if ratios else "no plate"
+        return f"{motions[:1].upper()}{motions[1:]}; {plate}; {self.length_s:g} s"
+
+    def more(self, rig: Rig) -> dict[str, PitchDesign]:
+        """Return designs with one addition each, by its name."""
+        designs = {}
+        for name in MOTIONS.keys() - set(self.motions):
+            designs[name] = replace(self, motions=(*self.motions, name))
+        for name in COLLECTIVES.keys() - {self.collective}:
+            designs[name] = replace(self, collective=name)
+        if not self.dither:
+            designs["dither"] = replace(self, dither=True)
+        for ratio in set(Z_OVER_R) - set(self.z_over_R):
+            if ratio * rig.propulsion.radius_m >= rig.plate.z_min_m:
+                ratios = tuple(sorted((*self.z_over_R, ratio), reverse=True))
+                designs[f"z/R {ratio}"] = replace(self, z_over_R=ratios)
+        for length_s in LENGTHS_S:
+            if length_s > self.length_s:
+                designs["length"] = replace(self, length_s=length_s)
+                break
+        return designs
+
+
+def next_pitch(
+    evidence: PitchEvidence,
+    rivals: Sequence[CandidateEffect],
+    rng: np.random.Generator,
+    refused: Subsystem | None = None,
+    minutes: float | None = None,
+) -> NextExperiment:
+    """Return the experiment with the best expected separation of the rivals."""
+    model, logs = evidence.model, [log.logged for log in evidence.logs]
+    n_averaged = max(MIN_AVERAGED, evidence.n_averaged)
+    forecast = Forecast(evidence.of(logs, n_averaged), rivals)
+    values = forecast.rivals[0].fit.values
+    parameters = parameters_at(model.parameters, evidence.parameters, values)
+    bench = PitchBench.from_model(model.with_values(parameters))
+    job = PitchJob(bench, PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ))
+
+    seed = int(rng.integers(2**31))
+
+    def expect(design: PitchDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
+        sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
+        recording = simulate_pitch(job, sampled, seed).recording(model.rig)
+        log = pitch_log(recording, model.rig, checked=False).logged
+        new, combined = (evidence.of(data, n_averaged) for data in ([log], [*logs, log]))
+        return forecast.expected(new, combined, drawn)
+
+    ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
+    first = PitchDesign(motions=("slow reversals",))
+    best = select_design(
+        ladder if refused == "pwm_to_rpm" else first,
+        lambda design: design.more(model.rig),
+        expect,
+        lambda design: design.length_s,
+        60.0 * minutes if minutes else LENGTHS_S[-1],
+    )
+    outcome, schedule = expect(best, rng), best.schedule()
+    return build_proposal(
+        forecast.rivals, outcome, best.text(), best.length_s, refused, schedule=schedule
+    )
