@@ -126,7 +126,7 @@ def explain(
     write_folder(hidden_folder, answer, display_path=out)
     page = answer_page(answer, render_figures("answer", answer), next_file(answer)[0])
     # The page shows this sentence next to its button, as its text changes.
-    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.has_model else []
+    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.effects else []
     return Explanation(
         sentence=page.summary,
         new_effects=tuple(effect.name for effect in added_effects(answer)),

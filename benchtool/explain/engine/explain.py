@@ -306,8 +306,10 @@ def locate_gap(
         after: (n_rows,) residuals with the named or the nearest effect.
         stage: of the named effect; None: from the rows.
     """
-    location: Subsystem = stage or max(
-        groups.stages, key=lambda name: _rms(before[groups.stages[name]])
+    location: Subsystem = (
+        max(groups.stages, key=lambda name: _rms(before[groups.stages[name]]))
+        if stage is None
+        else stage
     )
     rows = groups.stages.get(location)
     if rows is None:

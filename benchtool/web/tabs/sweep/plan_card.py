@@ -238,7 +238,7 @@ class PlanCard:
     async def _select_run(self) -> None:
         self._context.require_control()
         entries = await run.io_bound(load_entries, self._context.runs)
-        names = [entry.name for entry in entries if (entry.kind, entry.state) == STOPPED]
+        names = [entry.name for entry in entries or () if (entry.kind, entry.state) == STOPPED]
         if not names:
             raise InputError(f"no stopped sweep in {self._context.runs}; start a new sweep")
         with open_dialog("Resume a run") as dialog:
