@@ -44,7 +44,7 @@ CARRIERS = (
     ),
 )
 
-# Extension, registry and how-to page.
+# Extension, registry and section of extend.md.
 REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "effects"),
     ("a driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "drivers"),
@@ -54,7 +54,6 @@ REGISTRIES = (
     ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "options"),
     ("an option", "a field of the command's inputs", "options"),
 )
-"""What can be added, where it registers, and the section of extend.md that shows how."""
 
 
 def layers() -> list[list[str]]:
@@ -93,7 +92,7 @@ def page() -> str:
         f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"
         f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
         f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
-        f"## Registries\n\n| extension | registry |\n|---|---|\n{registries}\n"
+        f"## Registries\n\n| extension | registry | how to |\n|---|---|---|\n{registries}\n"
     )
 
 
