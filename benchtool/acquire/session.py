@@ -235,6 +235,7 @@ def acquire(
     bench: GuardedBench,
     experiment: Experiment,
     operator: Operator,
+    display: AbstractContextManager[RunProgress],
     begin: Callable[[Run], object],
 ) -> Run:
     """Check, arm and record an experiment on an open bench; motors are at zero when it ends.
@@ -254,8 +255,8 @@ def acquire(
         operator.inform(f"run {run.path}")
         experiment.run = run
         begin(run)
-        with experiment.display(operator) as display:
-            experiment.record(bench, run, display)
+        with display as progress:
+            experiment.record(bench, run, progress)
     return run
 
 
@@ -274,11 +275,15 @@ def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) 
     experiment.prepare(operator)
     if inputs.dry_run:
         return None
+    # An open bench is read without a pause, so libraries are imported before.
     load_library()
+    display = experiment.display(operator)
     with ClosingSignals() as closing:
         try:
             with accept_stops(GuardedBench(device, experiment.rig), inputs.address) as bench:
-                run = acquire(bench, experiment, operator, lambda run: closing.ignore_signals())
+                run = acquire(
+                    bench, experiment, operator, display, lambda run: closing.ignore_signals()
+                )
             describe_end(operator, bench)
         except BaseException:
             if experiment.run is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from typing import Any, Literal, TextIO
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -14,7 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from benchtool.core.errors import show_controls
-from benchtool.report import page
+
+if TYPE_CHECKING:
+    from benchtool.report import page
 
 FILE_WIDTH = 120  # columns without a terminal; fits the longest parameter names
 

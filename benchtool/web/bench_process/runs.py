@@ -143,7 +143,7 @@ class RunSupervisor(RunProgress):
             self._publisher.publish(self._state)
 
         try:
-            run = acquire(bench, experiment, self, begin)
+            run = acquire(bench, experiment, self, experiment.display(self), begin)
             self._close(run, "ended", experiment.summary())
         except BenchtoolError as error:
             if experiment.run is None:
