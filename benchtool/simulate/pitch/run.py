@@ -184,7 +184,7 @@ class PitchLoop(Loop):
                 schedule, control.feedforward, control.observer, bench.hover_N, self.n_discs
             ),
             fresh=fresh_flags(rates_Hz, len(schedule), schedule.rate_Hz),
-            geometry=np.array(flat_values(geometry), float),
+            geometry=geometry,
             gains=np.zeros(len(FilterGains._fields)),
         )
         driver, delays = CALLER if external else BUILT_IN, sensor_delays(bench, schedule.rate_Hz)
@@ -272,7 +272,7 @@ class PitchLoop(Loop):
 @lru_cache(maxsize=64)
 def prepare_loop(
     jobs: tuple[PitchJob, ...], lanes: int, neutral_too: bool
-) -> tuple[Layout, PitchLoops, r.Geometry, dict[PitchJob, Array]]:
+) -> tuple[Layout, PitchLoops, Array, dict[PitchJob, Array]]:
     """Return layout, loops, geometry, and the records of each job (n_rows,) (cached)."""
     bench, key = jobs[0].bench, shared_key(jobs[0])
     if any(shared_key(other) != key for other in jobs[1:]):
@@ -292,7 +292,7 @@ def prepare_loop(
     columns = {
         job: np.array(flat_values(tuple(lane.values())), float) for job, lane in records.items()
     }
-    return layout, loops, geometry, columns
+    return layout, loops, np.array(flat_values(geometry), float), columns
 
 
 def count_substeps(bench: PitchBench, rate_Hz: float) -> int:
