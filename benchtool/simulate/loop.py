@@ -88,7 +88,8 @@ class Loop(ABC):
         Raises:
             InputError: the controller raised, or returned an invalid command.
         """
-        step, measure, advance = controller.step, self.measure, self.advance
+        step, advance = controller.step, self.advance
+        measure, write = self.measure, self.write_command
         rate_Hz, dt_s = self.rate_Hz, 1.0 / self.rate_Hz
         for number, reference in enumerate(self.references(first, last)):
             time_s = (ticks_before + number) / rate_Hz
@@ -97,7 +98,7 @@ class Loop(ABC):
             except (Exception, SystemExit) as error:
                 raise controller_error(controller, error, time_s) from error
             try:
-                self.write_command(command)
+                write(command)
             except (TypeError, ValueError):
                 field, value, remedy = self.invalid_field(command)
                 raise invalid_command_error(controller, field, value, time_s, remedy) from None

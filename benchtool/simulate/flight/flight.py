@@ -23,7 +23,7 @@ from benchtool.simulate.controllers.controller import (
 from benchtool.simulate.controllers.laws import find_law
 from benchtool.simulate.flight import records as r
 from benchtool.simulate.flight.cases import FlightCase, Goal
-from benchtool.simulate.flight.ground import SCRATCH_ROWS, Below
+from benchtool.simulate.flight.ground import Below, DiscBelow
 from benchtool.simulate.flight.loops import flight_loops
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.hooks import loop_effects, loop_numbers
@@ -35,6 +35,7 @@ from benchtool.simulate.noise import lane_states
 
 Ending = Literal["flown", "struck", "lost"]
 
+_new = tuple.__new__  # faster than the constructors of named tuples
 COMMAND_REMEDY = "a FlightCommand(thrust_N, roll_Nm, pitch_Nm, yaw_Nm) of finite numbers"
 
 # First columns of a log with their record fields; then coverage, height and factor per disc and
@@ -162,7 +163,7 @@ class FlightLoop(Loop):
             ),
             noise=noise,
             gusts=gusts.reshape(-1, 5).T.copy(),
-            scratch=np.zeros((SCRATCH_ROWS, rig.n_discs)),
+            scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
             geometry=np.array(flat_values(geometry), float),
             below=below,
             map=map_tables,
@@ -170,29 +171,33 @@ class FlightLoop(Loop):
         driver = CALLER if external else BUILT_IN
         self.use(arrays, LoopPlan(substeps, driver, is_delayed, self.log_every))
         self.ended = self.n_ticks
-        self._measured, self._command = self.view("measured")[:, 0], self.view("command")[:, 0]
+        self._read_measured, command = (
+            self.view("measured")[:, 0].tolist,
+            self.view("command")[:, 0],
+        )
+        self._wrench, self._factors, self._n_discs = command[:4], command[4:], rig.n_discs
 
     def measure(self, time_s: float) -> FlightMeasurement:
-        numbers, n = self._measured.tolist(), self.case.vehicle.rig.n_discs
+        numbers, n = self._read_measured(), self._n_discs
         heights_m, coverages = tuple(numbers[-2 * n : -n]), tuple(numbers[-n:])
         readings = (time_s, *numbers[1 : -2 * n], heights_m, coverages)
-        return tuple.__new__(FlightMeasurement, readings)  # faster than the constructor
+        return _new(FlightMeasurement, readings)
 
     def references(self, first: int, last: int) -> list[FlightReference]:
         rows = self.arrays.schedule[rows_in(r.TICK, "reference"), first:last].T.tolist()
-        return [tuple.__new__(FlightReference, row) for row in rows]
+        return [_new(FlightReference, row) for row in rows]
 
     def write_command(self, command: FlightCommand) -> None:
-        values = self._command
+        wrench, factors = self._wrench, self._factors
         thrust, roll, pitch, yaw, *extra = command
-        values[0], values[1], values[2], values[3] = thrust, roll, pitch, yaw
+        wrench[0], wrench[1], wrench[2], wrench[3] = thrust, roll, pitch, yaw
         if not isfinite(thrust + roll + pitch + yaw):
             raise ValueError
-        values[4:] = 1.0
+        factors[:] = 1.0
         if extra and extra != [()]:
             (divide_by,) = extra
-            values[4:] = divide_by
-            if len(divide_by) != len(values) - 4 or not all(0.0 < x < inf for x in divide_by):
+            factors[:] = divide_by
+            if len(divide_by) != len(factors) or not all(0.0 < x < inf for x in divide_by):
                 raise ValueError
 
     def invalid_field(self, command: Any) -> tuple[str, Any, str]:
@@ -201,8 +206,7 @@ class FlightLoop(Loop):
         for name, value in zip(FlightCommand._fields, command[:4], strict=False):
             if not isinstance(value, int | float | np.number) or not isfinite(value):
                 return name, value, COMMAND_REMEDY
-        n_discs = self.case.vehicle.rig.n_discs
-        remedy = f"{n_discs} finite factors above 0, one per disc, or ()"
+        remedy = f"{self._n_discs} finite factors above 0, one per disc, or ()"
         return "divide_by", command[4], remedy
 
     def flight(self, user_controller: str = "") -> Flight:

@@ -45,12 +45,13 @@ to OGE.
 disc touches a surface and if a height was clamped.
 """
 
-# A disc: its centre in the world (m); its share and height (m) over one surface; then the share not
-# covered by any surface so far.
-Centre = namedtuple("Centre", "x_m y_m z_m", defaults=(0.0, 0.0, 0.0))
-Cover = namedtuple("Cover", "share height_m", defaults=(0.0, 1.0))
-CENTRE, COVER, UNCOVERED = Slot(0, Centre()), Slot(3, Cover()), Slot(5, 0.0)  # column of a disc
-SCRATCH_ROWS = 6
+# A disc over one surface: its centre in the world (m), its share and height (m) over the surface,
+# and the share not covered by any surface so far.
+DiscBelow = namedtuple(
+    "DiscBelow", "x_m y_m z_m share height_m uncovered", defaults=(0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
+)
+
+DISC = Slot(0, DiscBelow())  # one column of the scratch array: a disc
 MIN_SHARE = 1e-300  # avoids 0/0 for a surface under no disc
 UNCOVERED_HEIGHT_M = 1.0  # height of a disc with share 0, where no effect acts
 
@@ -61,13 +62,23 @@ def place_discs(body: Any, discs: Any, scratch: Any) -> None:
     x_axis, y_axis, n = forward(body), leftward(body), len(discs.x_m)
     for i in range(n):
         a, b = discs.x_m[i], discs.y_m[i]
-        centre = Centre(
+        placed = DiscBelow(
             body.x_m + x_axis[0] * a + y_axis[0] * b,
             body.y_m + x_axis[1] * a + y_axis[1] * b,
             body.z_m + x_axis[2] * a + y_axis[2] * b,
+            0.0,
+            UNCOVERED_HEIGHT_M,
+            1.0,
         )
-        write_record(scratch, CENTRE, i, n, centre)
-        write_record(scratch, UNCOVERED, i, n, 1.0)
+        write_record(scratch, DISC, i, n, placed)
+
+
+@inlined_expression
+def cover(scratch: Any, i: Any, n: Any, share: Any, height_m: Any) -> None:
+    """Write share and height of a disc over the present surface."""
+    disc = read_record(scratch, DISC, i, n)
+    covered = DiscBelow(disc.x_m, disc.y_m, disc.z_m, share, height_m, disc.uncovered)
+    write_record(scratch, DISC, i, n, covered)
 
 
 @inlined_expression
@@ -124,7 +135,7 @@ def over_blocks(
     total, n_blocks = 0.0, tables.blocks.shape[1]
     centre, slope_x, slope_y = 0.0, 0.0, 0.0
     for i in range(n):
-        write_record(scratch, COVER, i, n, Cover(0.0, UNCOVERED_HEIGHT_M))
+        cover(scratch, i, n, 0.0, UNCOVERED_HEIGHT_M)
     for block_index in range(n_blocks):
         block = read_record(tables.blocks, BLOCK, block_index, n_blocks)
         if block.surface != surface:
@@ -134,7 +145,7 @@ def over_blocks(
         x1, x2, y1, y2 = block.x1_m + dx, block.x2_m + dx, block.y1_m + dy, block.y2_m + dy
         previous_total = total
         for i in range(n):
-            disc = read_record(scratch, CENTRE, i, n)
+            disc = read_record(scratch, DISC, i, n)
             x, y = disc.x_m, disc.y_m
             if whole_discs > 0.0:  # by its centre alone
                 share = 1.0 if x1 <= x <= x2 and y1 <= y <= y2 else 0.0
@@ -150,10 +161,14 @@ def over_blocks(
                 top += block.slope_y * (min(max(y, y1), y2) - y1)
                 squared_slope += block.slope_y * block.slope_y
             height = (disc.z_m - top) / np.sqrt(squared_slope)
-            covered = read_record(scratch, COVER, i, n)
-            summed_share = covered.share + share
-            mean_m = (covered.share * covered.height_m + share * height) / summed_share
-            write_record(scratch, COVER, i, n, Cover(summed_share, mean_m))
+            summed_share = disc.share + share
+            cover(
+                scratch,
+                i,
+                n,
+                summed_share,
+                (disc.share * disc.height_m + share * height) / summed_share,
+            )
             total += share
         if total > previous_total:
             top, squared_slope = block.top_m, 1.0
@@ -179,9 +194,9 @@ def over_grid(body: Any, cells: Any, numbers: Any, scratch: Any, n: Any) -> Any:
     nx, ny = cells.shape[1], cells.shape[2]
     total, tops = 0.0, 0.0
     for i in range(n):
-        centre = read_record(scratch, CENTRE, i, n)
-        u = (centre.x_m - numbers.grid_x_m) / numbers.step_x_m
-        v = (centre.y_m - numbers.grid_y_m) / numbers.step_y_m
+        disc = read_record(scratch, DISC, i, n)
+        u = (disc.x_m - numbers.grid_x_m) / numbers.step_x_m
+        v = (disc.y_m - numbers.grid_y_m) / numbers.step_y_m
         u = min(max(u, 0.0), nx - 1.0)
         v = min(max(v, 0.0), ny - 1.0)
         j, k = min(int(u), nx - 2), min(int(v), ny - 2)
@@ -191,7 +206,7 @@ def over_grid(body: Any, cells: Any, numbers: Any, scratch: Any, n: Any) -> Any:
         share += w10 * cells[0, j + 1, k] + w11 * cells[0, j + 1, k + 1]
         top = w00 * cells[1, j, k] + w01 * cells[1, j, k + 1]
         top += w10 * cells[1, j + 1, k] + w11 * cells[1, j + 1, k + 1]
-        write_record(scratch, COVER, i, n, Cover(share, centre.z_m - top))
+        cover(scratch, i, n, share, disc.z_m - top)
         total += share
         tops += share * top
     return total, level_plane(body, tops / max(total, MIN_SHARE))
@@ -203,9 +218,9 @@ def over_floor(body: Any, floor_m: Any, scratch: Any, n: Any) -> Any:
     total = 0.0
     if floor_m > -np.inf:
         for i in range(n):
-            share = max(read_record(scratch, UNCOVERED, i, n), 0.0)
-            height_m = read_record(scratch, CENTRE, i, n).z_m - floor_m
-            write_record(scratch, COVER, i, n, Cover(share, height_m))
+            disc = read_record(scratch, DISC, i, n)
+            share = max(disc.uncovered, 0.0)
+            cover(scratch, i, n, share, disc.z_m - floor_m)
             total += share
     return total, level_plane(body, floor_m)
 
@@ -225,13 +240,13 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
     It is called as f(time_s, pitch_rad, body, craft, discs, speed, p, tables, whole_discs,
     scratch): body and pitch, a `Craft`, a `Geometry`, speeds of the discs (n,), parameters of the
     effects, tables of an environment or of its map, 1 to count a disc as covered as a whole or not
-    at all by its centre, and an array (SCRATCH_ROWS, n). It returns a `Below`, and the flow
+    at all by its centre, and an array for n columns of `DISC`. It returns a `Below`, and the flow
     for effects that act on the disc as a whole.
     """
-    shares = unrolled(n, expression(lambda i, scratch: read_record(scratch, COVER, i, n).share))
-    heights = unrolled(n, expression(lambda i, scratch: read_record(scratch, COVER, i, n).height_m))
+    shares = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).share))
+    heights = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).height_m))
     uncovered_shares = unrolled(
-        n, expression(lambda i, scratch: read_record(scratch, UNCOVERED, i, n))
+        n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).uncovered)
     )
     ones, infinite = (1.0,) * n, (np.inf,) * n
 
@@ -270,7 +285,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
             for i in range(n):
                 factor = with_fields(factor, i, factor[i] + (surface_factors[i] - 1.0))
                 coverage_sum = with_fields(coverage_sum, i, coverage_sum[i] + flow.coverage[i])
-                disc = read_record(scratch, COVER, i, n)
+                disc = read_record(scratch, DISC, i, n)
                 if disc.share > 0.0:
                     nearest = min(nearest, disc.height_m)
                     if disc.height_m <= craft.depth_m:
@@ -280,8 +295,11 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
                         is_clamped = 1.0
                     if disc.share >= 0.5 or height[i] == np.inf:
                         height = with_fields(height, i, flow.height_m[i])
-                uncovered = read_record(scratch, UNCOVERED, i, n) - disc.share
-                write_record(scratch, UNCOVERED, i, n, uncovered)
+                uncovered = disc.uncovered - disc.share
+                next_disc = DiscBelow(
+                    disc.x_m, disc.y_m, disc.z_m, disc.share, disc.height_m, uncovered
+                )
+                write_record(scratch, DISC, i, n, next_disc)
         finite_height = height
         for i in range(n):
             finite_height = with_fields(finite_height, i, min(height[i], OUT_OF_GROUND_EFFECT_M))

@@ -78,7 +78,7 @@ class FlightArrays(NamedTuple):
         schedule: (n_numbers, n_ticks), a `FlightTick` per column.
         noise: (3, n_ticks), a `GyroNoise` per column; or one column for all ticks.
         gusts: (n_numbers, n_gusts), a `GustRow` per column.
-        scratch: (`ground.SCRATCH_ROWS`, n_discs).
+        scratch: a column of `ground.DISC` per disc.
         geometry: a `FlightGeometry` (n_numbers,).
         below, map: tables of the environment, and of its map.
     """
