@@ -10,7 +10,6 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.choices import BudgetMethod
-from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
 from benchtool.core.parameter import Parameters
@@ -49,8 +48,6 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
 Progress = Callable[[str, int, int], None]  # progress(stage, steps done, steps expected)
-# Propagation, error sources outside of the fit's covariance, error sources of one quantity.
-Propagated = tuple[Propagation, tuple[ErrorSource, ...], list[tuple[ErrorSource, str]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -176,11 +173,10 @@ def run_recipe(
     propagated = propagate_uncertainty(fit)
     if propagated is None:
         return fit
-    made = make_budget(*propagated, traceability=data.load_cells.traceability)
+    made = make_budget(propagated, data.load_cells.traceability)
     if budget == "mc":
-        made = replace(
-            made, monte_carlo=monte_carlo(*propagated, seed=recipe.seed, progress=progress)
-        )
+        check = monte_carlo(propagated, seed=recipe.seed, progress=progress)
+        made = replace(made, monte_carlo=check)
     return replace(fit, budget=made, results=with_budget(results, made))
 
 
@@ -195,11 +191,10 @@ def _load_models(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model
         raise
 
 
-def propagate_uncertainty(output: FitOutput) -> Propagated | None:
-    """Return the propagation of errors to the first method's estimates, and further sources.
+def propagate_uncertainty(output: FitOutput) -> Propagation | None:
+    """Return the propagation of all errors to the first method's estimates.
 
-    Sources outside of the fit's covariance: errors of the observations, then errors of one
-    quantity, with its name. None if the data leave a parameter open.
+    None if the data leave a parameter open.
     """
     model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
     propagation = propagate(problem, result, _quantities(model, result, output.density))
@@ -214,10 +209,11 @@ def propagate_uncertainty(output: FitOutput) -> Propagated | None:
     )
     if problem.noise_name is None and result.facts.get("verdict") == "rejected":
         sources = (*sources, misfit(problem, propagation.whitening.sigma, result.chi2_per_dof))
-    quantity_errors = []
-    if output.density is not None and STANDARD_K in propagation.names:
-        quantity_errors.append(output.density.source(result[STANDARD_K].value))
-    return propagation, sources, quantity_errors
+    propagation = replace(propagation, outside=sources)
+    if output.density is None or STANDARD_K not in propagation.names:
+        return propagation
+    density_error = output.density.source(result[STANDARD_K].value)
+    return replace(propagation, quantity_errors=(density_error,))
 
 
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:

@@ -49,6 +49,9 @@ class Propagation:
     whitening: Whitening
     method: DerivativeMethod  # of derivatives
     gain: Array  # (n, m + q) change of the quantities by whitened rows: points, then priors
+    outside: tuple[ErrorSource, ...] = ()  # of the observations, not in the fit's covariance
+    # Errors of one quantity with its name; columns (1, 1) in its unit.
+    quantity_errors: tuple[tuple[ErrorSource, str], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -128,21 +131,11 @@ def bound_sources(linear: Propagation, sources: Sequence[ErrorSource]) -> tuple[
     )  # fmt: skip
 
 
-def make_budget(
-    linear: Propagation,
-    outside: Sequence[ErrorSource] = (),
-    quantity_errors: Sequence[tuple[ErrorSource, str]] = (),
-    traceability: Sequence[str] = (),
-) -> Budget:
-    """Return the budget of a fit.
-
-    Args:
-        outside: errors of the observations that are not in the fit's covariance.
-        quantity_errors: errors of one quantity, with its name: columns (1, 1) in its unit.
-    """
+def make_budget(linear: Propagation, traceability: Sequence[str] = ()) -> Budget:
+    """Return the budget of a fit."""
     parts = [*_fit_sources(linear)]
-    parts += [_line(source, linear.changes(source.columns), False) for source in outside]
-    for source, name in quantity_errors:
+    parts += [_line(source, linear.changes(source.columns), False) for source in linear.outside]
+    for source, name in linear.quantity_errors:
         selection = np.array([[1.0 if name == other else 0.0] for other in linear.names])
         parts.append(_line(source, selection @ source.columns, False))
     covariance = sum(changes @ changes.T for _, changes in parts)
@@ -215,14 +208,12 @@ def _fit_sources(linear: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
 
 def monte_carlo(
     linear: Propagation,
-    outside: Sequence[ErrorSource] = (),
-    quantity_errors: Sequence[tuple[ErrorSource, str]] = (),
     *,
     draws: int = DRAWS,
     seed: int = 1,
     progress: Callable[[str, int, int], None] = lambda what, done, expected: None,
 ) -> MonteCarlo:
-    """Return deviations of refits from the fit's values; sources as in `make_budget`."""
+    """Return deviations of refits from the fit's values."""
     rng, problem = np.random.default_rng(seed), linear.problem
     m, shared = len(problem), problem.shared_by_source(linear.noise)
     errors = []
@@ -235,7 +226,7 @@ def monte_carlo(
         for source, columns in zip(problem.error_sources, shared, strict=True):
             scale = factor if source.scaled else 1.0
             error += scale * (columns @ draw_source(source, rng))
-        for source in outside:
+        for source in linear.outside:
             error += source.columns @ draw_source(source, rng, scales)
         priors = [
             sum((source.columns @ draw_source(source, rng, scales)).item() for source in parts)
@@ -247,7 +238,7 @@ def monte_carlo(
         progress("Monte Carlo", row, draws)
         shapes[row] = _refit(linear, error)
     deviations = linear.quantities(shapes) - linear.quantities(linear.shape[None])
-    for source, name in quantity_errors:
+    for source, name in linear.quantity_errors:
         deviations[:, linear.names.index(name)] += [
             (source.columns @ draw_source(source, rng)).item() for _ in range(draws)
         ]

@@ -79,13 +79,16 @@ def _budget(path: Path) -> Budget:
     fixed = loaded.model
     for name in fixed.parameters.free_names:
         fixed = fixed.with_fixed(name)
-    items = tuple(linear.items[row] for row in rows)
-    selected = replace(linear, items=items, gain=linear.gain[rows])
     sources = fixed_parameter_sources(fixed, data.conditions.select(data.rows))
     # Measured thrusts have no law error.
     outside = [error for error in sources if not error.name.startswith(LAW)]
-    bounds = bound_sources(linear, outside)
-    return make_budget(selected, bounds, traceability=load_cells.traceability)
+    selected = replace(
+        linear,
+        items=tuple(linear.items[row] for row in rows),
+        gain=linear.gain[rows],
+        outside=bound_sources(linear, outside),
+    )
+    return make_budget(selected, load_cells.traceability)
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:

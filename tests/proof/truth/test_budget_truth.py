@@ -26,7 +26,7 @@ def test_both_ways_hold_the_truth_of_sixty_benches(tmp_path):
         budget, found = output.budget, propagate_uncertainty(output)
         assert budget is not None
         assert found is not None
-        checked = monte_carlo(*found, draws=200, seed=seed)
+        checked = monte_carlo(found, draws=200, seed=seed)
         for name in cell.counted:
             place = budget.names.index(name)
             error = budget.values[place] - truth[name]

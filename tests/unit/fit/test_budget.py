@@ -72,7 +72,7 @@ def test_a_weighted_mean_with_a_common_zero():
     assert budget.combined[0] == pytest.approx(np.hypot(weights.sum() ** -0.5, 0.1))
     assert budget.combined[0] == pytest.approx(budget.fit_sd[0])
     # The same source outside of the fit adds the same, and the fit does not know it.
-    outside = make_budget(carried(weighted_mean()), [shared(3)])
+    outside = make_budget(replace(carried(weighted_mean()), outside=(shared(3),)))
     assert outside.combined == pytest.approx(budget.combined)
     assert outside.fit_sd[0] == pytest.approx(weights.sum() ** -0.5)
     assert [line.in_fit for line in outside.lines] == [True, False]
@@ -199,11 +199,11 @@ def test_a_uniform_source_and_normal_ones_have_the_factor_of_their_sum(share, fa
     """Against 95 % quantiles of a million drawn sums."""
     rest = (np.array([0.1, 0.2, 0.3]) ** -2.0).sum() ** -0.5
     source = shared(3, share / (1.0 - share**2) ** 0.5 * rest, distribution="uniform")
-    budget = make_budget(carried(weighted_mean()), [source])
+    budget = make_budget(replace(carried(weighted_mean()), outside=(source,)))
     assert budget.coverage_factor[0] == pytest.approx(factor, abs=2e-3)
     # Many draws of their own add to a normal distribution.
     drawn_apart = replace(source, columns=np.diag(source.columns[:, 0]))
-    apart = make_budget(carried(weighted_mean()), [drawn_apart])
+    apart = make_budget(replace(carried(weighted_mean()), outside=(drawn_apart,)))
     assert apart.coverage_factor[0] == pytest.approx(1.95996, abs=1e-4)
 
 
