@@ -158,8 +158,8 @@ def _mapped(
     if column.reference:
         row_filter = RowFilter("", column.reference)
         is_reference = [row_filter.matches(cell) for cell in table.rows[:, column.position]]
-        codes = [word_to_code(column.name, kind) for kind in ("reference", "measure")]
-        return channel, np.where(is_reference, *codes)
+        reference, measure = (word_to_code(column.name, kind) for kind in ("reference", "measure"))
+        return channel, np.where(is_reference, reference, measure)
     values = parse_column(table, column.position, references.get(column.position, ""))
     return channel, column.conversion.factor * values + column.conversion.offset
 
