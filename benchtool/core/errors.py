@@ -161,9 +161,9 @@ class CalibrationError(InputError):
 
 
 class WouldOverwrite(InputError):
-    """Rejected write to an existing file or folder; `option` would replace it."""
+    """Rejected write to an existing file or folder."""
 
-    def __init__(self, path: str, option: str = "") -> None:
+    def __init__(self, path: str, option: str = "") -> None:  # option that replaces it
         self.path = path
         remedy = f", or replace it with {option}" if option else ""
         super().__init__(f"{path} exists already and was not changed; choose another name{remedy}")
@@ -227,7 +227,7 @@ class ProtocolError(BenchError):
 
 
 class CommandRefused(BenchError):
-    """Command rejected by the device, with the reason that it gives."""
+    """Command rejected by the device."""
 
     def __init__(self, command: str, reason: str) -> None:
         self.command = command

@@ -144,7 +144,7 @@ def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         raise FileFormatError(where, problem) from error
 
 
-@dataclass
+@dataclass(eq=False)
 class RefusedValue(ValueError):
     """Invalid value."""
 

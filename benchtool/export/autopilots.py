@@ -106,5 +106,10 @@ def betaflight(vehicle: Vehicle) -> dict[str, object]:
     settings = np.arange(MAX_THRUST_LINEAR + 1, dtype=float) / 100.0
     linear, linear_gain = most_linear(vehicle, betaflight_throttle, settings)
     cubic, cubic_gain = most_linear(vehicle, cubic_throttle, settings)
-    gains = {"linear_gain": linear_gain, "cubic_gain": cubic_gain}
-    return {"linear": linear, "cubic": cubic, "idle": idle_pulse(vehicle)} | gains
+    return {
+        "idle": idle_pulse(vehicle),
+        "linear": linear,
+        "linear_gain": linear_gain,
+        "cubic": cubic,
+        "cubic_gain": cubic_gain,
+    }
