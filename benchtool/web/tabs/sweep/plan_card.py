@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from nicegui import events, run, ui
+from nicegui import events, ui
 
 from benchtool.acquire.arming import arming_prompt
 from benchtool.acquire.check_plan import PlanExtremes, check_plan
@@ -238,7 +239,7 @@ class PlanCard:
     @show_errors
     async def _select_run(self) -> None:
         self._context.require_control()
-        entries = await run.io_bound(load_entries, self._context.runs)
+        entries = await asyncio.to_thread(load_entries, self._context.runs)
         names = [entry.name for entry in entries if (entry.kind, entry.state) == STOPPED]
         if not names:
             raise InputError(f"no stopped sweep in {self._context.runs}; start a new sweep")
