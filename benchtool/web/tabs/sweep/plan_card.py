@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from nicegui import events, run, ui
+from nicegui import events, ui
 
 from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs
@@ -237,8 +238,8 @@ class PlanCard:
     @show_errors
     async def _select_run(self) -> None:
         self._context.require_control()
-        entries = await run.io_bound(load_entries, self._context.runs)
-        names = [entry.name for entry in entries or () if (entry.kind, entry.state) == STOPPED]
+        entries = await asyncio.to_thread(load_entries, self._context.runs)
+        names = [entry.name for entry in entries if (entry.kind, entry.state) == STOPPED]
         if not names:
             raise InputError(f"no stopped sweep in {self._context.runs}; start a new sweep")
         with open_dialog("Resume a run") as dialog:
