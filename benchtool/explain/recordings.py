@@ -63,7 +63,11 @@ def read_sources(
             )
         seen[digest] = path
     hashes = {path: digest for digest, path in seen.items()}
-    names = recording_names(tuple(hashes))
+    short = [Path(path).name or path for path in hashes]
+    names = {  # the path if two are equal
+        path: name if short.count(name) == 1 else path
+        for path, name in zip(hashes, short, strict=True)
+    }
     groups = [
         [_without_constant(_read_source(path, names[path], hashes[path], loaded)) for path in part]
         for part in (learn, check)
@@ -75,13 +79,6 @@ def read_sources(
             f"plate sweep; explain them separately"
         )
     return groups[0], groups[1]
-
-
-def recording_names(paths: Sequence[str]) -> dict[str, str]:
-    """Return the name of each recording by path; equal names are replaced by the path."""
-    names = {path: Path(path).name or path for path in paths}
-    short = list(names.values())
-    return {path: name if short.count(name) == 1 else path for path, name in names.items()}
 
 
 def find_missing_inputs(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:

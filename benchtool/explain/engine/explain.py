@@ -306,11 +306,8 @@ def locate_gap(
         after: (n_rows,) residuals with the named or the nearest effect.
         stage: of the named effect; None: from the rows.
     """
-    location: Subsystem = (
-        max(groups.stages, key=lambda name: _rms(before[groups.stages[name]]))
-        if stage is None
-        else stage
-    )
+    sizes = {name: _rms(before[mask]) for name, mask in groups.stages.items()}
+    location: Subsystem = stage if stage is not None else max(sizes, key=lambda name: sizes[name])
     rows = groups.stages.get(location)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))

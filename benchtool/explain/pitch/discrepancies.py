@@ -77,7 +77,9 @@ class DiscrepancySimulation:
         rows = round(AVERAGING_S * logged.rate_Hz)
         if variable in ("angle", "rate"):
             values = np.nan_to_num(logged.theta_rad) if variable == "angle" else self.rate
-            return _average_previous(values, rows)
+            # The mean of the previous rows is independent of a row's noise.
+            sums = np.cumsum(np.concatenate([np.full(rows + 1, values[0]), values]))
+            return np.asarray((sums[rows:-1] - sums[: -rows - 1]) / rows, float)
         if variable == "slowness":  # friction laws differ most at low rates
             return np.log(np.maximum(np.abs(self.values("rate")), STICTION_RAD_S))
         if variable == "thrust":
@@ -176,12 +178,6 @@ class DiscrepancySimulation:
                 for row in rows
             ]
         )
-
-
-def _average_previous(values: Array, n_rows: int) -> Array:
-    """Return the mean of the previous rows (n,), so that it is independent of a row's noise."""
-    cumulative = np.cumsum(np.concatenate([np.full(n_rows + 1, values[0]), values]))
-    return np.asarray((cumulative[n_rows:-1] - cumulative[: -n_rows - 1]) / n_rows, float)
 
 
 def discrepancies(logs: Sequence[DiscrepancySimulation]) -> Iterator[Discrepancy]:

@@ -104,13 +104,12 @@ class Windows:
                     error = readings[name][start : start + self.rows, ..., None] - values
                     if np.isfinite(error).any():
                         errors[name].append(np.nanmean(error**2, axis=tuple(range(error.ndim - 1))))
-        return {name: self._in_blocks(np.array(s)) for name, s in errors.items() if s}
-
-    def _in_blocks(self, squares: Array) -> Array:
-        """Return means of blocks of windows; the last block includes the remaining windows."""
-        firsts = self.block * np.arange(max(1, len(squares) // self.block))
-        sizes = np.diff([*firsts, len(squares)])
-        means: Array = np.add.reduceat(squares, firsts) / sizes[:, None]
+        means = dict[str, Array]()
+        for name, squares in errors.items():
+            if squares:  # the last block includes the remaining windows
+                firsts = self.block * np.arange(max(1, len(squares) // self.block))
+                sizes = np.diff([*firsts, len(squares)])
+                means[name] = np.add.reduceat(np.array(squares), firsts) / sizes[:, None]
         return means
 
     def floor(

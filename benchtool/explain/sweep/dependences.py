@@ -156,8 +156,9 @@ def summarize_residuals(
     white = evidence.whiten_thrusts(np.eye(len(predicted_N))) / errors.noise[:, None]
     rows = np.column_stack([white, residuals])
     nuisance = np.hstack([by_discrepancy, by_parameter])
-    says = _summarize(white.T @ solve_covariance(nuisance, rows))
-    bare = _summarize(white.T @ solve_covariance(by_parameter, rows))
+    products = [white.T @ solve_covariance(part, rows) for part in (nuisance, by_parameter)]
+    # Q and Q z (m, m + 1); z Q z is not needed.
+    says, bare = (QuadraticSummary(part[:, :-1], part[:, -1], 0.0) for part in products)
     radius_m = evidence.model.rig.propulsion.radius_m
     variables = sweep_variables(evidence.logs, radius_m, predicted_N)
     forms = sweep_forms(evidence.logs, radius_m, predicted_N)
@@ -171,11 +172,6 @@ def summarize_residuals(
         for form in forms
         if form.name in variable.forms
     ]
-
-
-def _summarize(products: Array) -> QuadraticSummary:
-    """Return the summary from Q and Q z (m, m + 1); z Q z is not needed."""
-    return QuadraticSummary(products[:, :-1], products[:, -1], 0.0)
 
 
 def _folds(

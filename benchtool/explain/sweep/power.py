@@ -56,9 +56,7 @@ class SupplyModel:
             load=speed_rad_s**3 / full_load,
             full_load=full_load,
             by_current=False,
-            voltage_V=np.full(len(time_s), float(np.nanmax(self.voltage_V)))
-            if np.isfinite(self.voltage_V).any()
-            else np.full(len(time_s), np.nan),
+            voltage_V=np.full(len(time_s), np.fmax.reduce(self.voltage_V)),
             voltage_se=self.voltage_se,
             is_predicted=_find_predictable(level),
         )
