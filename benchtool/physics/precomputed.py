@@ -7,7 +7,7 @@ height of a level plate depends on free parameters, images at equal distance are
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -120,12 +120,20 @@ def merge_discs(flow: Flow, m: int) -> Flow:
                 break
         else:
             groups.append((i, speed * speed))
-    per_disc = (
-        "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
-        "body_images",
-    )  # fmt: skip
-    fields = {name: [getattr(flow, name)[first] for first, _ in groups] for name in per_disc}
-    return flow._replace(speed_rad_s=[np.sqrt(squares) for _, squares in groups], **fields)
+
+    def merged(values: Sequence[Any]) -> list[Any]:
+        return [values[first] for first, _ in groups]
+
+    return flow._replace(
+        position_x_m=merged(flow.position_x_m),
+        position_y_m=merged(flow.position_y_m),
+        height_m=merged(flow.height_m),
+        coverage=merged(flow.coverage),
+        active=merged(flow.active),
+        neighbour_images=merged(flow.neighbour_images),
+        body_images=merged(flow.body_images),
+        speed_rad_s=[np.sqrt(squares) for _, squares in groups],
+    )
 
 
 def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:

@@ -13,7 +13,7 @@ PACKAGE = Path(benchtool.__file__).parent
 CASES = ("acquire/check_plan.py",)  # cases and recipes: they are about named effects
 
 OTHER_THINGS = (
-    *("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py"),
+    *("virtual/autopilot.py", "report/palette.py"),
     "data/run/append.py",
 )
 """A channel of an autopilot, roles of curves and a clock on a wall have an effect's name."""

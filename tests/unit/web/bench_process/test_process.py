@@ -222,7 +222,12 @@ def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(bench
     for _ in range(3):
         bench.send(messages.ServerHeartbeat())
     bench.send(messages.PauseSweep(False))
-    ended = bench.wait_for(messages.SweepStatus, is_over)
+
+    def ends_with_a_server(event: messages.BenchEvent) -> bool:
+        bench.send(messages.ServerHeartbeat())
+        return isinstance(event, messages.SweepStatus) and is_over(event)
+
+    ended = bench.wait_for(object, ends_with_a_server)
     assert (ended.status, ended.n_measured) == ("ended", 5), ended.reason
     run_events = [event.event for event in bench.events if isinstance(event, messages.RunEvent)]
     assert [event.text for event in run_events if event.event == "paused"] == [
