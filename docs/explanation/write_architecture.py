@@ -44,6 +44,62 @@ CARRIERS = (
     ),
 )
 
+# Name of a way through the code and its steps: file, function or class, and what it does.
+WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "A sweep": (
+        ("commands/sweep.py", "sweep", "reads the options into `SweepInputs`"),
+        ("acquire/run_experiment.py", "run_experiment", "resolves plan and rig"),
+        ("acquire/session.py", "run_session", "opens the bench; closes the run in every case"),
+        ("bench/drivers.py", "open_bench", "selects the driver by the address"),
+        ("bench/guard.py", "GuardedBench", "checks limits, age and order of all readings"),
+        ("acquire/session.py", "acquire", "checks, arms, creates the run folder, records"),
+        ("acquire/check_plan.py", "check_plan", "compares the plan with rig and device limits"),
+        ("acquire/sweep.py", "Sweep", "tares, moves the plate, ramps, waits, measures"),
+        ("bench/stage/stage.py", "PlateStage", "moves the plate at standstill"),
+        ("acquire/visit_checks.py", "VisitWatch", "checks the samples of a point"),
+        ("acquire/measure.py", "measure", "averages the samples into a `Point`"),
+        ("acquire/record.py", "Recorder", "reads the bench and writes all files of the run"),
+        ("data/run/run_writer.py", "RunWriter", "appends to samples.csv, points.csv and events"),
+        (
+            "bench/standstill.py",
+            "StandstillMonitor",
+            "confirms from readings that the rotors stand",
+        ),
+        ("data/run/run.py", "Run", "closes the run: metadata, Parquet, hashes"),
+    ),
+    "A recipe": (
+        ("commands/fit.py", "fit", "reads the options into a `Recipe`"),
+        ("results.py", "fit_result", "runs the recipe; its result saves the report"),
+        ("fit/run_recipe.py", "run_recipe", "runs all steps below"),
+        ("fit/fit_data.py", "read_fit_data", "reads the points into `FitData`"),
+        ("physics/model_file.py", "load_model", "reads the model"),
+        ("fit/model_problem.py", "problem_from_model", "joins both into a `Problem`"),
+        ("fit/least_squares.py", "fit_least_squares", "minimises the residuals"),
+        ("fit/ensemble.py", "fit_ensemble", "samples the posterior with emcee"),
+        ("fit/diagnose.py", "with_diagnosis", "tests the residuals"),
+        ("fit/uncertainty/propagation.py", "propagate", "propagates all errors of the bench"),
+        ("report/fit/page.py", "write_fit", "writes result, model, figures and page"),
+    ),
+    "A thrust sample": (
+        ("bench/serial/frames.py", "Decoder", "decodes bytes into `Readings`"),
+        ("bench/serial/bench.py", "SerialBench", "converts device time to bench time"),
+        ("bench/guard.py", "GuardedBench", "checks the limits, passes the readings on"),
+        ("acquire/record.py", "Recorder", "writes samples.csv"),
+        ("acquire/record.py", "Samples", "joins the readings of a point into a `Recording`"),
+        ("acquire/measure.py", "measure", "averages the `Recording` into a `Point`"),
+        ("data/run/points.py", "PointWriter", "writes points.csv"),
+        ("data/run/read.py", "read_points", "reads points.csv into a `Recording`"),
+        ("fit/fit_data.py", "read_fit_data", "selects rows and adds errors: `FitData`"),
+        (
+            "fit/model_problem.py",
+            "problem_from_model",
+            "forms ratios or thrusts and the model: `Problem`",
+        ),
+        ("fit/least_squares.py", "fit_least_squares", "estimates the parameters: `FitResult`"),
+        ("report/fit/figures.py", "ratio", "draws points, curve and residuals"),
+    ),
+}
+
 # Extension, registry and section of extend.md.
 REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "effects"),
@@ -70,6 +126,17 @@ def first_line(package: str) -> str:
     return (ast.get_docstring(ast.parse(file.read_text("utf-8"))) or "").split("\n")[0]
 
 
+def walk(steps: tuple[tuple[str, str, str], ...]) -> str:
+    """Return the numbered steps of a way through the code; each must exist."""
+    for file, name, _ in steps:
+        text = (ROOT / "benchtool" / file).read_text("utf-8")
+        assert f"def {name}(" in text or f"class {name}" in text, f"{name} is not in {file}"
+    return "\n".join(
+        f"{number}. `{file}`: `{name}` {meaning}."
+        for number, (file, name, meaning) in enumerate(steps, 1)
+    )
+
+
 def page() -> str:
     """Return the page."""
     layer_list = layers()
@@ -84,6 +151,7 @@ def page() -> str:
         f".{name}) in `{file}`: {meaning}."
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
+    walks = "\n\n".join(f"### {title}\n\n{walk(steps)}" for title, steps in WALKS.items())
     registries = "\n".join(
         f"| {what} | {where} | [extend](../how-to/extend.md#{listed}) |"
         for what, where, listed in REGISTRIES
@@ -92,6 +160,7 @@ def page() -> str:
         f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"
         f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
         f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
+        f"## Three ways through the code\n\nPaths are relative to `benchtool/`.\n\n{walks}\n\n"
         f"## Registries\n\n| extension | registry | how to |\n|---|---|---|\n{registries}\n"
     )
 
