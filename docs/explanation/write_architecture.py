@@ -55,7 +55,7 @@ WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("acquire/session.py", "acquire", "checks, arms, creates the run folder, records"),
         ("acquire/check_plan.py", "check_plan", "compares the plan with rig and device limits"),
         ("acquire/sweep.py", "Sweep", "tares, moves the plate, ramps, waits, measures"),
-        ("bench/stage/stage.py", "PlateStage", "moves the plate at standstill"),
+        ("bench/stage/stage.py", "PlateStage", "moves the plate, after a confirmed standstill"),
         ("acquire/visit_checks.py", "VisitWatch", "checks the samples of a point"),
         ("acquire/measure.py", "measure", "averages the samples into a `Point`"),
         ("acquire/record.py", "Recorder", "reads the bench and writes all files of the run"),
@@ -64,6 +64,11 @@ WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
             "bench/standstill.py",
             "StandstillMonitor",
             "confirms from readings that the rotors stand",
+        ),
+        (
+            "acquire/session.py",
+            "Experiment",
+            "ramps down; after an error or Ctrl-C commands zero first",
         ),
         ("data/run/run.py", "Run", "closes the run: metadata, Parquet, hashes"),
     ),
@@ -96,7 +101,7 @@ WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
             "forms ratios or thrusts and the model: `Problem`",
         ),
         ("fit/least_squares.py", "fit_least_squares", "estimates the parameters: `FitResult`"),
-        ("report/fit/figures.py", "ratio", "draws points, curve and residuals"),
+        ("report/fit/figures.py", "ratio", "draws thrust ratio against distance"),
     ),
 }
 
@@ -108,7 +113,11 @@ REGISTRIES = (
     ("a control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "control-laws"),
     ("a figure", "`@figure` in `benchtool/report/`, and its page", "figures"),
     ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "options"),
-    ("an option", "a field of the command's inputs", "options"),
+    (
+        "an option",
+        "a field of the command's inputs, such as `SweepInputs` in `benchtool/acquire/inputs.py`",
+        "options",
+    ),
 )
 
 
@@ -160,7 +169,7 @@ def page() -> str:
         f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"
         f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
         f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
-        f"## Three ways through the code\n\nPaths are relative to `benchtool/`.\n\n{walks}\n\n"
+        f"## Three ways through the code\n\nPaths are relative to `benchtool/`. Values that a user sets are in plan, rig and options; assumed\ntimes and thresholds are constants at the top of the module that uses them.\n\n{walks}\n\n"
         f"## Registries\n\n| extension | registry | how to |\n|---|---|---|\n{registries}\n"
     )
 
