@@ -105,6 +105,13 @@ WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
 }
 
+WALKS_HEAD = """## Three ways through the code
+
+Paths are relative to `benchtool/`. Values that a user sets are in plan, rig and options; assumed
+times and thresholds are constants at the top of the module that uses them.
+
+"""
+
 # Extension, registry and section of extend.md.
 REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "effects"),
@@ -169,7 +176,7 @@ def page() -> str:
         f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"
         f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
         f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
-        f"## Three ways through the code\n\nPaths are relative to `benchtool/`. Values that a user sets are in plan, rig and options; assumed\ntimes and thresholds are constants at the top of the module that uses them.\n\n{walks}\n\n"
+        f"{WALKS_HEAD}{walks}\n\n"
         f"## Registries\n\n| extension | registry | how to |\n|---|---|---|\n{registries}\n"
     )
 
