@@ -108,12 +108,13 @@ def unit_from_name(name: str) -> str:
         return "rpm"
     if _PWM.fullmatch(name):
         return "pwm_us"
-    return _UNIT_OF_ENDING.get(_find_ending(name), "1")
+    has_name = name.rfind("_") > 0
+    return _UNIT_OF_ENDING.get(_find_ending(name), "1") if has_name else "1"
 
 
 def _find_ending(name: str) -> str:
     """Return the longest ending of a name that is a unit; "" without one."""
-    endings = (ending for ending in _UNIT_OF_ENDING if name[1:].endswith(ending))
+    endings = (ending for ending in _UNIT_OF_ENDING if name.endswith(ending))
     return max(endings, key=len, default="")
 
 
