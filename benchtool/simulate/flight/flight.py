@@ -28,7 +28,7 @@ from benchtool.simulate.flight.loops import flight_loops
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
-from benchtool.simulate.layout import Layout, rows_in, zero_record
+from benchtool.simulate.layout import record_layout, rows_in, zero_record
 from benchtool.simulate.loop import Loop, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
@@ -129,7 +129,7 @@ class FlightLoop(Loop):
             float(external or (feeds_forward and case.map_strength > 0.0)),
         )
         records = flight_records(case, law, effects, dt_s) | {"map_use": map_use}
-        self.layout, geometry = Layout(**records), vehicle.geometry(dt_s)
+        self.layout, geometry = record_layout(**records), vehicle.geometry(dt_s)
         rotor_disc = tuple(rig.disc_of_rotor.tolist())
         self.loops = flight_loops(
             effects, self.layout, rotor_disc, zero_record(geometry), model.image_rules, law.step

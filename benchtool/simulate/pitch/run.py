@@ -26,7 +26,7 @@ from benchtool.simulate.controllers.controller import (
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
-from benchtool.simulate.layout import Layout, lend_rows, rows_in, zero_record
+from benchtool.simulate.layout import Layout, lend_rows, record_layout, rows_in, zero_record
 from benchtool.simulate.loop import Loop, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
@@ -282,7 +282,7 @@ def prepare_loop(
         )
     effects = loop_effects(*(job.bench.model for job in jobs), neutral_too=neutral_too)
     records = {job: lane_records(job, effects) for job in jobs}
-    layout = Layout(**records[jobs[0]])
+    layout = record_layout(**records[jobs[0]])
     geometry = build_geometry(bench.model, 1.0 / bench.plant_rate_Hz)
     x_m, _, arm_m = geometry.body
     sources = list(zip(x_m, arm_m, strict=True))  # the plate tilts only about the hinge
