@@ -89,7 +89,7 @@ def zero_record(record: Any) -> Any:
     """Return a record of the same type with zeros for numbers."""
     if not isinstance(record, tuple):
         return 0.0
-    parts = [zero_record(part) if isinstance(part, tuple) else 0.0 for part in record]
+    parts: list[Any] = [zero_record(part) if isinstance(part, tuple) else 0.0 for part in record]
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
