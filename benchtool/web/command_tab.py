@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from abc import ABC, abstractmethod
 from functools import partial
 from html import escape
 from typing import Any, ClassVar, Generic, TypeVar
@@ -22,7 +23,7 @@ J = TypeVar("J", bound=Job)
 REFRESH_INTERVAL_S = 0.2
 
 
-class CommandTab(Generic[J]):
+class CommandTab(ABC, Generic[J]):
     """Tab of a command. Jobs are shared by all pages, one at a time for each `noun`.
 
     A subclass creates form fields that call `change`, then calls `add_controls` and `add_report`.
@@ -41,13 +42,13 @@ class CommandTab(Generic[J]):
         self._job: J | None = None
         ui.add_head_html(STYLE)
 
+    @abstractmethod
     def read_form(self) -> tuple[str, Inputs]:
         """Return the name of the new folder and the inputs; raise for an invalid value."""
-        raise NotImplementedError
 
+    @abstractmethod
     def show_report(self, job: J) -> None:
         """Show the report of a completed job in the current slot."""
-        raise NotImplementedError
 
     def add_controls(self) -> None:
         """Create start button, hint, equivalent command and progress in the current slot."""
