@@ -27,9 +27,9 @@ from benchtool.data.run.run import Run, check_not_existing
 def base_inputs(values: Mapping[str, Any], source: Source) -> SweepInputs:
     """Return the base inputs with the plan of a file, or the default plan."""
     if values.get("resume") is not None:
-        clash = [item.display_name(source) for item in items(Plan) if item.name in values]
-        if clash := (clash or [item.display_name(source) for item in items(SweepInputs)
-                               if item.key == "plan_file" and "plan" in values]):  # fmt: skip
+        options = [*items(Plan), *(item for item in items(SweepInputs) if item.key == "plan_file")]
+        clash = [item.display_name(source) for item in options if item.name in values]
+        if clash:
             resume = "--resume" if source == "option" else "resume"
             raise InputError(
                 f"{clash[0]} and {resume} are both given; a resumed run keeps its plan"

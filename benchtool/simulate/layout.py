@@ -21,11 +21,12 @@ class Layout:
     """Layout of records in order: `slots` for a loop, rows by name for Python.
 
     Args:
+        key: equal for records of the same types.
         examples: a record of zeros for each name, from `zero_record`.
     """
 
-    def __init__(self, examples: Mapping[str, Any]) -> None:
-        self.key = repr(examples)
+    def __init__(self, key: str, examples: Mapping[str, Any]) -> None:
+        self.key = key
         first, slots = 0, []
         for like in examples.values():
             slots.append(Slot(first, like))
@@ -66,7 +67,7 @@ def record_layout(**records: Any) -> Layout:
     examples = {name: zero_record(record) for name, record in records.items()}
     key = repr(examples)
     if key not in _LAYOUTS:
-        _LAYOUTS[key] = Layout(examples)
+        _LAYOUTS[key] = Layout(key, examples)
     return _LAYOUTS[key]
 
 
