@@ -194,8 +194,8 @@ def test_of_two_pages_one_is_at_the_controls(page, web, device, open_page):
     second.get_by_role("button", name="Tare").click()
     second.get_by_text("another page has the control lock").wait_for()
     hold(page, device)
-    pressed = time.time()
     second.mouse.move(*centre(second.locator(".stop-button")))
+    pressed = time.time()
     second.mouse.down()
     assert device.stopped_after(pressed) < STOPPED_S
     page.close()
