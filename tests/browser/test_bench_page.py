@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
 STOPPED_S = 0.3  # maximum time from release, STOP or dead-man timeout to zero at the device
 
 
@@ -34,7 +36,6 @@ def hold(page: Page, device: Device, presses: int = 6) -> None:
     raise AssertionError(f"motors were not turned: {device.orders[-5:]}")
 
 
-@pytest.mark.real_time(deadline_s=0.1)
 def test_a_bench_on_a_port_is_seen_live(page, device):
     connect(page, device.address)
     expect(page.get_by_role("status").first).to_contain_text(device.address)
@@ -172,7 +173,6 @@ def test_a_server_that_dies_with_the_throttle_held_stops_motors(script, page, we
     expect(lost).to_be_visible()
 
 
-@pytest.mark.real_time(deadline_s=0.1)
 def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page, web):
     web.process.send_signal(signal.SIGSTOP)
     note = page.locator(".stop-note")
