@@ -7,7 +7,6 @@ Roots are of (1 - u)(1 + u), not 1 - u^2, for full precision of a disc that just
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.physics.expression import Quantity, expression
 
@@ -66,35 +65,3 @@ def rectangle_coverage(
         + corner_integral(u1, v1)
     )
     return np.minimum(np.maximum(area / np.pi, 0.0), 1.0)
-
-
-def plate_coverages(
-    x_m: NDArray[np.float64],
-    y_m: NDArray[np.float64],
-    radius_m: float,
-    size_m: tuple[float, float],
-    plate_x_m: Quantity = 0.0,
-    plate_y_m: Quantity = 0.0,
-) -> NDArray[np.float64]:
-    """Return the covered fraction of each disc (n, ...) for a plate centred at (plate_x, plate_y).
-
-    Args:
-        x_m: disc centres along x (n,): m.
-        size_m: plate size along x and y: m.
-    """
-    half_x, half_y = 0.5 * size_m[0], 0.5 * size_m[1]
-    return np.array(
-        [
-            rectangle_coverage(
-                x,
-                y,
-                radius_m,
-                plate_x_m - half_x,
-                plate_x_m + half_x,
-                plate_y_m - half_y,
-                plate_y_m + half_y,
-            )
-            for x, y in zip(x_m, y_m, strict=True)
-        ],
-        float,
-    )

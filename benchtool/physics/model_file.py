@@ -18,10 +18,10 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.toml_text import FileTable, FiniteTable, build_dataclass, parse_toml
 from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.physics.baseline import DiscrepancyTolerances
 from benchtool.physics.bases import blade_tables, with_blades, with_rig_blades
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import find_effect, user_effects
-from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import OWN_IMAGES, Model

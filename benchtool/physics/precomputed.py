@@ -7,7 +7,7 @@ height of a level plate depends on free parameters, images at equal distance are
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,13 @@ from benchtool.physics.effects.effect import Flow
 from benchtool.physics.fold import chain_hooks
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
+
+# Fields of a flow with one value for each disc, except the speed
+DISC_FIELDS = (
+    "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
+    "body_images",
+)  # fmt: skip
+GEOMETRY_HOOKS = ("tilt", "height", "coverage", "speed")  # on them depend heights, images, speeds
 
 Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at that distance)
 
@@ -41,7 +48,7 @@ class PrecomputedModel:
         geometry_effects = {
             name: effect
             for effect in effects
-            if effect.changes_geometry or effect.hooks.speed is not None
+            if any(getattr(effect.hooks, hook) for hook in GEOMETRY_HOOKS)
             for item in effect.parameters
             if (name := f"{effect.name}.{item.name}") in model.parameters.free_names
         }
@@ -121,19 +128,8 @@ def merge_discs(flow: Flow, m: int) -> Flow:
         else:
             groups.append((i, speed * speed))
 
-    def merged(values: Sequence[Any]) -> list[Any]:
-        return [values[first] for first, _ in groups]
-
-    return flow._replace(
-        position_x_m=merged(flow.position_x_m),
-        position_y_m=merged(flow.position_y_m),
-        height_m=merged(flow.height_m),
-        coverage=merged(flow.coverage),
-        active=merged(flow.active),
-        neighbour_images=merged(flow.neighbour_images),
-        body_images=merged(flow.body_images),
-        speed_rad_s=[np.sqrt(squares) for _, squares in groups],
-    )
+    merged = {name: [getattr(flow, name)[first] for first, _ in groups] for name in DISC_FIELDS}
+    return flow._replace(**merged, speed_rad_s=[np.sqrt(squares) for _, squares in groups])
 
 
 def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:

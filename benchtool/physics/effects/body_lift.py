@@ -11,7 +11,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return K_b w R^2 times the sum of eq. (4) at the body's centre, from `disc_thrust`.
 
-    w is the weight from the wake rule (`wake_rules`): 1 if all rotors are covered.
+    w is the weight from the wake rule (`physics.body_lift`): 1 if all rotors are covered.
     """
     return p.K_b * flow.body_weight * flow.radius_m * flow.radius_m * flow.body_images[i]
 

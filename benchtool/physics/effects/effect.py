@@ -23,7 +23,7 @@ from benchtool.core.rig import Rig
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
 from benchtool.physics.expression import expression as expression
-from benchtool.physics.tilt import LEVEL
+from benchtool.physics.images import LEVEL
 
 Subsystem = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 # In the order of the chain from pulse width to reading
@@ -68,7 +68,7 @@ class Flow(NamedTuple):
         body_weight: weight w of the body lift from the wake rule (...).
         plane: the surface under the rotor plane (...).
         axial_share: factor on the velocity from a rotor's own image (...): the cosine of the angle
-            between the rotor axis and the surface normal, or 1 (`tilt`). The term of a law of
+            between the rotor axis and the surface normal, or 1 (`images`). The term of a law of
             thrust against distance is multiplied by it in the sum.
         rate_rad_s: rate about the y axis (...): rad/s; zero for a fixed vehicle.
         thrust_N: thrust of each disc (n, ...), for torque hooks; else empty.
@@ -269,17 +269,6 @@ class Effect:
     def build_p(self) -> Callable[..., Any]:
         """Function that builds the hooks' `p` from the parameter values, in their order."""
         return self.numbers or _numbers_class(tuple(item.name for item in self.parameters))
-
-    @property
-    def candidate(self) -> bool:
-        """True if an explanation may name it on some bench."""
-        return bool(self.benches)
-
-    @property
-    def changes_geometry(self) -> bool:
-        """True if heights or coverages, and so the images, depend on its parameters."""
-        hooks = self.hooks
-        return any(hook is not None for hook in (hooks.tilt, hooks.height, hooks.coverage))
 
 
 @expression

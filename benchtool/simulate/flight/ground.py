@@ -29,7 +29,7 @@ from benchtool.physics.expression import (
     write_record,
 )
 from benchtool.physics.fold import unrolled
-from benchtool.physics.tilt import LEVEL, Plane
+from benchtool.physics.images import LEVEL, Plane
 from benchtool.simulate.flight.environment import BLOCK, MAP
 from benchtool.simulate.flight.rigid_body import forward, leftward
 from benchtool.simulate.hooks import LoopHooks
