@@ -242,12 +242,12 @@ class Effect:
     # Tolerances scaled to the vehicle, for parameters without a tolerance; a tolerance in a model
     # file has precedence (`tolerances.model_tolerances`)
     tolerance_of: Callable[[Rig, BenchKind], Mapping[str, float]] | None = None
-    # Builds the effect from settings in a model file, for example its knots
-    configure: Callable[[Mapping[str, Any]], Effect] | None = None
     # Builds `p` from the values if it is not a named tuple of the parameter names
     numbers: Callable[..., Any] | None = None
-    # Name of the setting with the values of its parameters `knot_...`; empty for none
+    # Name of the setting of a model file with the values of its parameters `knot_...`; empty for
+    # none
     knots_setting: str = ""
+    with_knots: Callable[[Sequence[float]], Effect] | None = None  # builds it from these values
     # Properties of a law of thrust against distance; None for other effects. A model has one law
     distance_law: DistanceLaw | None = None
 

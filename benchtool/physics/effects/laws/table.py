@@ -6,7 +6,7 @@ G. Its docstring is the effect's description.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -338,15 +338,8 @@ def with_knots(knots: Sequence[float]) -> Effect:
         "Ramsay 1988, Statistical Science 3(4): monotone regression splines", *steps,
         *knot_parameters, far="1 beyond the last knot", tested="range of its data",
         seen="definition of the spline; data: yours", compared=tuple(item.name for item in steps),
-        numbers=as_tuple, knots_setting="z_over_R", configure=configure,
+        numbers=as_tuple, knots_setting="z_over_R", with_knots=with_knots,
     )  # fmt: skip
-
-
-def configure(settings: Mapping[str, Any]) -> Effect:
-    """Return the monotone table for the settings of a model file: `z_over_R = [...]`."""
-    if unknown := set(settings) - {"z_over_R"}:
-        raise InputError(f"unknown setting {min(unknown)!r} of monotone_table; allowed: z_over_R")
-    return with_knots([float(value) for value in settings.get("z_over_R", KNOTS)])
 
 
 LAWS["monotone_table"] = with_knots(KNOTS)
