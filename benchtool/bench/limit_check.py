@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.plate_check import PLATE_CHANNEL, plate_tolerance_m
-from benchtool.bench.rpm_tracking import GAP_S, HostPulseTracking, LoopPulseTracking
+from benchtool.bench.standstill import GAP_S, HostPulseTracking, LoopPulseTracking
 from benchtool.core.channel import Channel, channel_family
 from benchtool.core.errors import BenchError, LimitExceeded, ReadingsLate
 from benchtool.core.rig import Limits, Rig
