@@ -14,8 +14,7 @@ from typing import Literal, NamedTuple
 
 from benchtool.bench.drivers import DRIVERS, build_transport, parse_address
 from benchtool.bench.serial.command_channel import CommandChannel
-from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.ports import SerialPort, TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import PortOwner, Transport, port_owners
 from benchtool.core.errors import (
     BenchError,

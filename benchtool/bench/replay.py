@@ -13,8 +13,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from benchtool.bench.addresses import ReplayAddress
 from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
+from benchtool.bench.drivers import ReplayAddress
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 from benchtool.core.text import pluralize

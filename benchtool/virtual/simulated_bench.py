@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.bench.addresses import SimAddress
 from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
+from benchtool.bench.drivers import SimAddress
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.transport.serial_port import SerialPort
+from benchtool.bench.transport.ports import SerialPort
 from benchtool.core.errors import DeviceStopped, PortBusy
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink

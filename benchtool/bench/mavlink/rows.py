@@ -14,8 +14,8 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.addresses import DOWNWARD_ORIENTATION
 from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.drivers import DOWNWARD_ORIENTATION
 from benchtool.bench.mavlink.frames import Message
 from benchtool.bench.mavlink.settings import NO_THRUST, MavlinkSettings, MotorMap, build_channels
 from benchtool.core.units import Array

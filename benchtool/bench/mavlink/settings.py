@@ -13,7 +13,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.addresses import MavlinkAddress
+from benchtool.bench.drivers import MavlinkAddress
 from benchtool.core.channel import Channel
 from benchtool.core.choices import ArmedBy, BenchMode
 from benchtool.core.errors import FileFormatError, InputError

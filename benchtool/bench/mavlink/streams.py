@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from benchtool.bench.addresses import MIN_HZ
+from benchtool.bench.drivers import MIN_HZ
 from benchtool.bench.mavlink.autopilots import RESEND_INTERVAL_S
 from benchtool.bench.mavlink.frames import ACCEPTED, dialect, interval, message_id
 from benchtool.bench.mavlink.link import MavlinkLink

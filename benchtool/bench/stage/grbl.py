@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from benchtool.bench.addresses import GrblAddress
+from benchtool.bench.drivers import GrblAddress
+from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.grbl_link import (
     MAX_REACTION_S,
@@ -20,9 +20,6 @@ from benchtool.bench.stage.stage import Pause, PlateStage
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
 from benchtool.core.rig import PlateDrive
-
-if TYPE_CHECKING:
-    from benchtool.bench.guard import GuardedBench
 
 MOVE_TIMEOUT_MARGIN_S = 10.0  # for replies and short blocks, beyond path over feed and braking
 IDLE_TIMEOUT_S = 2.0  # of Idle elsewhere than at the target; then the move has failed

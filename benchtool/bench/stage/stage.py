@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from math import inf, nan
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
+from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
-
-if TYPE_CHECKING:
-    from benchtool.bench.guard import GuardedBench
 
 # pause(s) waits for s seconds while the bench is read; stages call it instead of sleeping.
 Pause = Callable[[float], None]
