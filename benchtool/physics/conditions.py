@@ -11,8 +11,8 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.physics.coverage import rectangle_coverage
 from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S
+from benchtool.physics.images import rectangle_coverage
 from benchtool.physics.rotor import speed_from_pwm
 
 OUT_OF_GROUND_EFFECT_M = 1e6  # plate distance without a plate; its images vanish to rounding

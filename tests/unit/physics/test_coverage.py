@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import plate_coverage
-from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
+from benchtool.physics.images import half_plane_coverage, rectangle_coverage
 
 lengths = st.floats(-3.0, 3.0)
 radii = st.floats(0.05, 2.0)
