@@ -90,14 +90,11 @@ def bound_hooks(
     )
 
 
-@expression
-def identity_hook(z_m: Any, radius_m: Any) -> Any:
-    """Return the height unchanged."""
-    return z_m
-
-
 @cache
-def _clamp_hook(nearest_z_over_R: float) -> Hook:
+def _clamp_hook(nearest_z_over_R: float, *, clamped: bool) -> Hook:
+    """Return f(z, radius), the height clipped to the minimum, or unchanged."""
+    if not clamped:
+        return expression(lambda z, radius: z)
     return expression(lambda z, radius: clamped_height(z, nearest_z_over_R * radius))
 
 
@@ -132,7 +129,7 @@ def disc_thrust(
     weight, axial_share = wake_rule(rules.wake), tilt_rule(rules.tilt).share
     tilt = sum_hooks(bound_hooks(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
-    clamp = _clamp_hook(nearest) if clamped else identity_hook
+    clamp = _clamp_hook(nearest, clamped=clamped)
     neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, clamp)
     heights = unrolled(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
     clamp_all = unrolled(n, expression(lambda i, z, radius: clamp(z[i], radius)))

@@ -184,12 +184,10 @@ class Model:
         return nearest_z_over_R(effect.distance_law for effect in self.present_effects)
 
     def flow(self, conditions: Conditions, values: Any) -> Flow:
-        """Return the input of the hooks, with heights and images.
+        """Return the input of the hooks for m samples, with heights and images.
 
-        Args:
-            conditions: of m samples; effects between pulse width and speed apply only to speeds
-                that were not measured.
-            values: all parameters (n_parameters, ...), broadcastable against (m,).
+        Effects between pulse width and speed apply only to speeds that were not measured. `values`
+        are all parameters (n_parameters, ...), real or complex, broadcastable against (m,).
         """
         rig = self.rig
         n = rig.n_discs
@@ -346,10 +344,7 @@ class Model:
     def thrust_N(self, conditions: Conditions, values: Any = None) -> Any:
         """Return the load cell's settled reading (..., m): N.
 
-        Args:
-            conditions: of m samples.
-            values: all parameters (n_parameters, ...) broadcastable against (m,), real or complex;
-                default: those of the model.
+        `values` as in `flow`; default: those of the model.
         """
         values = self.parameters.values_array() if values is None else values
         return self.reading_N(self.flow(conditions, values), values)

@@ -25,7 +25,6 @@ DISC_FIELDS = (
     "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
     "body_images",
 )  # fmt: skip
-GEOMETRY_HOOKS = ("tilt", "height", "coverage", "speed")  # on them depend heights, images, speeds
 
 Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at that distance)
 
@@ -33,8 +32,7 @@ Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at th
 class PrecomputedModel:
     """Model under fixed conditions, as a function of its free parameters.
 
-    Args:
-        merge: merge equal discs; False if the speed of each is needed.
+    Equal discs are merged unless the speed of each is needed.
     """
 
     def __init__(self, model: Model, conditions: Conditions, *, merge: bool = True) -> None:
@@ -48,7 +46,7 @@ class PrecomputedModel:
         geometry_effects = {
             name: effect
             for effect in effects
-            if any(getattr(effect.hooks, hook) for hook in GEOMETRY_HOOKS)
+            if effect.changes_geometry or effect.hooks.speed is not None
             for item in effect.parameters
             if (name := f"{effect.name}.{item.name}") in model.parameters.free_names
         }
@@ -83,7 +81,7 @@ class PrecomputedModel:
                 self._flow = None  # disc heights differ, or speeds depend on the parameters
 
     def flow(self, values: Any) -> Flow:
-        """Return the input of the hooks; `values` as in `Model.thrust_N`."""
+        """Return the input of the hooks; `values` as in `Model.flow`."""
         if self._flow is None:
             return self.model.flow(self.conditions, values)
         flow = self._flow._replace(radius_m=values[self._radius])
@@ -99,7 +97,7 @@ class PrecomputedModel:
         return flow._replace(height_m=[z], neighbour_images=[near], body_images=[body], plane=plane)
 
     def thrust_N(self, values: Any) -> Any:
-        """Return the load cell's settled reading (..., m): N; `values` as in `Model.thrust_N`."""
+        """Return the load cell's settled reading (..., m): N; `values` as in `Model.flow`."""
         return self.model.reading_N(self.flow(values), values)
 
 

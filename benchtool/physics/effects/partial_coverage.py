@@ -24,7 +24,6 @@ from benchtool.physics.effects.effect import (
     Hooks,
     Quantity,
     as_tuple,
-    expression,
     number,
 )
 
@@ -32,7 +31,6 @@ TOLERANCE = 0.1  # of the increment; assumed
 MAX_KNOTS = 16  # factors beyond this number have no default tolerance
 
 
-@expression
 def coverage(p: tuple[Quantity, ...], i: int, flow: Flow, fraction: Quantity) -> Quantity:
     """Return the effective fraction: piecewise linear through the factors at the knots."""
     n = (len(p) - 1) // 2
