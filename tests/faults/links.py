@@ -24,8 +24,7 @@ from benchtool.core.rig import Rig
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink, ServerLink, TcpLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import ServedDevice
+from benchtool.virtual.server import DeviceLink, ServedDevice
 from tests.doubles.grbl import stage_option
 from tests.faults.dialects import BenchLines, Dialect, MavlinkFrames
 from tests.faults.proxy import Proxy

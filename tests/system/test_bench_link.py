@@ -17,8 +17,7 @@ from benchtool.bench.transport.ports import SerialPort
 from benchtool.core.errors import DeviceStopped, PortBusy
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer, ServerOutbox
+from benchtool.virtual.server import BenchServer, DeviceLink, ServerOutbox
 from tests.system.served import DeviceTime, posix, turning
 from tests.wire.still_plant import StillPlant, still_hello
 

@@ -28,8 +28,7 @@ from benchtool.bench.transport.ports import SerialPort
 from benchtool.core.channel import Channel
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer
+from benchtool.virtual.server import BenchServer, DeviceLink
 
 RATE_HZ = 1000.0
 CHANNELS = (
