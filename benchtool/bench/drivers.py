@@ -182,10 +182,6 @@ class MavlinkAddress(Address):
         return {"link": kind, "serial_port": port, "baud": baud}
 
     @property
-    def cell_port_and_baud(self) -> tuple[str, int] | None:
-        return parse_port_and_baud(self.cell, self.text) if self.cell else None
-
-    @property
     def warning(self) -> str:
         """Warning if the address accepts data from other computers, else ""."""
         if self.link != "udpin" or is_loopback(self.host):
@@ -323,10 +319,6 @@ class Driver:
     address: type[Address]
     opener: str  # "module:function" that builds an unopened bench from an address
 
-    @property
-    def example(self) -> str:
-        return self.address.EXAMPLE
-
 
 DRIVERS: dict[str, Driver] = {  # by address scheme
     "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated_bench:open_simulated"),
@@ -341,7 +333,7 @@ def parse_address(text: str) -> Address:
     """Return the parsed address; no link is opened and no file is read."""
     scheme, colon, _ = text.strip().partition(":")
     if not colon:
-        examples = ", ".join(driver.example for driver in DRIVERS.values())
+        examples = ", ".join(driver.address.EXAMPLE for driver in DRIVERS.values())
         raise InputError(f"{text!r:.60} has no address scheme; use one of: {examples}")
     if scheme not in DRIVERS:
         raise UnknownChoice("address scheme", scheme[:60], DRIVERS)

@@ -298,9 +298,6 @@ class _ChannelState:
         self.last_s = nan
         self.standstill_s = nan  # time at which readings had first stayed low for long enough
 
-    def reset(self) -> None:
-        self.last = self._low_s = self.last_s = self.standstill_s = nan
-
     @property
     def is_low(self) -> bool:
         """Return whether readings stayed low for long enough."""
@@ -344,8 +341,7 @@ class _RotorState:
     def restart(self, now_s: float) -> None:
         """Discard the readings before this stop command."""
         self.zero_s = now_s
-        self.speed.reset()
-        self.output.reset()
+        self.speed, self.output = _ChannelState(), _ChannelState()
 
     def compare(self, time_s: Array, rpm: Array, expected_rpm: float, limit_rpm: float) -> None:
         """Update whether the speed channel responds to a drive well above standstill."""

@@ -67,14 +67,11 @@ class StopSignals(_SignalHandlers):
     long blocking waits. After the first signal, later ones never raise immediately.
 
     Python allows signal handlers in the main thread only. Elsewhere only exceptions end a run.
-
-    Args:
-        note: callback that receives the reason immediately, even if the error is caught later.
     """
 
     def __init__(self, note: Callable[[str], None]) -> None:
         super().__init__()
-        self._note = note
+        self._note = note  # receives the reason immediately, even if the error is caught later
         self._stop_reason: str | None = None
         self._raises_immediately = False
 
@@ -199,11 +196,8 @@ class StoppableBench(ContextBench):
     commands at the same time is followed by a stop, or rejected by a device that has already
     received the zero.
 
-    Args:
-        listener: gets every sample once: on arrival if the bench publishes samples, else with the
-            read that returns it.
-        speed: seconds of a virtual clock per wall second, to which reads are slowed; may be changed
-            at any time. A virtual plate moves at once. 0 for a bench in real time.
+    The listener gets every sample once: on arrival if the bench publishes samples, else with the
+    read that returns it.
     """
 
     def __init__(self, bench: Bench, listener: Listener | None = None, speed: float = 0.0) -> None:
@@ -213,6 +207,8 @@ class StoppableBench(ContextBench):
             bench.subscribe(listener)
             self._listener = None
         self._request: RunInterrupted | None = None
+        # Seconds of a virtual clock per wall second, to which reads are slowed; may be changed at
+        # any time. A virtual plate moves at once. 0 for a bench in real time
         self.speed = speed
         self._woken = threading.Event()
         self._next_read_s = 0.0

@@ -59,7 +59,7 @@ def test_every_driver_has_a_case():
 @pytest.mark.parametrize("scheme", DRIVERS)
 def test_an_address_leads_to_its_opener_and_ends(scheme):
     driver = DRIVERS[scheme]
-    address = parse_address(driver.example)
+    address = parse_address(driver.address.EXAMPLE)
     assert type(address) is driver.address
     assert callable(pkgutil.resolve_name(driver.opener))
     with pytest.raises(UnknownChoice, match="option of"):

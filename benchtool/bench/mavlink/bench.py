@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -73,8 +72,9 @@ class MavlinkBench(StreamingBench):
             **streams.stream_facts(self._states),
             **self._quality.facts(),
         }
-        return replace(
-            autopilot.identity(self._settings, facts),
+        return autopilot.identity(
+            self._settings,
+            facts,
             address=self.address,
             channels=self._channels,
             rate_Hz=self._rate_Hz,
