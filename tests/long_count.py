@@ -50,7 +50,7 @@ class LongCount:
         self.earlier = 0
         self._stopped = False
         self._before: dict[int, Any] = {}
-        self._quiet = mock.patch("benchtool.bench.signals.SIGNAL_NAMES", ())
+        self._quiet = mock.patch("benchtool.bench.stop_requests.SIGNAL_NAMES", ())
 
     def __enter__(self) -> Self:
         self.path.parent.mkdir(parents=True, exist_ok=True)

@@ -205,8 +205,7 @@ def resolve_rig(address: str, name: str | None) -> Rig:
     Raises:
         InputError: no rig given, or one without required values (`BENCH_KEYS`).
     """
-    from benchtool.bench.addresses import SimAddress
-    from benchtool.bench.drivers import parse_address
+    from benchtool.bench.drivers import SimAddress, parse_address
     from benchtool.core.rig_file import load_rig_by_name, require_values, rig_names
 
     parsed = parse_address(address)

@@ -30,7 +30,7 @@ from benchtool.acquire.stop_listener import accept_stops
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.signals import ClosingSignals
+from benchtool.bench.stop_requests import ClosingSignals
 from benchtool.core.air import Air
 from benchtool.core.errors import InputError, StandstillNotConfirmed
 from benchtool.core.rig import Rig

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from benchtool.core.errors import InputError
 
 if TYPE_CHECKING:
-    from benchtool.bench.addresses import GrblAddress
+    from benchtool.bench.drivers import GrblAddress
     from benchtool.bench.guard import GuardedBench
     from benchtool.bench.stage.stage import PlateStage
     from benchtool.core.rig import Rig
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def check_stage(option: str | None, *, plate: bool = True) -> GrblAddress | str:
     """Return the parsed `--stage`; raise InputError before a bench is opened."""
-    from benchtool.bench.addresses import parse_stage
+    from benchtool.bench.drivers import parse_stage
 
     if option == "none" and plate:
         raise InputError(
@@ -67,7 +67,7 @@ def select_stage(
         bench.read(duration_s)
 
     from benchtool.bench.stage.grbl import GrblStage
-    from benchtool.bench.transport.serial_port import SerialPort
+    from benchtool.bench.transport.ports import SerialPort
 
     port = SerialPort(stage.port, stage.baud)
     return GrblStage(port, stage, rig.plate, bench, listen)

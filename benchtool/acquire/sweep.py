@@ -28,7 +28,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.limit_check import CHECKS
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import PlateStage
-from benchtool.bench.wrappers import PauseRequested
+from benchtool.bench.stop_requests import PauseRequested
 from benchtool.core.channel import channel_family
 from benchtool.core.errors import InputError, RunInterrupted
 from benchtool.core.recording import Recording

@@ -27,9 +27,7 @@ class DeviceClock:
     A line arrives no sooner than it was sent, so arrival minus device time is the offset of the
     clocks plus a delay that is never negative. The estimate is the minimum over a sliding window.
     It changes freely before the first returned time, and later so slowly that times never decrease.
-
-    Args:
-        speed: seconds of both clocks per wall second, because delays are wall time.
+    Delays are wall time; `speed` is the seconds of both clocks per wall second.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
@@ -41,10 +39,9 @@ class DeviceClock:
         self._newest: tuple[float, float] | None = None  # newest device time, its offset: s
 
     def update(self, device_time_us: int, arrived_s: float) -> None:
-        """Update the offset from a line with stamp `device_time_us` (unwrapped).
+        """Update the offset from a line with this stamp (unwrapped), received at a host time.
 
-        Args:
-            arrived_s: host time at which the line was received, not at which it was read.
+        That is the time at which the line was received, not at which it was read.
         """
         device_s = device_time_us * 1e-6
         delay_s = arrived_s - device_s
@@ -57,13 +54,8 @@ class DeviceClock:
             self._offset_s = target_s
         else:
             error_s = target_s - self._offset_s
-            slew = (
-                INITIAL_SLEW_RATE
-                if error_s < 0.0
-                else DRIFT_SLEW
-                if error_s > JITTER_S
-                else MAX_SLEW_RATE
-            )
+            slew = DRIFT_SLEW if error_s > JITTER_S else MAX_SLEW_RATE
+            slew = INITIAL_SLEW_RATE if error_s < 0.0 else slew
             step_s = slew * max(device_s - self._last_device_s, 0.0)
             self._offset_s += min(max(error_s, -step_s), step_s)
         self._last_device_s = max(device_s, self._last_device_s)

@@ -22,8 +22,7 @@ from benchtool.bench.clocks import HostPauseMonitor, ReadingAgeMonitor
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.motor_state import MotorStateBench
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
-from benchtool.bench.signals import StopSignals
-from benchtool.bench.wrappers import send_halt
+from benchtool.bench.stop_requests import StopSignals, send_halt
 from benchtool.core.errors import (
     BenchError,
     BenchtoolError,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.bench.plate_check import PLATE_CHANNEL, plate_tolerance_m
-from benchtool.bench.rpm_tracking import GAP_S, HostPulseTracking, LoopPulseTracking
+from benchtool.bench.standstill import GAP_S, HostPulseTracking, LoopPulseTracking
 from benchtool.core.channel import Channel, channel_family
 from benchtool.core.errors import BenchError, LimitExceeded, ReadingsLate
 from benchtool.core.rig import Limits, Rig
@@ -94,17 +94,13 @@ class _WatchedChannel:
 
 
 class LimitCheck:
-    """Check of sample blocks against the limits of a rig.
-
-    Args:
-        stale_s: longest time without a new value of thrust and rpm; other channels get longer.
-        start_s: bench time from which silence counts.
-    """
+    """Check of sample blocks against the limits of a rig; silence counts from `start_s`."""
 
     def __init__(
         self, channels: Sequence[Channel], rig: Rig, limits: Limits, stale_s: float, start_s: float
     ) -> None:
         names = [channel.name for channel in channels]
+        # Longest time without a new value of thrust and rpm; other channels get longer
         self._names, self._rotor_stale_s = names, stale_s
         self._set_watched(_find_watched(names, limits, stale_s), start_s)
         self._rpm = [
@@ -326,10 +322,7 @@ def _forward_fill(rows: Array, last_values: Array) -> tuple[Array, Array]:
     """Return rows (m, n) with gaps filled by the channel's last reading, and the last row.
 
     A device may send thrust and speeds in different rows. A reading that is too old to compare
-    belongs to a silent channel, which has its own check.
-
-    Args:
-        last_values: (n,) last readings before these rows.
+    belongs to a silent channel, which has its own check. `last_values` (n,) precede the rows.
     """
     if np.isnan(rows).any():
         extended = np.vstack([last_values, rows])

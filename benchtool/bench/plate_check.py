@@ -60,9 +60,7 @@ class PlateCheck:
     ) -> StageError | None:
         """Return an error if target, stage and reading disagree after a move, else None.
 
-        Args:
-            extra_tolerance_m: added to the tolerance, for a position measured by hand and compared
-                with the target.
+        The extra tolerance is for a position measured by hand and compared with the target.
         """
         allowed_m = self.tolerance_m + extra_tolerance_m
         after = f"after the move to {target_m:.4g} m"

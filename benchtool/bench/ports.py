@@ -6,16 +6,15 @@ import os
 import platform
 import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from benchtool.bench.drivers import DRIVERS, build_transport, parse_address
 from benchtool.bench.serial.command_channel import CommandChannel
-from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.ports import SerialPort, TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import PortOwner, Transport, port_owners
 from benchtool.core.errors import (
     BenchError,
@@ -133,9 +132,6 @@ class HostEnvironment:
 def probe_environment(port: str = "") -> HostEnvironment:
     """Return the facts about a port, or about all ports of the computer if it is empty."""
     system = platform.system()
-    group, user, session_groups, groups_on_file = (
-        _read_groups(port) if os.name == "posix" else (None, "", (), ())
-    )
     exists = os.path.exists(port) if port and os.name == "posix" else None
     return HostEnvironment(
         system=system,
@@ -143,15 +139,13 @@ def probe_environment(port: str = "") -> HostEnvironment:
         ports=serial_ports(),
         exists=exists,
         can_open=os.access(port, os.R_OK | os.W_OK) if exists else None,
-        group=group,
-        user=user,
-        groups=frozenset(session_groups),
-        groups_on_file=frozenset(groups_on_file),
         owners=port_owners(port) if system == "Linux" and exists else None,
+        **(_read_groups(port) if os.name == "posix" else {}),
     )
 
 
-def _read_groups(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
+def _read_groups(port: str) -> dict[str, Any]:
+    """Return the fields of a `HostEnvironment` about the user and the groups."""
     import grp
     import pwd
 
@@ -161,16 +155,16 @@ def _read_groups(port: str) -> tuple[str | None, str, Iterable[str], Iterable[st
         except KeyError:
             return str(number)
 
-    owner = None
+    group = None
     with suppress(OSError):
-        owner = group_name(os.stat(port).st_gid) if port else None
+        group = group_name(os.stat(port).st_gid) if port else None
     try:
         user = pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:
         user = str(os.geteuid())
-    session_groups = {group_name(number) for number in {*os.getgroups(), os.getegid()}}
-    on_file = {entry.gr_name for entry in grp.getgrall() if user in entry.gr_mem}
-    return owner, user, session_groups, on_file
+    groups = frozenset(group_name(number) for number in {*os.getgroups(), os.getegid()})
+    on_file = frozenset(entry.gr_name for entry in grp.getgrall() if user in entry.gr_mem)
+    return {"group": group, "user": user, "groups": groups, "groups_on_file": on_file}
 
 
 class PortFinding(NamedTuple):

@@ -13,8 +13,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from benchtool.bench.addresses import ReplayAddress
 from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
+from benchtool.bench.drivers import ReplayAddress
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 from benchtool.core.text import pluralize
@@ -31,34 +31,13 @@ class ReplayBench(ContextBench):
     def __init__(
         self, identity: DeviceInfo, time_s: Array, device_time_us: Array, values: Array
     ) -> None:
-        self._recorded = identity
+        self._identity, self.address = identity, identity.address
         self._time_s = time_s
         self._device_time_us = device_time_us
         self._values = values
         self._now_s = float(time_s[0]) if len(time_s) else 0.0
         self._next = 0
         self._open = False
-
-    @classmethod
-    def from_run(cls, address: str, run: Path) -> ReplayBench:
-        """Return a bench from `samples.csv` of a run folder, or from a file in that format."""
-        path = run / "samples.csv" if os.path.isdir(run) else run
-        names, table = _read_samples(path, follow=path is run)
-        columns = dict(zip(names, table.T, strict=True))
-        for name in _META_COLUMNS[:2]:
-            if name not in columns:
-                raise FileFormatError(str(path), f"column {name} is missing; use samples of a run")
-        channels = tuple(
-            Channel(name, unit_from_name(name)) for name in names if name not in _META_COLUMNS
-        )
-        time_s = columns["time_s"]
-        identity = _build_device_info(address, path, channels, time_s)
-        values = table[:, [names.index(channel.name) for channel in channels]]
-        return cls(identity, time_s, columns["device_time_us"], values)
-
-    @property
-    def identity(self) -> DeviceInfo:
-        return self._recorded
 
     def now_s(self) -> float:
         return self._now_s
@@ -86,10 +65,10 @@ class ReplayBench(ContextBench):
 
     def read(self, timeout_s: float) -> Readings:
         if not self._open:
-            raise LinkLost(f"{self._recorded.address} is not open; call open() first")
+            raise LinkLost(f"{self.address} is not open; call open() first")
         if self._next >= len(self._time_s):
             raise LinkLost(
-                f"{self._recorded.address} ends after "
+                f"{self.address} ends after "
                 f"{pluralize(len(self._time_s), 'sample')}; there are no more samples"
             )
         self._now_s += timeout_s
@@ -103,8 +82,21 @@ class ReplayBench(ContextBench):
 
 
 def open_replay(address: ReplayAddress) -> ReplayBench:
-    """Return the bench of a recorded run, not opened yet."""
-    return ReplayBench.from_run(address.text, Path(address.run))
+    """Return the bench of `samples.csv` of a run folder, or of a file in that format, not open."""
+    run = Path(address.run)
+    path = run / "samples.csv" if os.path.isdir(run) else run
+    names, table = _read_samples(path, follow=path is run)
+    columns = dict(zip(names, table.T, strict=True))
+    for name in _META_COLUMNS[:2]:
+        if name not in columns:
+            raise FileFormatError(str(path), f"column {name} is missing; use samples of a run")
+    channels = tuple(
+        Channel(name, unit_from_name(name)) for name in names if name not in _META_COLUMNS
+    )
+    time_s = columns["time_s"]
+    identity = _build_device_info(address.text, path, channels, time_s)
+    values = table[:, [names.index(channel.name) for channel in channels]]
+    return ReplayBench(identity, time_s, columns["device_time_us"], values)
 
 
 def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from benchtool.core.rig import Rig
-    from benchtool.virtual.faults import Fault
+    from benchtool.virtual.devices import ServerOptions
     from benchtool.virtual.firmware import Firmware
     from benchtool.virtual.links import ServerLink
     from benchtool.virtual.server import BenchServer, ServedDevice
@@ -70,6 +70,7 @@ def serve(inputs: ServeInputs) -> None:
     import sys
 
     from benchtool.core.rig_file import load_rig_by_name
+    from benchtool.virtual.devices import ServerOptions
     from benchtool.virtual.faults import parse_fault
 
     faults = [parse_fault(text) for text in inputs.fault]
@@ -85,8 +86,9 @@ def serve(inputs: ServeInputs) -> None:
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
+    options = ServerOptions(seed=inputs.seed, speed=inputs.speed, faults=faults, protocol=wrap)
     try:
-        server, text = build_server(inputs, rig, link, faults, wrap)
+        server, text = build_server(inputs, rig, link, options)
         print(format_address(), flush=True)
         speed = f"speed {inputs.speed:g}; no motor turns; Ctrl-C to stop"
         print(f"virtual {text}, {speed}", file=sys.stderr)
@@ -99,7 +101,7 @@ def serve(inputs: ServeInputs) -> None:
 
 def _bench_protocol(inputs: ServeInputs) -> tuple[WrapFirmware, ServerLink, Callable[[], str]]:
     from benchtool.virtual.links import open_link
-    from benchtool.virtual.protocol import DeviceLink
+    from benchtool.virtual.server import DeviceLink
 
     link = open_link(inputs.link, inputs.symlink)
     return DeviceLink, link, lambda: link.address
@@ -130,63 +132,41 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[WrapFirmware, ServerLink, C
 
 
 def _build_plate_server(
-    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], wrap: WrapFirmware
+    inputs: ServeInputs, rig: Rig, link: ServerLink, options: ServerOptions
 ) -> tuple[BenchServer, str]:
-    from benchtool.core.toml_text import build_dataclass
-    from benchtool.physics.model_file import load_model
-    from benchtool.simulate.imperfections import Imperfections
-    from benchtool.virtual.devices import standard_truth, virtual_server
+    from benchtool.virtual.devices import load_truth, virtual_server
 
-    name = inputs.truth or standard_truth(rig)
-    loaded = load_model(name, rig, announce_code)
-    server = virtual_server(
-        rig,
-        loaded.model,
-        link,
-        seed=inputs.seed,
-        speed=inputs.speed,
-        rate_Hz=200.0 if inputs.rate is None else inputs.rate,
-        imperfections=build_dataclass(
-            Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"
-        ),
-        faults=faults,
-        protocol=wrap,
-    )
-    return server, f"bench of {rig.name}, truth {loaded.model.name}"
+    truth, imperfections = load_truth(rig, inputs.truth, announce_code)
+    rate_Hz = 200.0 if inputs.rate is None else inputs.rate
+    server = virtual_server(rig, truth, link, options, imperfections, rate_Hz)
+    return server, f"bench of {rig.name}, truth {truth.name}"
 
 
 def _build_pitch_server(
-    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], wrap: WrapFirmware
+    inputs: ServeInputs, rig: Rig, link: ServerLink, options: ServerOptions
 ) -> tuple[BenchServer, str]:
+    from benchtool.bench.drivers import SimAddress
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
     from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant
 
     controller = inputs.controller
-    plant = pitch_plant(
-        rig,
-        inputs.truth,
-        inputs.schedule,
-        controller,
-        inputs.gains,
-        inputs.seed,
-        inputs.rate,
-        user_controller=(
-            None
-            if controller in PITCH_CONTROLLERS
-            else load_controller_class(controller, PITCH_CONTROLLERS, announce_code)
-        ),
-        settings=inputs.settings,
+    address = SimAddress(
+        rig=inputs.rig,
+        truth=inputs.truth or "",
+        schedule=inputs.schedule,
+        controller=controller,
+        gains=inputs.gains,
+        seed=inputs.seed,
+        rate_Hz=inputs.rate,
         permit=announce_code,
     )
-    server = device_server(
-        plant,
-        pitch_hello(plant, inputs.seed),
-        link,
-        seed=inputs.seed,
-        speed=inputs.speed,
-        faults=faults,
-        protocol=wrap,
+    user_controller = (
+        None
+        if controller in PITCH_CONTROLLERS
+        else load_controller_class(controller, PITCH_CONTROLLERS, announce_code)
     )
+    plant = pitch_plant(rig, address, inputs.settings, user_controller)
+    server = device_server(plant, pitch_hello(plant, inputs.seed), link, options)
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "
         f"{inputs.gains}, schedule {plant.schedule.name} of {plant.schedule.duration_s:g} s"

@@ -45,8 +45,7 @@ def map_motors(inputs: MapInputs) -> None:
     from benchtool.acquire.bench_check import detect_motor_map, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
     from benchtool.acquire.session import open_motor_test
-    from benchtool.bench.addresses import MavlinkAddress
-    from benchtool.bench.drivers import parse_address
+    from benchtool.bench.drivers import MavlinkAddress, parse_address
 
     address = inputs.address
     rig = resolve_rig(address, inputs.rig)

@@ -42,7 +42,7 @@ def ports(inputs: PortsInputs) -> None:
 
 def _list_ports(inputs: PortsInputs) -> None:
     from benchtool.bench.ports import identify_port, serial_ports
-    from benchtool.bench.transport.serial_port import SerialPort
+    from benchtool.bench.transport.ports import SerialPort
 
     found_ports = serial_ports()
     if not found_ports:

@@ -268,11 +268,11 @@ def with_law(
     if effect is model.law:
         return model
     law = _distance_law(effect)
-    if effect.knots_setting and effect.configure is not None:
+    if effect.with_knots is not None:
         n = int(np.clip(len(distances) - 2, 2, MAX_KNOTS))
         indices = np.unique(np.linspace(0, len(distances) - 1, n).round().astype(int))
         knots = [*(distances[i] for i in indices), *([1.5 * distances[-1]] if is_oge_known else [])]
-        effect = effect.configure({effect.knots_setting: knots})
+        effect = effect.with_knots(knots)
         law = _distance_law(effect)
     if law.whole_vehicle and model.rig.n_discs > 1:
         for other in model.effects:

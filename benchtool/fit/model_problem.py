@@ -15,12 +15,11 @@ from benchtool.core.parameter import Parameter, Parameters
 from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_SCALE, IntArray, Predict, Problem
 from benchtool.fit.recipe import Basis
-from benchtool.physics.active_effects import find_trend_effects
 from benchtool.physics.bases import require_motor, thrust_ratio
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.precomputed import PrecomputedModel
-from benchtool.physics.tolerances import with_tolerances
+from benchtool.physics.tolerances import find_trend_effects, with_tolerances
 
 SAME_DISTANCE_M = 1e-3  # plate distances that round to the same multiple are one setting
 SAME_LEVEL = 0.02  # speed resolution of a throttle level, relative to the fastest: voltage sags

@@ -20,7 +20,7 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.model import Model
-from benchtool.physics.motor import electrical_power_W, speed_under_pulse, torque_at_pulse_Nm
+from benchtool.physics.rotor import electrical_power_W, speed_under_pulse, torque_at_pulse_Nm
 
 POWER_STEPS = 16  # iterations for equal power, w^2.7 to w^3.3; each leaves a tenth of the error
 

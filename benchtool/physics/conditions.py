@@ -11,8 +11,8 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.physics.coverage import plate_coverages
 from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S
+from benchtool.physics.images import rectangle_coverage
 from benchtool.physics.rotor import speed_from_pwm
 
 OUT_OF_GROUND_EFFECT_M = 1e6  # plate distance without a plate; its images vanish to rounding
@@ -192,12 +192,14 @@ _ROW_FIELDS = (
 
 def plate_coverage(rig: Rig, plate_x_m: Array) -> Array:
     """Return the covered fraction of each disc (n_discs, m) for a plate centred at x (m,)."""
-    return plate_coverages(
-        rig.disc_positions_m[:, 0],
-        rig.disc_positions_m[:, 1],
-        rig.propulsion.radius_m,
-        (rig.plate.size_x_m, rig.plate.size_y_m),
-        plate_x_m,
+    half_x, half_y = 0.5 * rig.plate.size_x_m, 0.5 * rig.plate.size_y_m
+    x1_m, x2_m, radius_m = plate_x_m - half_x, plate_x_m + half_x, rig.propulsion.radius_m
+    return np.array(
+        [
+            rectangle_coverage(x, y, radius_m, x1_m, x2_m, -half_y, half_y)
+            for x, y in rig.disc_positions_m
+        ],
+        float,
     )
 
 

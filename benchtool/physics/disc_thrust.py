@@ -2,8 +2,8 @@
 
 The factor of disc i is F_i = 1 / (1 - D_i), D_i the sum of all terms (own image, neighbour images,
 body lift, ...). A partly covered disc has 1 + a_i (F_i - 1); the response of the blades and the
-factors of effects follow. The tilt rule (`tilt`) defines the heights: by default the image of disc
-j is z_i + z_j below disc i, and the body term is evaluated once, at the height of the body's
+factors of effects follow. The tilt rule (`images`) defines the heights: by default the image of
+disc j is z_i + z_j below disc i, and the body term is evaluated once, at the height of the body's
 centre. The same functions are used for sweeps, pitch benches and flights over any surface.
 """
 
@@ -15,7 +15,7 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 from benchtool.core.errors import InputError
-from benchtool.physics.body_lift import BodyImages
+from benchtool.physics.body_lift import BodyImages, wake_rule
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import N_BEFORE_RATE, N_CONSTANT, NO_FLOW, Effect, Flow
 from benchtool.physics.expression import expression
@@ -29,13 +29,19 @@ from benchtool.physics.fold import (
     sum_hooks,
     unrolled,
 )
-from benchtool.physics.images import clamped_height, partial_factor, thrust_factor
-from benchtool.physics.tilt import Plane, axis_cosine, height_over, tilt_rule
-from benchtool.physics.wake_rules import wake_rule
+from benchtool.physics.images import (
+    Plane,
+    axis_cosine,
+    clamped_height,
+    height_over,
+    partial_factor,
+    thrust_factor,
+    tilt_rule,
+)
 
 
 class ImageRules(NamedTuple):
-    """Rules for sums of images: wake rule (`wake_rules`), tilt rule (`tilt`), number of sources of
+    """Rules for sums of images: wake rule (`body_lift`), tilt rule (`images`), number of sources of
     the body term, and for each source the first equal one for planes without slope along y; () for
     other planes. A compiled loop evaluates equal sources once.
     """
@@ -84,14 +90,11 @@ def bound_hooks(
     )
 
 
-@expression
-def identity_hook(z_m: Any, radius_m: Any) -> Any:
-    """Return the height unchanged."""
-    return z_m
-
-
 @cache
-def _clamp_hook(nearest_z_over_R: float) -> Hook:
+def _clamp_hook(nearest_z_over_R: float, *, clamped: bool) -> Hook:
+    """Return f(z, radius), the height clipped to the minimum, or unchanged."""
+    if not clamped:
+        return expression(lambda z, radius: z)
     return expression(lambda z, radius: clamped_height(z, nearest_z_over_R * radius))
 
 
@@ -126,7 +129,7 @@ def disc_thrust(
     weight, axial_share = wake_rule(rules.wake), tilt_rule(rules.tilt).share
     tilt = sum_hooks(bound_hooks(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
-    clamp = _clamp_hook(nearest) if clamped else identity_hook
+    clamp = _clamp_hook(nearest, clamped=clamped)
     neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, clamp)
     heights = unrolled(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
     clamp_all = unrolled(n, expression(lambda i, z, radius: clamp(z[i], radius)))

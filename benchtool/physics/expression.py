@@ -300,14 +300,9 @@ def compiled_folder() -> Path:
     for part in ("physics", "simulate"):
         for path in sorted((package / part).rglob("*.py")):
             digest.update(path.name.encode() + path.read_bytes())
-    return _cache_root() / f"compiled-{digest.hexdigest()[:16]}"
-
-
-def _cache_root() -> Path:
-    """Return the cache folder of this user."""
-    if folder := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(folder)
-    return user_folder("XDG_CACHE_HOME", ".cache", mac="Caches")
+    folder = os.environ.get("NUMBA_CACHE_DIR")
+    root = Path(folder) if folder else user_folder("XDG_CACHE_HOME", ".cache", mac="Caches")
+    return root / f"compiled-{digest.hexdigest()[:16]}"
 
 
 def can_compile() -> bool:

@@ -18,20 +18,18 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameters, resolve_name
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.physics.baseline import baseline_parameters
-from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images
+from benchtool.physics.baseline import DiscrepancyTolerances, baseline_parameters
+from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images, wake_rule
 from benchtool.physics.catalogue import EFFECTS, find_effect, thrust_laws
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, ImageRules, bound_hooks, disc_thrust
-from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.laws.table import DEFAULT_LAWS
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chain_hooks
-from benchtool.physics.motor import speed_near_plate, torque_per_speed
-from benchtool.physics.tilt import Plane, height_over, plate_plane, tilt_rule
-from benchtool.physics.wake_rules import wake_rule
+from benchtool.physics.images import Plane, height_over, plate_plane, tilt_rule
+from benchtool.physics.rotor import speed_near_plate, torque_per_speed
 
 OWN_IMAGES = ROTOR_IMAGES.name  # eq. (2), the default law of a plate below
 
@@ -186,12 +184,10 @@ class Model:
         return nearest_z_over_R(effect.distance_law for effect in self.present_effects)
 
     def flow(self, conditions: Conditions, values: Any) -> Flow:
-        """Return the input of the hooks, with heights and images.
+        """Return the input of the hooks for m samples, with heights and images.
 
-        Args:
-            conditions: of m samples; effects between pulse width and speed apply only to speeds
-                that were not measured.
-            values: all parameters (n_parameters, ...), broadcastable against (m,).
+        Effects between pulse width and speed apply only to speeds that were not measured. `values`
+        are all parameters (n_parameters, ...), real or complex, broadcastable against (m,).
         """
         rig = self.rig
         n = rig.n_discs
@@ -348,10 +344,7 @@ class Model:
     def thrust_N(self, conditions: Conditions, values: Any = None) -> Any:
         """Return the load cell's settled reading (..., m): N.
 
-        Args:
-            conditions: of m samples.
-            values: all parameters (n_parameters, ...) broadcastable against (m,), real or complex;
-                default: those of the model.
+        `values` as in `flow`; default: those of the model.
         """
         values = self.parameters.values_array() if values is None else values
         return self.reading_N(self.flow(conditions, values), values)

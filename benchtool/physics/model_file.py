@@ -18,10 +18,10 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.toml_text import FileTable, FiniteTable, build_dataclass, parse_toml
 from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.physics.baseline import DiscrepancyTolerances
 from benchtool.physics.bases import blade_tables, with_blades, with_rig_blades
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import find_effect, user_effects
-from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import OWN_IMAGES, Model
@@ -191,11 +191,23 @@ def read_model_head(path: str | Path) -> tuple[Rig, bool]:
 
 
 def _configure(effect: Effect, settings: Mapping[str, Any]) -> Effect:
-    if effect.configure is not None:
-        return effect.configure(settings)
-    if settings:
+    """Return the effect for its settings in a model file, which are the values of its knots."""
+    setting = effect.knots_setting
+    if settings and effect.with_knots is None:
         raise InputError(f"effect {effect.name!r} has no settings; remove [effects.*.settings]")
-    return effect
+    if unknown := set(settings) - {setting}:
+        raise InputError(f"unknown setting {min(unknown)!r} of {effect.name}; allowed: {setting}")
+    if effect.with_knots is None or setting not in settings:
+        return effect
+    try:
+        knots = [float(value) for value in settings[setting]]
+    except (TypeError, ValueError, OverflowError) as error:
+        ends = next(item for item in effect.parameters if item.name.startswith("knot_"))
+        raise InputError(
+            f"{setting} {settings[setting]!r:.80} is not a list of numbers between {ends.lower:g} "
+            f"and {ends.upper:g}"
+        ) from error
+    return effect.with_knots(knots)
 
 
 def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:

@@ -7,7 +7,7 @@ height of a level plate depends on free parameters, images at equal distance are
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,19 @@ from benchtool.physics.fold import chain_hooks
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
+# Fields of a flow with one value for each disc, except the speed
+DISC_FIELDS = (
+    "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
+    "body_images",
+)  # fmt: skip
+
 Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at that distance)
 
 
 class PrecomputedModel:
     """Model under fixed conditions, as a function of its free parameters.
 
-    Args:
-        merge: merge equal discs; False if the speed of each is needed.
+    Equal discs are merged unless the speed of each is needed.
     """
 
     def __init__(self, model: Model, conditions: Conditions, *, merge: bool = True) -> None:
@@ -76,7 +81,7 @@ class PrecomputedModel:
                 self._flow = None  # disc heights differ, or speeds depend on the parameters
 
     def flow(self, values: Any) -> Flow:
-        """Return the input of the hooks; `values` as in `Model.thrust_N`."""
+        """Return the input of the hooks; `values` as in `Model.flow`."""
         if self._flow is None:
             return self.model.flow(self.conditions, values)
         flow = self._flow._replace(radius_m=values[self._radius])
@@ -92,7 +97,7 @@ class PrecomputedModel:
         return flow._replace(height_m=[z], neighbour_images=[near], body_images=[body], plane=plane)
 
     def thrust_N(self, values: Any) -> Any:
-        """Return the load cell's settled reading (..., m): N; `values` as in `Model.thrust_N`."""
+        """Return the load cell's settled reading (..., m): N; `values` as in `Model.flow`."""
         return self.model.reading_N(self.flow(values), values)
 
 
@@ -121,19 +126,8 @@ def merge_discs(flow: Flow, m: int) -> Flow:
         else:
             groups.append((i, speed * speed))
 
-    def merged(values: Sequence[Any]) -> list[Any]:
-        return [values[first] for first, _ in groups]
-
-    return flow._replace(
-        position_x_m=merged(flow.position_x_m),
-        position_y_m=merged(flow.position_y_m),
-        height_m=merged(flow.height_m),
-        coverage=merged(flow.coverage),
-        active=merged(flow.active),
-        neighbour_images=merged(flow.neighbour_images),
-        body_images=merged(flow.body_images),
-        speed_rad_s=[np.sqrt(squares) for _, squares in groups],
-    )
+    merged = {name: [getattr(flow, name)[first] for first, _ in groups] for name in DISC_FIELDS}
+    return flow._replace(**merged, speed_rad_s=[np.sqrt(squares) for _, squares in groups])
 
 
 def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:

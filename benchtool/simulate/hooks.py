@@ -12,8 +12,8 @@ from benchtool.physics.disc_thrust import ImageRules, bound_hooks, disc_thrust
 from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, N_WITH_THRUST, Effect, Flow
 from benchtool.physics.expression import expression, with_fields
 from benchtool.physics.fold import chain_hooks, source_key, sum_hooks
+from benchtool.physics.images import LEVEL
 from benchtool.physics.model import Model
-from benchtool.physics.tilt import LEVEL
 
 LoopHooks = namedtuple(
     "LoopHooks",

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.physics.motor import electrical_power_W, speed_near_plate, torque_per_speed
+from benchtool.physics.rotor import electrical_power_W, speed_near_plate, torque_per_speed
 from benchtool.simulate.imperfections import Imperfections
 
 HOLD_S = 0.05  # holding time of the voltage: short against battery dynamics, many ticks

@@ -17,6 +17,8 @@ from benchtool.bench.mavlink.frames import (
     ARM_DISARM,
     AUTOPILOT_COMPONENT,
     MOTOR_TEST,
+    REQUEST_MESSAGE,
+    SET_INTERVAL,
     MavlinkFrames,
     Message,
     dialect,
@@ -28,7 +30,7 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.server import ServedDevice
 
 HEARTBEAT_INTERVAL_S = 1.0
-SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246  # MAV_CMD_* numbers
+REBOOT = 246  # MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 SILENT_S, READY_S = 1.0, 2.4  # first heartbeat, first motor test after a restart; recorded
 MAX_RATE_HZ = 400.0  # main loop rate, upper bound of stream rates (SCHED_LOOP_RATE)
 PLATE_US = 50_000  # interval of the plate's distance reports; assumed

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from benchtool import __version__
+from benchtool.bench.drivers import SimAddress
 from benchtool.bench.serial.hello import MAX_SPEED, Hello
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import load_schedule
+from benchtool.core.toml_text import build_dataclass
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import find_effect
 from benchtool.physics.model import Model
@@ -31,8 +33,7 @@ from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
 from benchtool.virtual.firmware import Firmware, Plant
 from benchtool.virtual.links import ServerLink
 from benchtool.virtual.pitch_plant import PitchBenchPlant, idle_us
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer, ServedDevice
+from benchtool.virtual.server import BenchServer, DeviceLink, ServedDevice
 
 
 def virtual_plant(
@@ -48,6 +49,8 @@ def virtual_plant(
 
 def _hello(plant: PlateBench | PitchBenchPlant, name: str, seed: int, **more: Any) -> Hello:
     rig = plant.rig
+    # Sequence, time and checksum, then so many characters for each value, roughly
+    digits = 9 if isinstance(plant, PlateBench) else 13
     return Hello(
         device_id=f"virtual-{name.replace(' ', '-')}{rig.name}-{seed}",
         firmware=f"benchtool virtual {name}bench {__version__}",
@@ -60,20 +63,20 @@ def _hello(plant: PlateBench | PitchBenchPlant, name: str, seed: int, **more: An
         # The virtual device moves the plate, for every stage the rig file names.
         moves_plate=True,
         simulated=True,
+        frame_bytes=26 + digits * len(plant.channels),
         **more,
     )
 
 
 def build_hello(plant: PlateBench, truth: Model, seed: int) -> Hello:
     """Return the device information of the virtual bench of a plant."""
-    rig = plant.rig
     facts = {
-        "rig": rig.name,
+        "rig": plant.rig.name,
         "truth": truth.name,
         "seed": str(seed),
         "thrust_raw_N_per_count": f"{plant.count_N:.9g}",
     }
-    return _hello(plant, "", seed, limits=device_limits(rig), facts=facts)
+    return _hello(plant, "", seed, limits=device_limits(plant.rig), facts=facts)
 
 
 def device_limits(rig: Rig) -> dict[str, float]:
@@ -121,28 +124,23 @@ RATE_LIMIT_RAD_S = 10.0  # device stops beyond; twice that of shipped schedules;
 
 def pitch_plant(
     rig: Rig,
-    truth: str | None = None,  # model or its file; default: the rig's pitch model
-    schedule: str = "plate",
-    controller: str = "pid",
-    gains: str = "s3",
-    seed: int = 0,
-    rate_Hz: float | None = None,  # stream rate; default: control rate
-    user_controller: type[PitchController] | None = None,  # runs at the rate of the gains
-    hidden: str = "",
+    address: SimAddress,
     settings: Mapping[str, float] = MappingProxyType({}),  # as of `PitchSetup.with_changes`
-    permit: CodePermit = check_code_allowed,
+    user_controller: type[PitchController] | None = None,  # runs at the rate of the gains
 ) -> PitchBenchPlant:
-    """Return the simulated pitch bench for a model, schedule, controller and gains by name."""
+    """Return the simulated pitch bench of an address."""
     default = f"pitch_{rig.name}"
-    if truth is not None:
-        model = load_model(truth, rig, permit).model
+    if address.truth:
+        model = load_model(address.truth, rig, address.permit).model
     elif default in model_names():
         model = load_model(default, rig).model
     else:
         model = Model.single(rig)
-    if hidden:
-        model = with_hidden_effects(model, hidden)
-    control = build_pitch_controller("pid" if user_controller else controller, load_gains(gains))
+    if address.hidden:
+        model = with_hidden_effects(model, address.hidden)
+    controller = address.controller or "pid"
+    gains = load_gains(address.gains or "s3")
+    control = build_pitch_controller("pid" if user_controller else controller, gains)
     if PLATE_DISTANCE in settings:
         raise InputError(
             f"{PLATE_DISTANCE} cannot be set here: the schedule moves the plate; remove it"
@@ -150,10 +148,10 @@ def pitch_plant(
     setup = PitchSetup(
         bench=PitchBench.from_model(model),
         controls=(replace(control, name=controller),),
-        schedule=load_schedule(schedule),
+        schedule=load_schedule(address.schedule or "plate"),
     ).with_changes(settings)
     job = PitchJob(setup.bench, setup.controls[0])
-    return PitchBenchPlant(job, setup.schedule, seed, rate_Hz, user_controller)
+    return PitchBenchPlant(job, setup.schedule, address.seed, address.rate_Hz, user_controller)
 
 
 def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
@@ -174,11 +172,7 @@ def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
         "control_rate_Hz": f"{plant.control_rate_Hz:g}",
         "seed": str(seed),
     }
-    # Sequence, time and checksum, then about thirteen characters for each value.
-    size = 26 + 13 * len(plant.channels)
-    return _hello(
-        plant, "pitch ", seed, limits=limits, facts=facts, has_loop=True, frame_bytes=size
-    )
+    return _hello(plant, "pitch ", seed, limits=limits, facts=facts, has_loop=True)
 
 
 def standard_truth(rig: Rig) -> str:
@@ -186,46 +180,55 @@ def standard_truth(rig: Rig) -> str:
     return "single" if rig.n_discs == 1 else "quad_body_lift"
 
 
+def load_truth(
+    rig: Rig, name: str | None, permit: CodePermit = check_code_allowed
+) -> tuple[Model, Imperfections]:
+    """Return the true model of a virtual bench, and the imperfections in its file."""
+    name = name or standard_truth(rig)
+    loaded = load_model(name, rig, permit)
+    where = f"{name}: [imperfections]"
+    return loaded.model, build_dataclass(Imperfections, dict(loaded.imperfections), where)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServerOptions:
+    """Options of the server of a virtual bench."""
+
+    seed: int = 0  # of noise and faults
+    speed: float = 1.0  # device seconds per wall second
+    faults: Sequence[Fault] = ()
+    protocol: Callable[[Firmware], ServedDevice] = DeviceLink  # builds the protocol handler
+    clock: Callable[[], float] = time.monotonic
+
+
 def virtual_server(
     rig: Rig,
     truth: Model,
     link: ServerLink,
-    *,
-    seed: int = 0,
-    rate_Hz: float = 200.0,
+    options: ServerOptions,
     imperfections: Imperfections | None = None,
-    **more: Any,
+    rate_Hz: float = 200.0,
 ) -> BenchServer:
-    """Return a server whose device is the virtual bench of a rig; see `device_server`."""
-    plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
-    # Sequence, time and checksum, then about nine characters for each value.
-    hello = replace(build_hello(plant, truth, seed), frame_bytes=26 + 9 * len(plant.channels))
-    return device_server(plant, hello, link, seed=seed, **more)
+    """Return a server whose device is the virtual bench of a rig."""
+    plant = virtual_plant(rig, truth, options.seed, imperfections, rate_Hz)
+    return device_server(plant, build_hello(plant, truth, options.seed), link, options)
 
 
 def device_server(
-    physics: Plant,
-    hello: Hello,
-    link: ServerLink,
-    *,
-    seed: int = 0,
-    speed: float = 1.0,
-    faults: Iterable[Fault] = (),
-    protocol: Callable[[Firmware], ServedDevice] = DeviceLink,
-    clock: Callable[[], float] = time.monotonic,
+    physics: Plant, hello: Hello, link: ServerLink, options: ServerOptions
 ) -> BenchServer:
-    """Return a server for a device; `protocol` builds its protocol handler."""
-    if not 0.0 < speed <= MAX_SPEED:
-        raise InputError(f"speed {speed:g} is outside 0 to {MAX_SPEED:g}; 1 is real time")
-    faults = tuple(faults)
-    plant = FaultyPlant(physics, faults)
+    """Return a server for a device."""
+    if not 0.0 < options.speed <= MAX_SPEED:
+        raise InputError(f"speed {options.speed:g} is outside 0 to {MAX_SPEED:g}; 1 is real time")
+    plant = FaultyPlant(physics, options.faults)
     # Link faults use a separate random stream, so that the physics stays reproducible.
-    link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    link_rng = np.random.default_rng(np.random.SeedSequence(options.seed).spawn(1)[0])
+    firmware = Firmware(plant, replace(hello, speed=options.speed), options.clock())
     return BenchServer(
-        protocol(Firmware(plant, replace(hello, speed=speed), clock())),
+        options.protocol(firmware),
         link,
         lambda: plant.rate_Hz,
-        LinkFaults(faults, link_rng),
+        LinkFaults(options.faults, link_rng),
         plant.begin,
-        clock,
+        options.clock,
     )

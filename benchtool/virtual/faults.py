@@ -134,8 +134,7 @@ class FaultyPlant:
     def __init__(self, plant: Plant, faults: Iterable[Fault]) -> None:
         self._plant = plant
         self._faults = tuple(faults)
-        self._time_s = 0.0
-        self._stuck: dict[str, float] = {}
+        self.begin()
         self.set_rate, self.command_pwm = plant.set_rate, plant.command_pwm
         self.halt_plate, self.tare = plant.halt_plate, plant.tare
         names = [channel.name for channel in plant.channels]
@@ -158,7 +157,7 @@ class FaultyPlant:
     def begin(self) -> None:
         """Restart the clock of the faults."""
         self._time_s = 0.0
-        self._stuck = {}
+        self._stuck: dict[str, float] = {}
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
         if any(f.name == "refuse_move" and f.is_active(self._time_s) for f in self._faults):

@@ -86,11 +86,6 @@ class Firmware:
         """Device time of the last tick: us since power-up, not wrapped."""
         return int(self._device_us)
 
-    @property
-    def idle(self) -> bool:
-        """True if every pulse is at or below idle, so that the plate may move."""
-        return bool(np.all(self.pwm_us <= self.hello.pwm_idle_us))
-
     def note_host(self, now_s: float) -> None:
         """Record that a valid line (any command or heartbeat) arrived at wall time `now_s`."""
         self._host_s = now_s
@@ -224,7 +219,7 @@ class Firmware:
     def _move(self, z_m: float, x_m: float, tilt_rad: float) -> wire.Reply:
         if not self.hello.moves_plate:
             return wire.Reply(False, "this device does not move the plate")
-        if not self.idle:
+        if np.any(self.pwm_us > self.hello.pwm_idle_us):
             return wire.Reply(False, f"pulses above {self.hello.pwm_idle_us:g} us; idle them first")
         low_m = self.limits.get("plate_z_min_m", 0.0)
         high_m = self.limits.get("plate_z_max_m", np.inf)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from benchtool.bench.addresses import TELEMETRY_BAUD, ServedLink
+from benchtool.bench.drivers import TELEMETRY_BAUD, ServedLink
 from benchtool.bench.serial.commands import DeviceEvent
 from benchtool.bench.serial.frames import frame_fields
 from benchtool.core.errors import InputError, NoDevice, PortBusy

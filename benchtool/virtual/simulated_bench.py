@@ -5,31 +5,26 @@ No call waits: `read(10.0)` returns ten seconds of samples at once.
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.addresses import SimAddress
-from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
+from benchtool.bench.bench import ContextBench, DeviceInfo, Readings, concatenate_readings
+from benchtool.bench.drivers import SimAddress
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
-from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.core.toml_text import build_dataclass
 from benchtool.core.units import Array
-from benchtool.physics.model import Model
-from benchtool.physics.model_file import load_model
-from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.devices import (
     build_hello,
+    load_truth,
     pitch_hello,
     pitch_plant,
-    standard_truth,
     virtual_plant,
 )
-from benchtool.virtual.firmware import Firmware, TickRows
+from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
 MOVE_STEP_S = 0.1  # time step while the plate moves
@@ -37,31 +32,19 @@ MOVE_TIMEOUT_S = 600.0  # longest move of the plate
 
 
 class SimulatedBench(ContextBench):
-    """Rotor bench from simulated physics, without waiting."""
+    """Rotor bench or pitch bench from simulated physics, without waiting."""
 
-    _max_step_s = 10.0  # longest time between two limit checks
-
-    def __init__(
-        self,
-        address: str,
-        rig: Rig,
-        truth: Model,
-        seed: int = 0,
-        rate_Hz: float = 200.0,
-        imperfections: Imperfections | None = None,
-    ) -> None:
-        plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
-        self._power_up(address, plant, build_hello(plant, truth, seed))
-
-    def _power_up(self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello) -> None:
+    def __init__(self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello) -> None:
         self._address = address
         self._plant = plant
         self._hello = hello
         self._firmware = Firmware(self._plant, self._hello)
+        # Longest time between two limit checks; a beam turns quickly: five ticks; assumed
+        self._max_step_s = 0.02 if hello.has_loop else 10.0
         self._rate_Hz = plant.rate_Hz
         self._now_s = 0.0
         self._next_tick_s = 1.0 / plant.rate_Hz
-        self._unread: list[tuple[Array, TickRows]] = []
+        self._unread: list[Readings] = []
         self._messages: list[str] = []
         self._stopped: wire.DeviceEvent | None = None
         self._reported = False
@@ -148,20 +131,10 @@ class SimulatedBench(ContextBench):
             self._advance(timeout_s)
         self._note_events()
         self._note_clamp()
-        times = [time_s for time_s, _ in self._unread]
-        rows = [row for _, row in self._unread]
-        self._unread = []
+        unread, self._unread = self._unread, []
         messages, self._messages = tuple(self._messages), []
-        if not rows:
-            return Readings(
-                np.empty(0), np.empty(0), np.empty((0, len(self._hello.channels))), 0, 0, messages
-            )
-        return Readings(
-            time_s=np.concatenate(times),
-            device_time_us=np.concatenate([row.device_time_us for row in rows]).astype(float),
-            values=np.concatenate([row.values for row in rows]),
-            messages=messages,
-        )
+        values, empty = np.empty((0, len(self._hello.channels))), np.empty(0)
+        return concatenate_readings([*unread, Readings(empty, empty, values, messages=messages)])
 
     def _advance(self, duration_s: float) -> None:
         """Advance the clock and buffer the samples of that time."""
@@ -175,7 +148,9 @@ class SimulatedBench(ContextBench):
             time_s = self._next_tick_s + np.arange(n) / self._rate_Hz
             self._now_s = float(time_s[-1])
             self._firmware.note_host(self._now_s)
-            self._unread.append((time_s, self._firmware.advance(n, self._now_s)))
+            rows = self._firmware.advance(n, self._now_s)
+            device_time_us = rows.device_time_us.astype(float)
+            self._unread.append(Readings(time_s, device_time_us, rows.values))
             self._next_tick_s = self._now_s + 1.0 / self._rate_Hz
         self._now_s = max(until_s, self._now_s)
 
@@ -214,36 +189,15 @@ class SimulatedBench(ContextBench):
             raise LinkLost(f"{what} needs an open bench; call open() first")
 
 
-class SimulatedPitch(SimulatedBench):
-    """Pitch bench from simulated physics, without waiting."""
-
-    _max_step_s = 0.02  # five ticks, since a beam turns quickly; assumed
-
-    def __init__(self, address: str, plant: PitchBenchPlant, seed: int = 0) -> None:
-        self._power_up(address, plant, pitch_hello(plant, seed))
-
-
 def open_simulated(address: SimAddress) -> SimulatedBench:
     """Return the virtual bench of an address, not yet open."""
     rig, seed = load_rig_by_name(address.rig), address.seed
     if address.mode == "pitch":
         # A plus sign in an address reads as a space.
         names = ("truth", "schedule", "controller", "gains", "hidden")
-        options: dict[str, Any] = {
-            name: text.replace(" ", "+") for name in names if (text := getattr(address, name))
-        }
-        rate_Hz = address.rate_Hz
-        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz, permit=address.permit, **options)
-        return SimulatedPitch(address.text, plant, seed)
-    truth = address.truth or standard_truth(rig)
-    loaded = load_model(truth, rig, address.permit)
-    return SimulatedBench(
-        address.text,
-        rig,
-        loaded.model,
-        seed=seed,
-        rate_Hz=address.rate_Hz or 200.0,
-        imperfections=build_dataclass(
-            Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"
-        ),
-    )
+        texts = {name: getattr(address, name).replace(" ", "+") for name in names}
+        pitch = pitch_plant(rig, replace(address, **texts))
+        return SimulatedBench(address.text, pitch, pitch_hello(pitch, seed))
+    truth, imperfections = load_truth(rig, address.truth, address.permit)
+    plant = virtual_plant(rig, truth, seed, imperfections, address.rate_Hz or 200.0)
+    return SimulatedBench(address.text, plant, build_hello(plant, truth, seed))

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.addresses import TcpAddress
 from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.transport.sockets import TcpSocket
+from benchtool.bench.drivers import TcpAddress
+from benchtool.bench.transport.ports import TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.core.errors import (

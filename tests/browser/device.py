@@ -16,9 +16,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from benchtool.bench.drivers import SimAddress
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.devices import (
+    ServerOptions,
     device_server,
     pitch_hello,
     pitch_plant,
@@ -27,8 +29,7 @@ from benchtool.virtual.devices import (
 )
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer
+from benchtool.virtual.server import BenchServer, DeviceLink
 
 ROOT = Path(__file__).parents[2]
 ORDER = re.compile(rb"\$C,\d+,(stop|pwm)(?:,\d+)?((?:,[\d.]+)*)\*")
@@ -177,8 +178,9 @@ def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> No
     rig = load_rig_by_name(rig_name)
     link = PtyLink()
     if mode == "pitch":
-        plant = pitch_plant(rig, schedule="identify")
-        serve(device_server(plant, pitch_hello(plant, 0), link, protocol=PrintingLink), link)
+        plant = pitch_plant(rig, SimAddress(rig=rig_name, schedule="identify"))
+        options = ServerOptions(protocol=PrintingLink)
+        serve(device_server(plant, pitch_hello(plant, 0), link, options), link)
         return
 
     def make_link(firmware: Firmware) -> PrintingLink:
@@ -188,8 +190,8 @@ def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> No
         return PrintingLink(firmware)
 
     truth = load_model(standard_truth(rig), rig).model
-    options = {"speed": float(speed), "rate_Hz": float(rate_Hz)}
-    serve(virtual_server(rig, truth, link, protocol=make_link, **options), link)
+    options = ServerOptions(speed=float(speed), protocol=make_link)
+    serve(virtual_server(rig, truth, link, options, rate_Hz=float(rate_Hz)), link)
 
 
 def serve(server: BenchServer, link: PtyLink) -> None:

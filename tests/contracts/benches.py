@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from benchtool.bench.bench import Bench
-from benchtool.bench.drivers import open_bench
+from benchtool.bench.drivers import SimAddress, open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
@@ -19,6 +19,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import (
+    ServerOptions,
     build_hello,
     pitch_hello,
     pitch_plant,
@@ -27,8 +28,7 @@ from benchtool.virtual.devices import (
 )
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import ServerLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import ServedDevice
+from benchtool.virtual.server import DeviceLink, ServedDevice
 from tests.contracts.text_stand_device import TextStandDevice, driver_of_the_page
 from tests.doubles.loopback_link import LoopbackLink
 
@@ -54,7 +54,7 @@ def guarded() -> Bench:
 @contextmanager
 def served(link: ServerLink) -> Iterator[Bench]:
     """Serve a virtual bench from a thread at 20 times real time."""
-    server = virtual_server(RIG, TRUTH, link, seed=2, speed=20.0, rate_Hz=100.0)
+    server = virtual_server(RIG, TRUTH, link, ServerOptions(seed=2, speed=20.0), rate_Hz=100.0)
     ended = threading.Event()
     thread = threading.Thread(target=server.run, args=(lambda: not ended.is_set(),), daemon=True)
     thread.start()
@@ -71,7 +71,7 @@ def pitching() -> Bench:
 
 
 def pitching_looped() -> Bench:
-    plant = pitch_plant(load_rig_by_name("pquad"), seed=2)
+    plant = pitch_plant(load_rig_by_name("pquad"), SimAddress(rig="pquad", seed=2))
     link = LoopbackLink(Firmware(plant, pitch_hello(plant, 2)), lambda: plant.rate_Hz)
     return SerialBench(link, "serial:loop", clock=link.clock)
 
@@ -93,7 +93,7 @@ def px4() -> Bench:
 
 
 def pitching_flown() -> Bench:
-    plant = pitch_plant(load_rig_by_name("pquad"), seed=2)
+    plant = pitch_plant(load_rig_by_name("pquad"), SimAddress(rig="pquad", seed=2))
     firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
     link = LoopbackLink(VirtualAutopilot(firmware, hover_us=1599.0), lambda: plant.rate_Hz)
     settings = MavlinkSettings(rotors=4, mode="pitch", arm="host", orientation=25)

@@ -13,8 +13,8 @@ import pytest
 import benchtool.bench
 import benchtool.virtual
 from benchtool.bench.bench import Bench, ContextBench
-from benchtool.bench.drivers import DRIVERS, load_object, open_bench, parse_address
-from benchtool.bench.wrappers import StoppableBench
+from benchtool.bench.drivers import DRIVERS, open_bench, parse_address
+from benchtool.bench.stop_requests import StoppableBench
 from benchtool.core.errors import BenchError, BenchtoolError, DeviceStopped, UnknownChoice
 from tests.contracts.benches import CASES, STOP_US, stand_case
 
@@ -59,9 +59,9 @@ def test_every_driver_has_a_case():
 @pytest.mark.parametrize("scheme", DRIVERS)
 def test_an_address_leads_to_its_opener_and_ends(scheme):
     driver = DRIVERS[scheme]
-    address = parse_address(driver.example)
+    address = parse_address(driver.address.EXAMPLE)
     assert type(address) is driver.address
-    assert callable(load_object(driver.opener))
+    assert callable(pkgutil.resolve_name(driver.opener))
     with pytest.raises(UnknownChoice, match="option of"):
         open_bench(f"{scheme}:somewhere?no_such_option=1")
 

@@ -13,8 +13,8 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.images import TILT_RULES, height_over, plate_plane
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.tilt import TILT_RULES, height_over, plate_plane
 from benchtool.simulate.controllers.laws import build_pitch_controller
 from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.environment import Block, Environment

@@ -10,7 +10,7 @@ import pytest
 from benchtool.bench.bench import Bench, Readings, StreamingBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
-from benchtool.bench.wrappers import StoppableBench
+from benchtool.bench.stop_requests import StoppableBench
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.firmware import Firmware

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Any
 
-from benchtool.bench.addresses import GrblAddress
+from benchtool.bench.drivers import GrblAddress
 from benchtool.bench.stage.grbl import GrblStage
 from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import load_rig_by_name

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 from benchtool.virtual.faults import LinkFaults
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import ServedDevice
+from benchtool.virtual.server import DeviceLink, ServedDevice
 
 STEP_S = 0.005
 

@@ -12,22 +12,19 @@ from functools import partial
 from typing import Protocol
 from unittest import mock
 
-from benchtool.bench.addresses import Address, TcpAddress
-from benchtool.bench.drivers import build_transport
+from benchtool.bench.drivers import Address, TcpAddress, build_transport
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import parse_settings
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.stage.grbl import GrblStage
-from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket
+from benchtool.bench.transport.ports import SerialPort, TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig import Rig
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink, ServerLink, TcpLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import ServedDevice
+from benchtool.virtual.server import DeviceLink, ServedDevice
 from tests.doubles.grbl import stage_option
 from tests.faults.dialects import BenchLines, Dialect, MavlinkFrames
 from tests.faults.proxy import Proxy
@@ -228,7 +225,7 @@ def on_the_clock(  # type: ignore[no-untyped-def]
             wrapped(build_transport(a)), a.text, parse_settings(a), clock=world.clock
         ),
         "stage.grbl.GrblStage": partial(GrblStage, clock=world.clock),
-        "transport.serial_port.SerialPort": lambda *given: staged(SerialPort(*given)),
+        "transport.ports.SerialPort": lambda *given: staged(SerialPort(*given)),
     }
     with ExitStack() as patched:
         for name, opener in openers.items():

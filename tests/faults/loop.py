@@ -33,7 +33,7 @@ from unittest import mock
 from benchtool.commands.app import main
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.devices import standard_truth, virtual_server
+from benchtool.virtual.devices import ServerOptions, standard_truth, virtual_server
 from benchtool.virtual.faults import parse_fault
 from benchtool.virtual.firmware import Firmware, TickRows
 from benchtool.virtual.links import PtyLink
@@ -118,16 +118,14 @@ class World:
             return self.device
 
         truth = load_model(standard_truth(rig), rig).model
-        self._server = virtual_server(
-            rig,
-            truth,
-            Far(self.proxy),
+        options = ServerOptions(
             seed=seed,
             speed=speed,
             faults=[parse_fault(text) for text in device_faults],
             protocol=keep,
             clock=self.clock,
         )
+        self._server = virtual_server(rig, truth, Far(self.proxy), options)
 
     def _note_rows(self, firmware: Firmware) -> None:
         advance = firmware.advance

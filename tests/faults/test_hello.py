@@ -50,7 +50,7 @@ def test_a_number_out_of_its_range_ends_in_one_sentence(tmp_path, key, value):
         assert said != list(true)
         return said
 
-    with mock.patch("benchtool.virtual.protocol.hello_lines", lines):
+    with mock.patch("benchtool.virtual.server.hello_lines", lines):
         outcome = sweep(tmp_path, plan(), [])
     assert (*key, value) in said
     assert outcome.code == 3

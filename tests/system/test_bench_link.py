@@ -13,12 +13,11 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.transport.serial_port import SerialPort
+from benchtool.bench.transport.ports import SerialPort
 from benchtool.core.errors import DeviceStopped, PortBusy
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer, ServerOutbox
+from benchtool.virtual.server import BenchServer, DeviceLink, ServerOutbox
 from tests.system.served import DeviceTime, posix, turning
 from tests.wire.still_plant import StillPlant, still_hello
 

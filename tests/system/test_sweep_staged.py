@@ -15,9 +15,9 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.devices import virtual_server
+from benchtool.virtual.devices import ServerOptions, virtual_server
 from benchtool.virtual.links import PtyLink
-from benchtool.virtual.protocol import DeviceLink
+from benchtool.virtual.server import DeviceLink
 from tests.doubles.grbl import CarriedPlate, stage_option
 from tests.system.served import run
 
@@ -33,13 +33,11 @@ def serving_staged(bench: Path, stage: Path) -> Iterator[str]:
     """Serve a bench whose plate hangs on a stage; give the `--stage` of a host."""
     rig = load_rig_by_name("pquad_single")
     links = PtyLink(bench), PtyLink(stage)
-    server = virtual_server(
-        rig,
-        load_model("single", rig).model,
-        links[0],
+    options = ServerOptions(
         speed=10.0,
         protocol=lambda firmware: CarriedPlate(DeviceLink(firmware), firmware, links[1], rig.plate),
     )
+    server = virtual_server(rig, load_model("single", rig).model, links[0], options)
     ended = threading.Event()
     thread = threading.Thread(target=server.run, args=(lambda: not ended.is_set(),))
     thread.start()

@@ -13,7 +13,7 @@ import pytest
 from benchtool.bench.serial.commands import decode_command
 from benchtool.bench.serial.frames import Decoder, crc16
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.protocol import DeviceLink
+from benchtool.virtual.server import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/bench-protocol.md").read_text(encoding="utf-8")

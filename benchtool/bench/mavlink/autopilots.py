@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
+from typing import Any
 
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.mavlink import frames as mav
@@ -179,8 +180,10 @@ class AutopilotInfo:
     simulated: bool
     speed: float
 
-    def identity(self, settings: MavlinkSettings, facts: Mapping[str, str]) -> DeviceInfo:
-        """Return the device information without the streams."""
+    def identity(
+        self, settings: MavlinkSettings, facts: Mapping[str, str], **link: Any
+    ) -> DeviceInfo:
+        """Return the device information, with the fields of the link and its streams."""
         wiring, pulses, pilot = self.wiring, self.pulses, self.pilot
         is_pitch = settings.mode == "pitch"
         facts_ = {
@@ -199,12 +202,9 @@ class AutopilotInfo:
         if warnings := [*filter(None, (settings.warning, UNMAPPED_WARNING if is_unmapped else ""))]:
             facts_["warning"] = "; ".join(warnings)
         return DeviceInfo(
-            address="",
             device_id=self.device_id,
             firmware=self.firmware,
             protocol="MAVLink 2",
-            channels=(),
-            rate_Hz=settings.rate_Hz,
             n_rotors=wiring.n_rotors,
             simulated=self.simulated,
             moves_plate=self.simulated,
@@ -218,6 +218,7 @@ class AutopilotInfo:
             outputs_measured=True,
             speed=self.speed,
             facts=facts_,
+            **link,
         )
 
 

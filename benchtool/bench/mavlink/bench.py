@@ -10,14 +10,12 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.addresses import MAX_HZ, MIN_HZ, MavlinkAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.drivers import build_transport
+from benchtool.bench.drivers import MAX_HZ, MIN_HZ, MavlinkAddress, build_transport
 from benchtool.bench.mavlink import streams
 from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.auxiliary_load_cell import AuxiliaryLoadCell, merge_in_order
@@ -32,6 +30,7 @@ from benchtool.bench.mavlink.settings import (
     live_channels,
     parse_settings,
 )
+from benchtool.bench.transport.ports import SerialPort
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
@@ -73,8 +72,9 @@ class MavlinkBench(StreamingBench):
             **streams.stream_facts(self._states),
             **self._quality.facts(),
         }
-        return replace(
-            autopilot.identity(self._settings, facts),
+        return autopilot.identity(
+            self._settings,
+            facts,
             address=self.address,
             channels=self._channels,
             rate_Hz=self._rate_Hz,
@@ -351,8 +351,6 @@ class MavlinkBench(StreamingBench):
 
 def open_mavlink(address: MavlinkAddress) -> MavlinkBench:
     """Return the bench behind an autopilot, not opened yet."""
-    from benchtool.bench.transport.serial_port import SerialPort
-
     settings = parse_settings(address)
     cell = SerialPort(*settings.cell) if settings.cell else None
     return MavlinkBench(build_transport(address), address.text, settings, cell=cell)

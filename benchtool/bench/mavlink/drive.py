@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from typing import Literal
 
 from benchtool.bench.mavlink import frames as mav
@@ -51,17 +52,13 @@ def classify_status_text(text: str, severity: int) -> TextKind:
 
 
 class Health:
-    """State of an autopilot from its heartbeats and status texts.
-
-    Args:
-        arms: the heartbeat shows armed while motors are driven.
-    """
+    """State of an autopilot from its heartbeats and status texts."""
 
     def __init__(self, arms: bool) -> None:
         self.armed = False
         self.texts: list[str] = []
         self.refusal = ""  # last text of warning or worse, until `drive` or the caller clears it
-        self._arms = arms
+        self._arms = arms  # the heartbeat shows armed while motors are driven
         self._heartbeat_s: float | None = None
         self._driven_since_s: float | None = None
         self._was_armed = False
@@ -81,14 +78,11 @@ class Health:
             self._fault = RESTARTED if self._fault == RESTARTED else None
 
     def process_heartbeat(self, message: Message, now_s: float, outputs_match: bool = True) -> None:
-        """Process a heartbeat.
-
-        Args:
-            outputs_match: the outputs match the command. If not, the motor test has ended, for
-                example by lost commands, and the check of the outputs reports the fault.
-        """
+        """Process a heartbeat."""
         self._heartbeat_s = now_s
         self.armed = bool(message.base_mode & ARMED_FLAG)
+        # If the outputs do not match the command, the motor test has ended, for example by lost
+        # commands, and the check of the outputs reports the fault.
         if self._driven_since_s is None or not self._arms or not outputs_match:
             return
         self._was_armed = self._was_armed or self.armed
@@ -323,7 +317,5 @@ class RunMonitor:
         return None
 
     def _stop_motors(self) -> None:
-        try:
+        with suppress(LinkLost):  # motor commands expire
             self._drive.stop()
-        except LinkLost:
-            pass  # motor commands expire

@@ -205,20 +205,16 @@ class MavlinkFrames:
         unsigned: number of all frames so far that were rejected for their signature.
         received: at least one valid frame was received.
         signs: sent frames are signed, and received frames must be.
-
-    Args:
-        key: 32 bytes to sign sent frames and check received ones; None disables signing.
-        now_s: time since 1970, for the signatures.
-        counts: False accepts every frame, as an autopilot does: the next host restarts its numbers,
-            and its first frames may equal those of the previous host.
     """
 
     def __init__(
         self,
         system: int = GROUND_SYSTEM,
         component: int = GROUND_COMPONENT,
-        key: bytes | None = None,
-        now_s: float = 0.0,
+        key: bytes | None = None,  # 32 bytes to sign and to check frames; None disables signing
+        now_s: float = 0.0,  # since 1970, for the signatures
+        # False accepts every frame, as an autopilot does: the next host restarts its numbers, and
+        # its first frames may equal those of the previous host
         counts: bool = True,
     ) -> None:
         module = dialect()

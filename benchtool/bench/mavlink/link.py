@@ -74,11 +74,7 @@ class MavlinkLink(LinkEndpoint):
         self._gap: LinkGap | None = None
 
     def find(self, system: int | None) -> Message:
-        """Open the transport, wait for heartbeats, choose a system; return its heartbeat.
-
-        Args:
-            system: system number; None means the only system.
-        """
+        """Open the transport; return the heartbeat of a system, by default of the only one."""
         self.received = b""
         self.transport.open()
         deadline_s = self.clock() + DISCOVERY_TIMEOUT_S
@@ -121,10 +117,7 @@ class MavlinkLink(LinkEndpoint):
         return self._acks.pop(command, None)
 
     def exchange(self, command: MavCommand, waits_s: tuple[float, ...] = RETRY_INTERVALS_S) -> int:
-        """Send a command until it is acknowledged; return the result (MAV_RESULT).
-
-        Args:
-            command: any command except a motor command.
+        """Send a command, not of a motor, until it is acknowledged; return its MAV_RESULT.
 
         Raises:
             LinkLost: no acknowledgement of any attempt.

@@ -224,14 +224,11 @@ class OutputMonitor:
         outputs_match: every output, as last reported, matches its command.
         reported_s: time of the last reported outputs, -inf before.
         has_lapsed: a motor that was confirmed to turn, and shall turn, has a stopped output.
-
-    Args:
-        stop_us: pulse width at standstill; outputs without pulses are stopped as well.
     """
 
     def __init__(self, name: str, stop_us: float) -> None:
         self._name = name
-        self._stop_us = stop_us
+        self._stop_us = stop_us  # outputs without pulses are stopped as well
         self._commanded: dict[int, tuple[int, float]] = {}
         self._recent: list[tuple[float, int, float]] = []
         self._match_s: dict[int, float] = {}
@@ -240,11 +237,7 @@ class OutputMonitor:
         self.outputs_match = self.has_lapsed = False
 
     def command(self, commanded: Mapping[int, tuple[int, float]], now_s: float) -> None:
-        """Set the expected outputs.
-
-        Args:
-            commanded: by rotor (from 1): output (from 1, 0 if unknown) and pulse width in us.
-        """
+        """Set the expected output (from 1, 0 if unknown) and pulse width (us) by rotor (from 1)."""
         for rotor, (output, pulse_us) in commanded.items():
             previous = self._commanded.get(rotor)
             if previous != (output, pulse_us):
@@ -258,8 +251,7 @@ class OutputMonitor:
     def update_outputs(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
         """Process reported outputs; pulse widths commanded shortly before also match.
 
-        Returns:
-            a rotor whose output was unknown, and the only output that follows it (from 1).
+        Return a rotor whose output was unknown, and the only output that follows it (from 1).
         """
         assignment = None
         gap_s = now_s - self.reported_s

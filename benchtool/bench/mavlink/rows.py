@@ -14,8 +14,8 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.addresses import DOWNWARD_ORIENTATION
 from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.drivers import DOWNWARD_ORIENTATION
 from benchtool.bench.mavlink.frames import Message
 from benchtool.bench.mavlink.settings import NO_THRUST, MavlinkSettings, MotorMap, build_channels
 from benchtool.core.units import Array
@@ -60,9 +60,7 @@ SPEEDS: dict[str, Callable[[Message], Iterable[tuple[int, float]]]] = {  # by th
 class MavlinkRows:
     """Converter of messages to rows.
 
-    Args:
-        idle_us: larger outputs drive their motors.
-        virtual: the autopilot is virtual and reports the exact plate distance.
+    A virtual autopilot reports the exact plate distance.
     """
 
     def __init__(
@@ -73,7 +71,7 @@ class MavlinkRows:
         # sends nan, which is neither a stop nor a command
         self.outputs_us: tuple[float, ...] = (0,) * OUTPUTS
         self.speeds = SpeedSources(wiring.n_rotors)
-        self.idle_us = idle_us
+        self.idle_us = idle_us  # larger outputs drive their motors
         self._wiring, self._settings, self._virtual = wiring, settings, virtual
         self._thrust = NO_THRUST if settings.cell else settings.thrust
         names = [channel.name for channel in build_channels(wiring.n_rotors)]

@@ -13,7 +13,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.addresses import MavlinkAddress
+from benchtool.bench.drivers import MavlinkAddress, parse_port_and_baud
 from benchtool.core.channel import Channel
 from benchtool.core.choices import ArmedBy, BenchMode
 from benchtool.core.errors import FileFormatError, InputError
@@ -51,7 +51,6 @@ class ThrustSource:
         return cls("NAMED_VALUE_FLOAT", match["name"])
 
 
-THRUST = ThrustSource()  # a single value named `thrust`, the default of a script
 NO_THRUST = ThrustSource(name="")  # no message, because the load cell is elsewhere
 
 
@@ -158,7 +157,7 @@ class MavlinkSettings:
     arm: ArmedBy = "operator"  # who arms in a pitch experiment
     rate_Hz: float = RATE_HZ
     key: bytes | None = None  # 32 bytes for MAVLink 2 signing; None disables signing
-    thrust: ThrustSource = THRUST
+    thrust: ThrustSource = ThrustSource()  # the default of a script
     thrust_scale_N: float = 1.0  # newtons per unit of the thrust message
     speeds: bool = True
     # Of the distance sensor that faces the plate (MAV_SENSOR_ORIENTATION), others are ignored; None
@@ -185,7 +184,7 @@ def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
         thrust_scale_N=address.thrust_scale_N,
         speeds=address.rpm == "auto",
         orientation=address.orientation if has_distance else None,
-        cell=address.cell_port_and_baud,
+        cell=parse_port_and_baud(address.cell, address.text) if address.cell else None,
         warning=address.warning,
     )
 

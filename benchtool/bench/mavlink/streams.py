@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from benchtool.bench.addresses import MIN_HZ
+from benchtool.bench.drivers import MIN_HZ
 from benchtool.bench.mavlink.autopilots import RESEND_INTERVAL_S
 from benchtool.bench.mavlink.frames import ACCEPTED, dialect, interval, message_id
 from benchtool.bench.mavlink.link import MavlinkLink
@@ -75,7 +75,8 @@ def fit_rates(
 ) -> tuple[MavlinkSettings, list[str]]:
     """Return the settings with a rate that fits a serial line, and warnings about it."""
     for rate_Hz in (settings.rate_Hz, *RATES_HZ):
-        if rate_Hz <= settings.rate_Hz and fits_bandwidth(settings, rate_Hz, n_rotors, baud):
+        fits_line = not baud or _required_baud(settings, rate_Hz, n_rotors) <= baud
+        if rate_Hz <= settings.rate_Hz and fits_line:
             break
     else:
         check_fit(settings, MIN_HZ, n_rotors, baud)
@@ -90,23 +91,18 @@ def fit_rates(
 
 def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> None:
     """Raise if a rate of outputs exceeds the rate of a serial line; 0 baud has no limit."""
-    if not fits_bandwidth(settings, rate_Hz, n_rotors, baud):
-        bytes_per_s = _estimate_bytes_per_s(settings, rate_Hz, n_rotors)
+    required_baud = _required_baud(settings, rate_Hz, n_rotors)
+    if baud and required_baud > baud:
         raise InputError(
-            f"outputs at {rate_Hz:g} Hz and the other streams are {bytes_per_s:,.0f} bytes/s x "
-            f"{BITS_PER_BYTE} bits = {BITS_PER_BYTE * bytes_per_s:,.0f} baud, but the link has "
-            f"{baud:,} baud; reduce them (rate=, rpm=none) or raise the baud rate on both ends"
+            f"outputs at {rate_Hz:g} Hz and the other streams are "
+            f"{required_baud / BITS_PER_BYTE:,.0f} bytes/s x {BITS_PER_BYTE} bits = "
+            f"{required_baud:,.0f} baud, but the link has {baud:,} baud; reduce them (rate=, "
+            f"rpm=none) or raise the baud rate on both ends"
         )
 
 
-def fits_bandwidth(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> bool:
-    """Return whether all requested streams fit a serial line."""
-    return not baud or BITS_PER_BYTE * _estimate_bytes_per_s(settings, rate_Hz, n_rotors) <= baud
-
-
-def _estimate_bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> float:
-    """Return the bytes per second of the preferred messages; denied requests reduce it."""
-    signature_bytes = SIGNATURE_BYTES if settings.key else 0
+def _required_baud(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> float:
+    """Return the bits per second of the preferred messages; denied requests reduce it."""
     classes = dialect().mavlink_map
     # Every repeated motor command is acknowledged.
     rates_Hz = {"COMMAND_ACK": 1.0 / RESEND_INTERVAL_S} | {
@@ -116,21 +112,20 @@ def _estimate_bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: i
         if not request.instead_of and request.name not in SPEEDS
     }
     sizes = {name: int(classes[message_id(name)].unpacker.size) for name in rates_Hz}
-    overhead_bytes = FRAME_BYTES + signature_bytes
-    return sum(rates_Hz[name] * (size + overhead_bytes) for name, size in sizes.items())
+    overhead_bytes = FRAME_BYTES + (SIGNATURE_BYTES if settings.key else 0)
+    bytes_per_s = sum(rates_Hz[name] * (size + overhead_bytes) for name, size in sizes.items())
+    return BITS_PER_BYTE * bytes_per_s
 
 
 def request_streams(
     link: MavlinkLink,
     requests: tuple[StreamRequest, ...],
     counts: Mapping[str, int],
-    speed: float,
+    speed: float,  # seconds of the autopilot's time per wall second
 ) -> dict[str, StreamState]:
     """Request every message and return the result of each.
 
-    Args:
-        counts: number of received messages by name, updated while the link is read.
-        speed: seconds of the autopilot's time per wall second.
+    The counts of received messages by name are updated while the link is read.
     """
     states: dict[str, StreamState] = {}
     for is_fallback in (False, True):

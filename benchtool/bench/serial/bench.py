@@ -13,9 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.addresses import SerialAddress, TcpAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
-from benchtool.bench.drivers import build_transport
+from benchtool.bench.drivers import SerialAddress, TcpAddress, build_transport
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.command_channel import CommandChannel
 from benchtool.bench.serial.hello import Hello, check_rate, max_rate_Hz

@@ -28,17 +28,14 @@ MAX_REPLY_AGE_S = 0.1
 
 
 class CommandChannel(LinkEndpoint):
-    """Command channel to a device over a transport.
-
-    Args:
-        on_readings: callback for every block of readings after the hello, also during commands.
-    """
+    """Command channel to a device over a transport."""
 
     def __init__(
         self,
         transport: Transport,
         address: str,
         clock: Callable[[], float],
+        # Called with every block of readings after the hello, also during commands
         on_readings: Callable[[Readings], None] = lambda readings: None,
     ) -> None:
         super().__init__(transport, address, clock)

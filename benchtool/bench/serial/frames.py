@@ -69,9 +69,6 @@ class Decoder:
     Invalid bytes never raise. A line without a valid frame counts as corrupt, except before the
     first valid frame, where a link starts in the middle of a line or a board prints its boot text.
     A corrupt sample counts twice: as corrupt and as lost.
-
-    Args:
-        n_channels: number of values in a sample; None skips samples, as before the hello.
     """
 
     def __init__(self, n_channels: int | None = None) -> None:
@@ -82,7 +79,7 @@ class Decoder:
         self.expect(n_channels)
 
     def expect(self, n_channels: int | None, speed: float = 1.0) -> None:
-        """Decode samples of this width from now on, with a new order and clock."""
+        """Decode samples of this width from now on, with a new order and clock; None skips them."""
         self._n_channels = n_channels
         self._order, self._clock = SampleOrder(), DeviceClock(speed)
 

@@ -217,8 +217,7 @@ class HelloReader:
     def hello(self, answer: Sequence[str]) -> Hello | None:
         """Return the complete hello, or None if it must be requested again.
 
-        Args:
-            answer: fields of the acknowledgement after the device time.
+        `answer` is the fields of the acknowledgement after the device time.
 
         Raises:
             ProtocolError: the hello is complete, but invalid.

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from benchtool.bench.addresses import GrblAddress
+from benchtool.bench.drivers import GrblAddress
+from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.grbl_link import (
     MAX_REACTION_S,
@@ -20,9 +20,6 @@ from benchtool.bench.stage.stage import Pause, PlateStage
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
 from benchtool.core.rig import PlateDrive
-
-if TYPE_CHECKING:
-    from benchtool.bench.guard import GuardedBench
 
 MOVE_TIMEOUT_MARGIN_S = 10.0  # for replies and short blocks, beyond path over feed and braking
 IDLE_TIMEOUT_S = 2.0  # of Idle elsewhere than at the target; then the move has failed
@@ -38,13 +35,7 @@ def _no_pause(duration_s: float) -> None:
 
 
 class GrblStage(PlateStage):
-    """Stage with GRBL 1.1 firmware.
-
-    Args:
-        plate: feed, and minimum plate distance of a move, including its braking distance.
-        homing_pause: callback during homing on opening, which takes long; a bench must be read
-            meanwhile, because its buffers would overflow.
-    """
+    """Stage with GRBL 1.1 firmware."""
 
     def __init__(
         self,
@@ -58,13 +49,15 @@ class GrblStage(PlateStage):
         super().__init__(plate, guard)
         self._link = GrblLink(transport, clock, f"the stage on {address.port}")
         self._clock = clock
+        # Called during homing on opening, which takes long: the buffers of a bench that is not read
+        # meanwhile would overflow
         self._homing_pause = homing_pause
         zero_m = plate.z_park_m if address.zero_mm is None else 1e-3 * address.zero_mm
         self._distance = GrblAxis(address.axis, zero_m, address.direction)
         lateral = address.lateral
         self._lateral = lateral and GrblAxis(lateral, 1e-3 * address.lateral_zero_mm)
         self._feed_mm_min = 60e3 * plate.speed_m_s
-        self._min_gap_m = plate.z_min_m
+        self._min_gap_m = plate.z_min_m  # of a move, including its braking distance
         self.facts = {
             "stage": address.text,
             "axis": address.axis,

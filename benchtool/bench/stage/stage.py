@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from math import inf, nan
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
+from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
-
-if TYPE_CHECKING:
-    from benchtool.bench.guard import GuardedBench
 
 # pause(s) waits for s seconds while the bench is read; stages call it instead of sleeping.
 Pause = Callable[[float], None]
@@ -30,11 +27,7 @@ class PlateStage:
     Every distance is approached from the far side, by an overshoot. Without it a distance varies by
     the backlash with the direction of the last move: a scatter that grows towards the plate and
     biases R and K_b. With it the backlash does not affect a distance if the zero was measured after
-    the same approach; otherwise it is a plate offset.
-
-    Args:
-        plate: backlash and travel; without it moves do not overshoot.
-        guard: checks before and after each move; None if the stage moves through the guard.
+    the same approach; otherwise it is a plate offset. Without a `plate` moves do not overshoot.
     """
 
     # Metadata for the run; `stage` is the value of `--stage` for the next part
@@ -42,7 +35,7 @@ class PlateStage:
     position_uncertainty_m = 0.0  # of the reported position, added to the rig's tolerance
 
     def __init__(self, plate: PlateDrive | None = None, guard: GuardedBench | None = None) -> None:
-        self._guard = guard
+        self._guard = guard  # checks before and after moves; None if moves pass through it
         self._overshoot_m = OVERSHOOT_BACKLASHES * plate.backlash_m if plate else 0.0
         self._max_m = plate.z_max_m if plate else inf
         self._last_target_m: float | None = None

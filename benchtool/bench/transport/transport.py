@@ -9,6 +9,7 @@ import socket
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -182,13 +183,8 @@ def format_port_owners(port: str) -> str:
 def _open_paths(pid: int) -> set[str]:
     folder = f"/proc/{pid}/fd"
     paths: set[str] = set()
-    try:
-        numbers = os.listdir(folder)
-    except OSError:
-        return paths
-    for number in numbers:
-        try:
-            paths.add(os.readlink(f"{folder}/{number}"))
-        except OSError:
-            continue
+    with suppress(OSError):
+        for number in os.listdir(folder):
+            with suppress(OSError):
+                paths.add(os.readlink(f"{folder}/{number}"))
     return paths

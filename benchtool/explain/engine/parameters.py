@@ -139,7 +139,7 @@ def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
 def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> list[str]:
     """Return those of every effect on a bench: first of the adjusted ones, then by name."""
     effects = moved_effects(bench, extra)
-    effects = tuple(sorted(effects, key=lambda effect: (effect.candidate, effect.name)))
+    effects = tuple(sorted(effects, key=lambda effect: (bool(effect.benches), effect.name)))
     return [name for effect in effects for name in shape_names(model, effect, bench)]
 
 

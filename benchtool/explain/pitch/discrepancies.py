@@ -18,8 +18,8 @@ from benchtool.core.units import Array
 from benchtool.explain.engine.evidence import HALF_Z_OVER_R, WITHIN, Discrepancy, smooth_root
 from benchtool.explain.pitch.filter import FilterResult
 from benchtool.explain.pitch.resampling import find_segments
+from benchtool.physics.images import height_over
 from benchtool.physics.model import Model
-from benchtool.physics.tilt import height_over
 from benchtool.simulate.pitch.lane import plane_below
 
 # Correlation lengths: share of the range, log of the distance, share of the duration.

@@ -13,7 +13,7 @@ from scipy.signal import butter, coherence, csd, savgol_filter, sosfiltfilt, wel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.physics.mixer import pitch_moment_Nm
+from benchtool.physics.rotor import pitch_moment_Nm
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
 MAX_ANGLE_RAD = 1.6  # range of a hinge; angles in degrees exceed it

@@ -18,7 +18,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.explain.pitch.resampling import find_segments
 from benchtool.explain.pitch.sanity_checks import bridge_gaps, gyro_disagreement
-from benchtool.physics.mixer import pitch_moment_Nm
+from benchtool.physics.rotor import pitch_moment_Nm
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
 MIN_DURATION_S = 8.0  # of the longest segment, to estimate offsets

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def torque(p: Any, i: int, flow: Flow) -> Quantity:
+def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque from thrust lost by rising and gained by sinking rotors: N m."""
     total = 0.0 * flow.rate_rad_s
     for j in range(len(flow.thrust_N)):
@@ -22,7 +19,6 @@ def torque(p: Any, i: int, flow: Flow) -> Quantity:
 
 EFFECT = Effect(
     name="aerodynamic_damping",
-    title="Aerodynamic damping",
     description="A rising rotor loses thrust, a sinking rotor gains thrust.",
     subsystem="hinge",
     order=40,

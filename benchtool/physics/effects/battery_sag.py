@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
+def speed(p: Numbers, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed with a gain that decreases linearly with time: rad/s."""
     return speed_rad_s * (1.0 - p.rate_per_s * flow.time_s)
 
@@ -19,7 +16,6 @@ TYPICAL_DURATION_S = {"pitch": 30.0, "sweep": 600.0}  # sweep: assumed
 
 EFFECT = Effect(
     name="battery_sag",
-    title="Battery sag",
     description="The voltage, and the speed at a given pulse width, decrease during the run.",
     subsystem="pwm_to_rpm",
     order=40,

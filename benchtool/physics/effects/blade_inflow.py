@@ -22,12 +22,12 @@ Source: textbook theory of a hovering rotor (Leishman 2006, chapter 3: from memo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from benchtool.core.rig import Blade, Rig
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import expression
 
 
 @expression
@@ -89,15 +89,13 @@ def profile_share(blade: Blade) -> float:
     return float(blade.solidity * blade.profile_drag / 8.0 / c_Q)
 
 
-@expression
-def response(p: Any, i: int, flow: Flow, factor: Quantity) -> Quantity:
+def response(p: Numbers, i: int, flow: Flow, factor: Quantity) -> Quantity:
     """Return the thrust ratio at equal speed for the factor at equal induced power."""
     kappa = inflow_at_equal_thrust(factor)
     return factor + p.share * (thrust_at_equal_speed(kappa, p.response) - factor)
 
 
-@expression
-def drag(p: Any, i: int, flow: Flow, factor: Quantity) -> Quantity:
+def drag(p: Numbers, i: int, flow: Flow, factor: Quantity) -> Quantity:
     """Return the torque ratio at equal speed for the factor at equal induced power."""
     kappa = inflow_at_equal_thrust(factor)
     return 1.0 + p.share * (torque_at_equal_speed(kappa, p.response, p.profile_share) - 1.0)

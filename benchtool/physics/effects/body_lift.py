@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+def denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return K_b w R^2 times the sum of eq. (4) at the body's centre, from `disc_thrust`.
 
-    w is the weight from the wake rule (`wake_rules`): 1 if all rotors are covered.
+    w is the weight from the wake rule (`physics.body_lift`): 1 if all rotors are covered.
     """
     return p.K_b * flow.body_weight * flow.radius_m * flow.radius_m * flow.body_images[i]
 

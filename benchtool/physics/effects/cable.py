@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
-@expression
-def torque(p: Any, i: int, flow: Flow) -> Quantity:
+def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque of the cable about the hinge: N m."""
     in_slack = np.minimum(np.maximum(flow.pitch_rad, -p.slack_rad), p.slack_rad)
     return -p.stiffness_Nm_per_rad * (flow.pitch_rad - in_slack)
@@ -19,7 +16,6 @@ def torque(p: Any, i: int, flow: Flow) -> Quantity:
 
 EFFECT = Effect(
     name="cable",
-    title="Cable",
     description="A cable exerts a restoring torque beyond its slack angle.",
     subsystem="hinge",
     order=60,

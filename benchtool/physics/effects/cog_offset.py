@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import arm_scale, scale_rig
 
 
-@expression
-def torque(p: Any, i: int, flow: Flow) -> Quantity:
+def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque of the weight about the hinge, positive nose down: N m."""
     return flow.weight_N * p.x_m * flow.cos_pitch
 

@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from benchtool.core.parameter import Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
-@expression
-def dry_friction(p: Any, i: int, flow: Flow) -> Quantity:
+def dry_friction(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the maximum friction torque of the hinge: N m."""
     return p.torque_Nm
 
 
-@expression
-def dry_width(p: Any, i: int, flow: Flow) -> Quantity:
+def dry_width(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the rate at which friction reaches its full torque: rad/s."""
     return p.width_rad_s
 
 
-@expression
-def dry_give(p: Any, i: int, flow: Flow) -> Quantity:
+def dry_give(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the presliding displacement of the hinge: rad."""
     return p.give_rad
 
 
 EFFECT = Effect(
     name="coulomb_friction",
-    title="Coulomb friction",
     proper_noun=True,
     description="The hinge resists torques up to T at rest and opposes motion with T.",
     subsystem="hinge",

@@ -1,8 +1,9 @@
 """Effect interface: parameters, hooks, and metadata of one physical effect.
 
-A hook is a module-level function marked `@expression`: branch-free, so that the same source runs on
-scalars in a compiled loop, on arrays in a fit, and on complex steps. None means that the effect has
-no such hook. A model never calls hooks of an effect whose parameters are fixed at neutral values.
+A hook is a module-level function, registered by `Hooks` as an expression: branch-free, so that the
+same source runs on scalars in a compiled loop, on arrays in a fit, and on complex steps. None means
+that the effect has no such hook. A model never calls hooks of an effect whose parameters are fixed
+at neutral values.
 
 Hooks get discs, not rotors: coaxial rotors share a disc. The disc axis comes first, so
 `flow.height_m[i]` is a scalar in a simulator and an array over samples in a fit.
@@ -15,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from math import inf
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter
@@ -23,7 +24,7 @@ from benchtool.core.rig import Rig
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
 from benchtool.physics.expression import expression as expression
-from benchtool.physics.tilt import LEVEL
+from benchtool.physics.images import LEVEL
 
 Subsystem = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 # In the order of the chain from pulse width to reading
@@ -68,7 +69,7 @@ class Flow(NamedTuple):
         body_weight: weight w of the body lift from the wake rule (...).
         plane: the surface under the rotor plane (...).
         axial_share: factor on the velocity from a rotor's own image (...): the cosine of the angle
-            between the rotor axis and the surface normal, or 1 (`tilt`). The term of a law of
+            between the rotor axis and the surface normal, or 1 (`images`). The term of a law of
             thrust against distance is multiplied by it in the sum.
         rate_rad_s: rate about the y axis (...): rad/s; zero for a fixed vehicle.
         thrust_N: thrust of each disc (n, ...), for torque hooks; else empty.
@@ -119,6 +120,7 @@ NO_FLOW = Flow()  # for hooks that depend on the effect's numbers alone, such as
 # hook(p, i, flow): p the effect's parameters as a named tuple, i the disc (0 for hooks of the whole
 # body). A hook that changes a quantity takes it last: hook(p, i, flow, quantity).
 Hook = Callable[..., Any]
+Numbers: TypeAlias = Any  # the parameters `p`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,6 +178,11 @@ class Hooks:
     gyro_reading: Hook | None = None
     play_N: Hook | None = None
 
+    def __post_init__(self) -> None:
+        for hook in HOOKS:
+            if (function := getattr(self, hook)) is not None:
+                expression(function)
+
 
 HOOKS = tuple(hook.name for hook in fields(Hooks))
 
@@ -200,7 +207,7 @@ class Effect:
     """
 
     name: str  # identifier in files and on the command line
-    title: str  # display name, three or four words
+    title: str = ""  # display name, three or four words; default: the name as words
     # Whether the title begins with a person's name, which stays capitalised
     proper_noun: bool = False
     description: str
@@ -213,7 +220,8 @@ class Effect:
     hooks: Hooks
     shows: str
     source: str
-    confused_with: Mapping[str, str]  # names of similar effects, with the data that separate them
+    # Names of similar effects, with the data that separate them
+    confused_with: Mapping[str, str] = field(default_factory=dict)
     # Measurements with which a fit can separate the effect's first parameter from another, by the
     # full name of the other ("R_m")
     separated_by: Mapping[str, str] = field(default_factory=dict)
@@ -242,16 +250,18 @@ class Effect:
     # Tolerances scaled to the vehicle, for parameters without a tolerance; a tolerance in a model
     # file has precedence (`tolerances.model_tolerances`)
     tolerance_of: Callable[[Rig, BenchKind], Mapping[str, float]] | None = None
-    # Builds the effect from settings in a model file, for example its knots
-    configure: Callable[[Mapping[str, Any]], Effect] | None = None
     # Builds `p` from the values if it is not a named tuple of the parameter names
     numbers: Callable[..., Any] | None = None
-    # Name of the setting with the values of its parameters `knot_...`; empty for none
+    # Name of the setting of a model file with the values of its parameters `knot_...`; empty for
+    # none
     knots_setting: str = ""
+    with_knots: Callable[[Sequence[float]], Effect] | None = None  # builds it from these values
     # Properties of a law of thrust against distance; None for other effects. A model has one law
     distance_law: DistanceLaw | None = None
 
     def __post_init__(self) -> None:
+        if not self.title:
+            object.__setattr__(self, "title", self.name.replace("_", " ").capitalize())
         names = tuple(parameter.name for parameter in self.parameters)
         field_names = getattr(self.numbers, "_fields", names)
         if field_names != names:
@@ -269,11 +279,6 @@ class Effect:
     def build_p(self) -> Callable[..., Any]:
         """Function that builds the hooks' `p` from the parameter values, in their order."""
         return self.numbers or _numbers_class(tuple(item.name for item in self.parameters))
-
-    @property
-    def candidate(self) -> bool:
-        """True if an explanation may name it on some bench."""
-        return bool(self.benches)
 
     @property
     def changes_geometry(self) -> bool:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def image_share(p: Any, i: int, flow: Flow) -> Quantity:
+def image_share(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return 1/(1 + s (V/v)^2), v^2 = sqrt(V^4/4 + v_h^4) - V^2/2 by momentum theory."""
     half = 0.5 * flow.airspeed_m_s * flow.airspeed_m_s
     hover = p.hover_inflow_m_s * p.hover_inflow_m_s
@@ -20,7 +17,6 @@ def image_share(p: Any, i: int, flow: Flow) -> Quantity:
 
 EFFECT = Effect(
     name="forward_speed",
-    title="Forward speed",
     description=(
         "Airspeed along the surface reduces the effect of all images. The formula is from public "
         "code and not verified against the report, so its strength has to be fitted. Simulated "
@@ -46,6 +42,5 @@ EFFECT = Effect(
         "Cheeseman and Bennett 1955, ARC R&M 3021, as in Synetic-Labs/SkyFlow-Dynamics "
         "spec/ground_effect.py, which flags it as unverified; v by momentum theory"
     ),
-    confused_with={},
     benches=frozenset(),
 )  # fmt: skip

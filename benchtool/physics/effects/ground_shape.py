@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from benchtool.core.parameter import Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.images import self_image
 
 CURVATURE_PRIOR = Prior(
@@ -13,8 +11,7 @@ CURVATURE_PRIOR = Prior(
 )
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+def denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return c D^2 with D the term of the disc's own image: second order in 1/z^2."""
     term = flow.axial_share * flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
     return p.curvature * term * term

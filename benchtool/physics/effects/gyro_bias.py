@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def gyro_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def gyro_reading(p: Numbers, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading with the bias: rad/s."""
     return reading + p.bias_rad_s
 
 
 EFFECT = Effect(
     name="gyro_bias",
-    title="Gyro bias",
     description="The gyro reading has a constant offset.",
     subsystem="sensor",
     order=10,

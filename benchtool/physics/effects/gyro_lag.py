@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from benchtool.core.parameter import Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def gyro_reading(p: Any, i: int, flow: Flow, reading_rad_s: Quantity) -> Quantity:
+def gyro_reading(p: Numbers, i: int, flow: Flow, reading_rad_s: Quantity) -> Quantity:
     """Return the delayed rate, to first order in the delay: rad/s."""
     return reading_rad_s - p.late_s * flow.acceleration_rad_s2
 

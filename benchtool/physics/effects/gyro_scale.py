@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def gyro_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def gyro_reading(p: Numbers, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the scaled reading, bias included: rad/s."""
     return reading * p.scale
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
-@expression
-def torque(p: Any, i: int, flow: Flow) -> Quantity:
+def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque of the spring about the hinge: N m."""
     return -p.stiffness_Nm_per_rad * flow.pitch_rad
 
 
 EFFECT = Effect(
     name="hinge_spring",
-    title="Hinge spring",
     description="A cable, flexure or bearing seal exerts a restoring torque towards level.",
     subsystem="hinge",
     order=50,

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from benchtool.core.parameter import Parameter, Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import half_throttle_speed
 
 
-@expression
-def followed_speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
+def followed_speed(p: Numbers, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed after a short step, with a lag that depends on speed: rad/s."""
     change = speed_rad_s - flow.speed_rad_s[i]
     relative_speed = flow.speed_rad_s[i] / p.middle_rad_s - 1.0

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
 
-@expression
-def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def thrust_reading(p: Numbers, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading including the zero drift since the tare: N."""
     return reading + p.rate_N_per_s * flow.elapsed_s
 

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from benchtool.core.parameter import Prior
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
-GROWTH_PRIOR = Prior("normal", 0.0, 0.15, "assumed: data sheets state one width, at full load")
 
-
-@expression
-def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def thrust_reading(p: Numbers, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading with hysteresis, relative to the load direction at the tare: N."""
     width = p.half_width_N * (1.0 + p.growth * (reading / p.reference_N - 1.0))
     return reading - width * (flow.load_direction - p.tare_direction)
 
 
-@expression
-def play_N(p: Any, i: int, flow: Flow) -> Quantity:
+def play_N(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the half width of the backlash model of a moving reading: N."""
     return p.half_width_N
 
@@ -51,7 +45,8 @@ EFFECT = Effect(
         ),
         number(
             "growth", "1", 0.0, "relative increase s of the width at twice the reference load",
-            within=(-1.0, 1.0), prior=GROWTH_PRIOR,
+            within=(-1.0, 1.0),
+            prior=Prior("normal", 0.0, 0.15, "assumed: data sheets state one width, at full load"),
             source="0: loop of constant width (backlash, dry friction)",
         ),
         number(

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def lag_s(p: Any, i: int, flow: Flow) -> Quantity:
+def lag_s(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the time constant: s."""
     return p.tau_s
 
 
 EFFECT = Effect(
     name="motor_lag",
-    title="Motor lag",
     description="Motor, ESC and rotor inertia make the speed lag behind the pulse width.",
     subsystem="pwm_to_rpm",
     order=20,

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+def denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return R^2 times the sum over j != i of eq. (3), computed in `disc_thrust`."""
     return p.strength * flow.radius_m * flow.radius_m * flow.neighbour_images[i]
 

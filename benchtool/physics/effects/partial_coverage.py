@@ -24,7 +24,6 @@ from benchtool.physics.effects.effect import (
     Hooks,
     Quantity,
     as_tuple,
-    expression,
     number,
 )
 
@@ -32,7 +31,6 @@ TOLERANCE = 0.1  # of the increment; assumed
 MAX_KNOTS = 16  # factors beyond this number have no default tolerance
 
 
-@expression
 def coverage(p: tuple[Quantity, ...], i: int, flow: Flow, fraction: Quantity) -> Quantity:
     """Return the effective fraction: piecewise linear through the factors at the knots."""
     n = (len(p) - 1) // 2
@@ -144,7 +142,7 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         derived=derived,
         tolerance_of=default_tolerances,
         knots_setting="coverages",
-        configure=configure,
+        with_knots=with_knots,
     )
 
 
@@ -156,22 +154,6 @@ def default_tolerances(rig: Rig, bench: BenchKind) -> Mapping[str, float]:
     if bench == "pitch":
         return {"share": TOLERANCE}
     return {f"share_{k}": TOLERANCE for k in range(1, MAX_KNOTS + 1)}
-
-
-def configure(settings: Mapping[str, Any]) -> Effect:
-    """Return the effect for the settings of a model file: `coverages = [...]`."""
-    unknown = set(settings) - {"coverages"}
-    if unknown:
-        raise InputError(
-            f"unknown setting {sorted(unknown)[0]!r} of partial_coverage; allowed: coverages"
-        )
-    coverages = settings.get("coverages", (0.25, 0.5, 0.75))
-    try:
-        return with_knots([float(value) for value in coverages])
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(
-            f"coverages {coverages!r:.80} is not a list of numbers between 0 and 1"
-        ) from error
 
 
 EFFECT = with_knots((0.25, 0.5, 0.75))

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import radius_scale, scale_rig
 
 
-@expression
-def height(p: Any, i: int, flow: Flow, height_m: Quantity) -> Quantity:
+def height(p: Numbers, i: int, flow: Flow, height_m: Quantity) -> Quantity:
     """Return the true distance: m."""
     return height_m + p.dz_m
 

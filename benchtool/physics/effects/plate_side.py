@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from benchtool.core.parameter import Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-
-POSITION_PRIOR = Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler")
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 CHORD_POWER = 0.35  # sine of a chord's half angle is (4 a (1 - a))^0.35 within 0.03; fitted
 
 
-@expression
-def coverage(p: Any, i: int, flow: Flow, fraction: Quantity) -> Quantity:
+def coverage(p: Numbers, i: int, flow: Flow, fraction: Quantity) -> Quantity:
     """Return the coverage after the edge moved by dx: da = 2 sin(phi) / (pi R) dx."""
     product = np.maximum(fraction * (1.0 - fraction), 0.0)
     chord = 2.0 * (4.0 * product) ** CHORD_POWER / (np.pi * p.disc_radius_m)
@@ -36,7 +31,8 @@ EFFECT = Effect(
     parameters=(
         number(
             "dx_m", "m", 0.0, "true minus read lateral position", neutral=0.0, within=(-0.02, 0.02),
-            prior=POSITION_PRIOR, tolerance=0.0015,
+            prior=Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler"),
+            tolerance=0.0015,
         ),
         number(
             "disc_radius_m", "m", 0.12,

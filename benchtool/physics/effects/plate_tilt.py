@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def tilt(p: Any, i: int, flow: Flow) -> Quantity:
+def tilt(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the tilt in addition to the commanded one, about the plate's centre: rad."""
     return p.angle_rad
 
 
 EFFECT = Effect(
     name="plate_tilt",
-    title="Plate tilt",
     description=(
         "An unknown tilt of the plate about the y axis. The pivot is the plate's centre, as for a "
         "commanded tilt."

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def factor(p: Any, i: int, flow: Flow) -> Quantity:
+def factor(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return 1 - s a (x/c) exp(1 - x/c), x = z/R: a loss that is largest at c radii."""
     x = flow.height_m[i] / (flow.radius_m * p.height)
     return 1.0 - p.share * flow.coverage[i] * x * np.exp(1.0 - x)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def factor(p: Any, i: int, flow: Flow) -> Quantity:
+def factor(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the ratio for discs opposite the first disc, 1 for the others."""
     side = flow.position_x_m[i] * flow.position_x_m[0]
     opposite = np.maximum(-np.sign(side), 0.0)
@@ -19,7 +16,6 @@ def factor(p: Any, i: int, flow: Flow) -> Quantity:
 
 EFFECT = Effect(
     name="rotor_asymmetry",
-    title="Rotor asymmetry",
     description="Rotors on the two sides of the hinge produce different thrust at equal speed.",
     subsystem="rpm_to_thrust",
     order=80,

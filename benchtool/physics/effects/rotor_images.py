@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from benchtool.physics.distance_law import DistanceLaw
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.images import self_image
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+def denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return (R / 4 z_i)^2 of eq. (2)."""
     return p.own_strength * flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
 

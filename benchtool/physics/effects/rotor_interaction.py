@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def factor(p: Any, i: int, flow: Flow) -> Quantity:
+def factor(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return 1 - s sum over running rotors j != i of exp(-(d_ij/2R - 1)/l)."""
     loss = 0.0
     for j in range(len(flow.height_m)):
@@ -23,7 +20,6 @@ def factor(p: Any, i: int, flow: Flow) -> Quantity:
 
 EFFECT = Effect(
     name="rotor_interaction",
-    title="Rotor interaction",
     description=(
         "Rotors with small tip clearance lose a few per cent of thrust, also out of ground effect. "
         "The formula is assumed. To measure it, compare one running rotor with all of them out of "

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from benchtool.core.parameter import Parameter, Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import half_throttle_speed
 
 GAIN_PRIOR = Prior("normal", 0.0, 0.005, "assumed: calibrated ESC, speeds agree to 0.5 %")
 BEND_PRIOR = Prior("normal", 0.0, 0.01, "assumed: 0.1 % of speed a third above or below reference")
 
 
-@expression
-def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
+def speed(p: Numbers, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed with gain error, difference between sides and curvature: rad/s."""
     side, excess = np.sign(flow.position_x_m[i]), speed_rad_s / p.middle_rad_s - 1.0
     return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.bend * excess * excess)
@@ -30,7 +27,6 @@ def _error(name: str, description: str) -> Parameter:
 
 EFFECT = Effect(
     name="speed_map",
-    title="Speed map",
     description=(
         "The speed at a given pulse width deviates from the rig's map and differs between ESCs. "
         "Every explanation adjusts it within its prior."

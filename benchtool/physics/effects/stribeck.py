@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
-@expression
-def dry_friction(p: Any, i: int, flow: Flow) -> Quantity:
+def dry_friction(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the friction in addition to the Coulomb friction: N m."""
     ratio = flow.rate_rad_s / p.rate_rad_s
     return p.excess_Nm / (1.0 + ratio * ratio)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
 
-@expression
-def thrust_reading(p: Any, i: int, flow: Flow, reading: Quantity) -> Quantity:
+def thrust_reading(p: Numbers, i: int, flow: Flow, reading: Quantity) -> Quantity:
     """Return the reading with the offset: N."""
     return reading + p.thrust_N
 
 
 EFFECT = Effect(
     name="tare_offset",
-    title="Tare offset",
     description="Thrust readings have a constant offset, as after a tare under load.",
     subsystem="sensor",
     order=30,

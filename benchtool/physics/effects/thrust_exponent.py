@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def factor(p: Any, i: int, flow: Flow) -> Quantity:
+def factor(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return (speed / reference)^e, the relative change of the thrust coefficient."""
     return np.exp(p.excess * np.log(np.maximum(flow.speed_rad_s[i], 1.0) / p.reference_rad_s))
 
 
 EFFECT = Effect(
     name="thrust_exponent",
-    title="Thrust exponent",
     description=(
         "The thrust coefficient k of small rotors increases with the Reynolds number. A power law "
         "leaves residuals of 0.4 to 1.5 % for three measured propellers; 1/w and 1/sqrt(w) leave "

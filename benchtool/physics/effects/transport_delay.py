@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 
-@expression
-def delay_s(p: Any, i: int, flow: Flow) -> Quantity:
+def delay_s(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the delay: s."""
     return p.delay_s
 
 
 EFFECT = Effect(
     name="transport_delay",
-    title="Transport delay",
     description="Commands reach the motors with a constant delay.",
     subsystem="pwm_to_rpm",
     order=10,

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
-@expression
-def torque(p: Any, i: int, flow: Flow) -> Quantity:
+def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the viscous torque about the hinge: N m."""
     return -p.damping_Nms * flow.rate_rad_s
 
 
 EFFECT = Effect(
     name="viscous_friction",
-    title="Viscous friction",
     description="The friction torque of the hinge is proportional to its rate.",
     subsystem="hinge",
     order=30,

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
-@expression
-def random_torque(p: Any, i: int, flow: Flow) -> tuple[Quantity, Quantity]:
+def random_torque(p: Numbers, i: int, flow: Flow) -> tuple[Quantity, Quantity]:
     """Return standard deviation (N m) and correlation time (s)."""
     return p.sd_Nm, p.correlation_s
 
 
 EFFECT = Effect(
     name="wake_torque",
-    title="Wake torque",
     description="Turbulent rotor wakes exert a random torque on the beam.",
     subsystem="hinge",
     order=80,
@@ -34,7 +30,6 @@ EFFECT = Effect(
     hooks=Hooks(random_torque=random_torque),
     shows="always; coloured residuals of torque",
     source="assumed: Ornstein-Uhlenbeck, the simplest coloured noise",
-    confused_with={},
     benches=frozenset(),
     tolerance_of=scale_rig(torque_scale, sd_Nm=0.002),
 )  # fmt: skip

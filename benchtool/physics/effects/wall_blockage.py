@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from benchtool.core.parameter import Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
 
 RECOVERY = 1.22  # Leishman 2006, eq. (6.36): download ratio 1 - 1.22 exp(-z/R)
 
-REACH_PRIOR = Prior("normal", 1.0, 0.05, "assumed: curve read from a figure, accurate to 5 %")
 
-
-@expression
-def factor(p: Any, i: int, flow: Flow) -> Quantity:
+def factor(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the share of a disc's thrust that remains after the download."""
     falloff = np.exp(-flow.height_m[i] / (p.reach * flow.radius_m))
     return 1.0 - p.share * (1.0 - flow.coverage[i] * RECOVERY * falloff)
@@ -38,7 +33,8 @@ EFFECT = Effect(
         ),
         number(
             "reach", "1", 1.0, "decay length c of the recovery over R",
-            within=(0.5, 2.0), prior=REACH_PRIOR, source="1: Leishman 2006, eq. (6.36)",
+            within=(0.5, 2.0), source="1: Leishman 2006, eq. (6.36)",
+            prior=Prior("normal", 1.0, 0.05, "assumed: curve read from a figure, accurate to 5 %"),
         ),
     ),
     hooks=Hooks(factor=factor),

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
-from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.effects.effect import Flow
 from benchtool.physics.expression import (
     Slot,
@@ -29,7 +28,7 @@ from benchtool.physics.expression import (
     write_record,
 )
 from benchtool.physics.fold import unrolled
-from benchtool.physics.tilt import LEVEL, Plane
+from benchtool.physics.images import LEVEL, Plane, half_plane_coverage, rectangle_coverage
 from benchtool.simulate.flight.environment import BLOCK, MAP
 from benchtool.simulate.flight.rigid_body import forward, leftward
 from benchtool.simulate.hooks import LoopHooks

@@ -22,8 +22,8 @@ from benchtool.physics.expression import (
     write_record,
 )
 from benchtool.physics.fold import chain_hooks, source_key, unrolled
+from benchtool.physics.images import LEVEL
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
-from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
 from benchtool.simulate.flight.ground import build_look_below

@@ -17,8 +17,8 @@ from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
-from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
+from benchtool.physics.rotor import mixer_matrix
 from benchtool.simulate.flight.records import Craft, FlightGeometry
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.setup import check_range

@@ -19,8 +19,8 @@ from benchtool.physics.expression import (
     with_fields,
     write_record,
 )
-from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.physics.tilt import Plane, height_over
+from benchtool.physics.images import Plane, height_over
+from benchtool.physics.rotor import pitch_moment_Nm
 from benchtool.simulate.controllers.blocks import clip
 from benchtool.simulate.motors import Rotors, first_order_lag
 from benchtool.simulate.noise import next_state, normal

@@ -21,8 +21,8 @@ from benchtool.physics.expression import (
     write_record,
 )
 from benchtool.physics.fold import source_key
+from benchtool.physics.images import LEVEL
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
-from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
 from benchtool.simulate.hooks import identities, joined_hooks

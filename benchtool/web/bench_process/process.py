@@ -27,7 +27,7 @@ from benchtool.acquire.stop_listener import (
 )
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.wrappers import StoppableBench
+from benchtool.bench.stop_requests import StoppableBench
 from benchtool.core.errors import BenchtoolError, StandstillNotConfirmed
 from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher

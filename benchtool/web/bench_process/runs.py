@@ -22,7 +22,7 @@ from benchtool.acquire.session import Experiment, acquire
 from benchtool.acquire.sweep import Sweep
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.wrappers import StoppableBench
+from benchtool.bench.stop_requests import StoppableBench
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event

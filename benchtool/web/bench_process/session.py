@@ -18,7 +18,7 @@ from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import CONFIRMATION
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.wrappers import StopRequested
+from benchtool.bench.stop_requests import StopRequested
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2

@@ -24,12 +24,11 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import RequestHello, SetRate
 from benchtool.bench.serial.frames import crc16, frame_command
 from benchtool.bench.serial.hello import Hello
-from benchtool.bench.transport.serial_port import SerialPort
+from benchtool.bench.transport.ports import SerialPort
 from benchtool.core.channel import Channel
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
-from benchtool.virtual.protocol import DeviceLink
-from benchtool.virtual.server import BenchServer
+from benchtool.virtual.server import BenchServer, DeviceLink
 
 RATE_HZ = 1000.0
 CHANNELS = (

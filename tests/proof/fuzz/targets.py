@@ -21,8 +21,7 @@ from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.visit_order import plan_visits
-from benchtool.bench.addresses import ServedLink, parse_stage
-from benchtool.bench.drivers import parse_address
+from benchtool.bench.drivers import ServedLink, parse_address, parse_stage
 from benchtool.bench.mavlink.auxiliary_load_cell import LoadCellDecoder
 from benchtool.bench.mavlink.frames import MavlinkFrames, dialect
 from benchtool.bench.mavlink.rows import MavlinkRows

@@ -31,7 +31,7 @@ STORED = (
 
 GROUPS = {
     "guard": Group(
-        (f"{BENCH}/guard.py", f"{BENCH}/motor_state.py", f"{BENCH}/signals.py"),
+        (f"{BENCH}/guard.py", f"{BENCH}/motor_state.py", f"{BENCH}/stop_requests.py"),
         (
             f"{UNIT_BENCH}/test_guard.py",
             f"{UNIT_BENCH}/test_guard_talks.py",
@@ -72,7 +72,11 @@ GROUPS = {
     ),
     "images": Group(
         ("benchtool/physics/images.py",),
-        ("tests/unit/physics/test_images.py", "tests/unit/physics/test_paper_tables.py"),
+        (
+            "tests/unit/physics/test_images.py",
+            "tests/unit/physics/test_paper_tables.py",
+            "tests/unit/physics/test_tilt.py",
+        ),
     ),
     "verdict": Group(
         ("benchtool/explain/engine/posterior.py", "benchtool/explain/result.py"),

@@ -20,6 +20,7 @@ from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
+from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.simulated_bench import SimulatedBench
 from tests.unit.acquire.fake_bench import FakeBench
 
@@ -29,9 +30,10 @@ STAGE = "grbl:/dev/ttyS9?axis=Z&zero_mm=1500&direction=1"
 
 def bench_beside(seed: int = 0) -> SimulatedBench:
     """Return a virtual bench whose plate something else moves."""
-    bench = SimulatedBench("sim:pquad_single", RIG, load_model("single", RIG).model, seed)
-    bench._hello = bench._firmware.hello = replace(bench._hello, moves_plate=False)
-    return bench
+    truth = load_model("single", RIG).model
+    plant = virtual_plant(RIG, truth, seed)
+    hello = replace(build_hello(plant, truth, seed), moves_plate=False)
+    return SimulatedBench("sim:pquad_single", plant, hello)
 
 
 class Carries(PlateStage):

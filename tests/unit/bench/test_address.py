@@ -7,7 +7,7 @@ import pytest
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
 from benchtool.acquire.run_experiment import run_experiment
-from benchtool.bench.addresses import (
+from benchtool.bench.drivers import (
     LOOPBACK,
     GrblAddress,
     MavlinkAddress,
@@ -16,9 +16,10 @@ from benchtool.bench.addresses import (
     ServedLink,
     SimAddress,
     TcpAddress,
+    open_bench,
+    parse_address,
     parse_stage,
 )
-from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
 from benchtool.core.user_code import check_code_allowed

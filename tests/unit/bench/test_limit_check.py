@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchtool.bench.limit_check import LimitCheck, format_unmonitored_limits
 from benchtool.bench.plate_check import plate_tolerance_m
-from benchtool.bench.rpm_tracking import rotor_speeds
+from benchtool.bench.standstill import rotor_speeds
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig_file import load_rig_by_name

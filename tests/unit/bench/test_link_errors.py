@@ -12,8 +12,7 @@ from unittest.mock import Mock
 import pytest
 import serial
 
-from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket
+from benchtool.bench.transport.ports import SerialPort, TcpSocket
 from benchtool.bench.transport.transport import opening_error, port_owners
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy, PortDenied
 

@@ -4,7 +4,7 @@ from hashlib import sha256
 
 import pytest
 
-from benchtool.bench.addresses import MavlinkAddress
+from benchtool.bench.drivers import MavlinkAddress
 from benchtool.bench.mavlink.settings import (
     parse_settings,
     read_key,

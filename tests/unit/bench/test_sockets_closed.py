@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from benchtool.bench.transport.sockets import BUFFER_BYTES, UdpSocket
+from benchtool.bench.transport.ports import BUFFER_BYTES, UdpSocket
 
 TIMEOUT_S = 1.0
 

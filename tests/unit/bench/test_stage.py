@@ -13,6 +13,7 @@ from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
+from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.simulated_bench import SimulatedBench
 
 
@@ -47,7 +48,9 @@ def test_it_overshoots_only_where_it_moves_away():
 
 def test_it_stays_above_idle_and_inside_the_gap():
     rig = load_rig_by_name("pquad")
-    bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
+    truth = load_model("quad_body_lift").model
+    plant = virtual_plant(rig, truth, 0)
+    bare = SimulatedBench("sim:pquad", plant, build_hello(plant, truth, 0))
     with GuardedBench(bare, rig) as bench:
         stage = Listed(None, bench)
         bare.move_plate(0.3)

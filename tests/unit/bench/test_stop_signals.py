@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.signals import SHUTDOWN_TIMEOUT_S, ClosingSignals, StopSignals
+from benchtool.bench.stop_requests import SHUTDOWN_TIMEOUT_S, ClosingSignals, StopSignals
 from benchtool.core.errors import RunInterrupted
 from tests.unit.bench.guarded_fake import RIG
 

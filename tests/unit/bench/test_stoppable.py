@@ -8,7 +8,7 @@ import pytest
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.wrappers import StoppableBench, StopRequested
+from benchtool.bench.stop_requests import StoppableBench, StopRequested
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.virtual.firmware import Firmware

@@ -26,7 +26,7 @@ from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.explain.updated_model import format_added_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.physics.discrepancy import DiscrepancyTolerances
+from benchtool.physics.baseline import DiscrepancyTolerances
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.hand_made import answer, far_off

@@ -33,6 +33,7 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.report.fit.page import write_fit
 from benchtool.simulate.imperfections import Imperfections
+from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.simulated_bench import SimulatedBench
 
 K_B = 2.0
@@ -82,9 +83,8 @@ def swept(
         tare=TarePart(every_minutes=0.0),
     ).resolved(rig)
     run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": asdict(rig)})
-    bench = SimulatedBench(
-        "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=flaws or Imperfections()
-    )
+    plant = virtual_plant(rig, truth, seed, flaws or Imperfections(), rate_Hz=80.0)
+    bench = SimulatedBench("sim:own", plant, build_hello(plant, truth, seed))
     with GuardedBench(bench, rig) as guarded:
         sweep = Sweep(SweepInputs(plan=plan), rig)
         sweep.stage = DeviceStage(guarded, rig.plate)

@@ -16,7 +16,7 @@ from benchtool.physics.effects.blade_inflow import (
     torque_at_equal_speed,
     torque_coefficient,
 )
-from benchtool.physics.motor import speed_near_plate, torque_at_pulse_Nm, torque_per_speed
+from benchtool.physics.rotor import speed_near_plate, torque_at_pulse_Nm, torque_per_speed
 from tests.unit.physics.blades import BLADE, MOTOR
 from tests.unit.physics.closed_forms import single_rotor_factor
 

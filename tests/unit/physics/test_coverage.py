@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.physics.coverage import half_plane_coverage, plate_coverages, rectangle_coverage
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.physics.conditions import plate_coverage
+from benchtool.physics.images import half_plane_coverage, rectangle_coverage
 
 lengths = st.floats(-3.0, 3.0)
 radii = st.floats(0.05, 2.0)
@@ -58,15 +62,11 @@ def test_front_disc_over_the_obstacle_in_case_2(arm_m, percent):
 
 
 def test_coverage_of_every_rotor_follows_the_plate():
-    x, y = np.array([0.225, 0.0, -0.225, 0.0]), np.array([0.0, 0.225, 0.0, -0.225])
-    centred = plate_coverages(x, y, 0.12, (1.0, 1.0))
-    np.testing.assert_array_equal(centred, np.ones(4))
-    plate_x = np.array([-0.5, 0.0, 0.5, 5.0])
-    moved = plate_coverages(x, y, 0.12, (1.0, 1.0), plate_x)
+    rig = load_rig_by_name("pquad")
+    rig = replace(rig, plate=replace(rig.plate, size_x_m=1.0, size_y_m=1.0))
+    moved = plate_coverage(rig, np.array([-0.5, 0.0, 0.5, 5.0]))
     assert moved.shape == (4, 4)
     np.testing.assert_array_equal(moved[:, 1], np.ones(4))
     np.testing.assert_array_equal(moved[:, 3], np.zeros(4))
     np.testing.assert_allclose(moved[:, 2], [1.0, 0.5, 0.0, 0.5], atol=1e-15)
     np.testing.assert_allclose(moved[:, 0], [0.0, 0.5, 1.0, 0.5], atol=1e-15)
-    aside = plate_coverages(x, y, 0.12, (1.0, 1.0), 0.0, 0.5)
-    np.testing.assert_allclose(aside, [0.5, 1.0, 0.5, 0.0], atol=1e-15)

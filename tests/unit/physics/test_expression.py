@@ -13,16 +13,22 @@ import numpy as np
 import pytest
 
 import benchtool.physics
-from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
+from benchtool.physics.body_lift import notes_weight
 from benchtool.physics.expression import (
     _expressions,
     compile_expressions,
     expression,
     shared_view,
 )
-from benchtool.physics.images import image_velocity, partial_factor, self_image, thrust_factor
+from benchtool.physics.images import (
+    half_plane_coverage,
+    image_velocity,
+    partial_factor,
+    rectangle_coverage,
+    self_image,
+    thrust_factor,
+)
 from benchtool.physics.rotor import ground_effect_thrust_N, speed_from_pwm
-from benchtool.physics.wake_rules import notes_weight
 from benchtool.simulate.layout import lend_rows
 
 X = np.array([0.225, 0.0, -0.225, 0.0])

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.physics.coverage import rectangle_coverage
-from benchtool.physics.images import partial_factor
-from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.physics.wake_rules import WAKE_RULES
+from benchtool.physics.body_lift import WAKE_RULES
+from benchtool.physics.images import partial_factor, rectangle_coverage
+from benchtool.physics.rotor import pitch_moment_Nm
 from tests.docs.examples import paper_script
 from tests.unit.physics import paper_tables as tables
 from tests.unit.physics.closed_forms import (

@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.body_lift import WAKE_RULES, wake_rule
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.images import clamped_height
+from benchtool.physics.images import axis_cosine, clamped_height, height_over, plate_plane
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.physics.tilt import axis_cosine, height_over, plate_plane
-from benchtool.physics.wake_rules import WAKE_RULES, wake_rule
 
 
 def over_plate(model: Model, **position: float) -> Conditions:

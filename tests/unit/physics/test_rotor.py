@@ -8,10 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.physics.mixer import WRENCH, mixer_matrix, pitch_moment_Nm
 from benchtool.physics.rotor import (
+    WRENCH,
     drag_torque_Nm,
     ground_effect_thrust_N,
+    mixer_matrix,
+    pitch_moment_Nm,
     pwm_from_speed,
     speed_from_pwm,
     speed_from_thrust,

@@ -10,11 +10,10 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.bases import ground_effect_ratio
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.images import partial_factor
+from benchtool.physics.images import TILT_RULES, partial_factor
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
 from benchtool.physics.precomputed import PrecomputedModel
-from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
 
 RIG = load_rig_by_name("pquad")

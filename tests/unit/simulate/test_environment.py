@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.physics.coverage import rectangle_coverage
+from benchtool.physics.images import rectangle_coverage
 from benchtool.simulate.flight.environment import Block, Environment, HeightGrid
 from benchtool.simulate.flight.ground import Below, disc_on_rectangle
 from benchtool.simulate.flight.vehicle import FlightVehicle

@@ -10,7 +10,7 @@ import pytest
 from benchtool.bench.serial.frames import HEARTBEAT, frame
 from benchtool.core.channel import Channel
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.protocol import DeviceLink
+from benchtool.virtual.server import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
 
 TALKS = Path(__file__).with_name("device_talks.txt").read_text("utf-8").strip().split("\n\n")

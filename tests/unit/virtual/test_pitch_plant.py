@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.drivers import open_bench
+from benchtool.bench.drivers import SimAddress, open_bench
 from benchtool.bench.serial import commands as wire
 from benchtool.core.errors import (
     InputError,
@@ -18,7 +18,7 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
 RIG = load_rig_by_name("pquad")
-NAMES = [channel.name for channel in pitch_plant(RIG).channels]
+NAMES = [channel.name for channel in pitch_plant(RIG, SimAddress(rig="pquad")).channels]
 
 
 def hover_us() -> float:
@@ -28,7 +28,7 @@ def hover_us() -> float:
 
 
 def started(seed: int = 3, **named: str) -> tuple[PitchBenchPlant, Firmware]:
-    plant = pitch_plant(RIG, seed=seed, **named)
+    plant = pitch_plant(RIG, SimAddress(rig="pquad", seed=seed, **named))
     return plant, Firmware(plant, pitch_hello(plant, seed))
 
 
@@ -149,7 +149,8 @@ class FailsLater(Own):
 
 
 def with_own(own: type[Own]) -> tuple[PitchBenchPlant, Firmware]:
-    plant = pitch_plant(RIG, seed=3, controller="mine:Own", user_controller=own)
+    address = SimAddress(rig="pquad", seed=3, controller="mine:Own")
+    plant = pitch_plant(RIG, address, user_controller=own)
     return plant, Firmware(plant, pitch_hello(plant, 3))
 
 

@@ -6,7 +6,7 @@ G. Its docstring is the effect's description.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -21,6 +21,7 @@ from benchtool.physics.effects.effect import (
     Flow,
     Hook,
     Hooks,
+    Numbers,
     Quantity,
     as_tuple,
     expression,
@@ -55,7 +56,7 @@ def law_effect(
         subsystem="rpm_to_thrust", order=40, law=f"T ratio of one rotor {formula}",
         parameters=tuple(replace(item, free=free) for item in parameters),
         hooks=Hooks(denominator=hook), shows="thrust against plate distance", source=source,
-        confused_with={}, benches=frozenset(), distance_law=DistanceLaw(**law_fields), **fields,
+        benches=frozenset(), distance_law=DistanceLaw(**law_fields), **fields,
     )  # fmt: skip
 
 
@@ -64,7 +65,7 @@ def law(*arguments: Any, **fields: Any) -> Callable[[Hook], Hook]:
 
     def register(hook: Hook) -> Hook:
         LAWS[hook.__name__] = law_effect(hook, *arguments, **fields)
-        return expression(hook)
+        return hook
 
     return register
 
@@ -109,7 +110,7 @@ def own_image(i: int, flow: Flow, radius_over_R: Quantity) -> Quantity:
     ),
     singular=lambda p: 0.25 * p["R_e_over_R"], same_as="rotor_images", proper_noun=True,
 )  # fmt: skip
-def cheeseman_bennett(p: Any, i: int, flow: Flow) -> Quantity:
+def cheeseman_bennett(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Eq. (2) with an effective radius R_e in the rotor's own image; images of neighbours and body
     use R.
     """
@@ -128,7 +129,7 @@ def cheeseman_bennett(p: Any, i: int, flow: Flow) -> Quantity:
     singular=lambda p: 0.25 * p["c"] ** 0.5, same_as="rotor_images", whole_vehicle=True,
     proper_noun=True,
 )  # fmt: skip
-def li(p: Any, i: int, flow: Flow) -> Quantity:
+def li(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Commanded over produced thrust of a quadrotor, T_in/T_out = 1 - c (R/4z)^2; c includes
     neighbours and body. c = 8.6 (Li), 3.4 (refit by Kan et al. 2019).
     """
@@ -143,7 +144,7 @@ def li(p: Any, i: int, flow: Flow) -> Quantity:
     singular=lambda p: 0.25 * p["R_e_over_R"], same_as="rotor_images", whole_vehicle=True,
     proper_noun=True,
 )  # fmt: skip
-def nobahari(p: Any, i: int, flow: Flow) -> Quantity:
+def nobahari(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Cheeseman and Bennett with R_e = 2.5 R for a whole quadrotor; do not combine it with effects
     of neighbours and body, which it includes.
     """
@@ -162,7 +163,7 @@ def nobahari(p: Any, i: int, flow: Flow) -> Quantity:
     ),
     singular=lambda p: 0.0, proper_noun=True,
 )  # fmt: skip
-def hayden(p: Any, i: int, flow: Flow) -> Quantity:
+def hayden(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Curve fit of flight tests of full-size helicopters: power out of over power in ground effect
     at equal thrust, clipped to at least 1 (beyond z/R 4.528). Unverified: the power is induced
     power.
@@ -182,7 +183,7 @@ def hayden(p: Any, i: int, flow: Flow) -> Quantity:
         "experiments/exp_A4_ground_effect.py and two more public simulators"
     ),
 )  # fmt: skip
-def exponential_law(p: Any, i: int, flow: Flow) -> Quantity:
+def exponential_law(p: Numbers, i: int, flow: Flow) -> Quantity:
     """The thrust increment decays exponentially with distance and is finite at contact."""
     return denominator_term(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
 
@@ -194,7 +195,7 @@ def exponential_law(p: Any, i: int, flow: Flow) -> Quantity:
     decay(2.6, NEAR_EQ_2), basis="equal induced power", tested="unknown",
     seen="none; bound Ca < 1 (finite at contact): this project", free=True,
 )  # fmt: skip
-def exponential_denominator(p: Any, i: int, flow: Flow) -> Quantity:
+def exponential_denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Inflow decays exponentially towards the plate at equal T v. Both constants are free."""
     return p.Ca * np.exp(-p.Cb * z_over_R(i, flow))
 
@@ -206,7 +207,7 @@ def exponential_denominator(p: Any, i: int, flow: Flow) -> Quantity:
     decay(2.1, NEAR_EQ_2), basis="equal induced power", tested="helicopters; range unknown",
     seen="velocity ratio in Synetic-Labs/SkyFlow-Dynamics, not the report",
 )  # fmt: skip
-def inflow_exponential(p: Any, i: int, flow: Flow) -> Quantity:
+def inflow_exponential(p: Numbers, i: int, flow: Flow) -> Quantity:
     """The induced velocity at equal thrust is kappa = 1 - Ca exp(-Cb z/R) of that out of ground
     effect. The thrust ratio kappa^(-2/3) at equal induced power is derived in this project.
     """
@@ -221,7 +222,7 @@ def inflow_exponential(p: Any, i: int, flow: Flow) -> Quantity:
     tested="nowhere", seen="p = 2 in Synetic-Labs/SkyFlow-Dynamics spec/ground_effect.py",
     singular=lambda p: 0.0,
 )  # fmt: skip
-def power_law(p: Any, i: int, flow: Flow) -> Quantity:
+def power_law(p: Numbers, i: int, flow: Flow) -> Quantity:
     """The thrust increment is a power of the distance with a free exponent."""
     return denominator_term(1.0 + p.a * np.exp(-p.p * np.log(z_over_R(i, flow))))
 
@@ -241,7 +242,7 @@ def power_law(p: Any, i: int, flow: Flow) -> Quantity:
     ),
     free=True,
 )  # fmt: skip
-def rational_law(p: Any, i: int, flow: Flow) -> Quantity:
+def rational_law(p: Numbers, i: int, flow: Flow) -> Quantity:
     """The thrust increment is proportional to 1/z^2 at large distances and finite at contact.
     Public code contains only the fraction, as a force; the added 1 is unverified.
     """
@@ -257,7 +258,7 @@ def rational_law(p: Any, i: int, flow: Flow) -> Quantity:
     tested="unknown", seen="none", singular=lambda p: max(0.0, p["g"] ** 0.5 - p["a2_over_R"]),
     surface="above", acts_in_flight=False, free=True,
 )  # fmt: skip
-def ceiling(p: Any, i: int, flow: Flow) -> Quantity:
+def ceiling(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Attraction by a surface above: eq. (2) with a strength and a length added to the distance.
     Both constants are free.
     """
@@ -273,7 +274,7 @@ def ceiling(p: Any, i: int, flow: Flow) -> Quantity:
     seen="XinLong-Li/cf-frimware-2022-12 src/modules/src/lxl_proximity_effects.c",
     singular=lambda p: 0.0, surface="above", acts_in_flight=False,
 )  # fmt: skip
-def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
+def ceiling_momentum(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Attraction by a surface above, where the inflow enters from the side. Terms of neighbours and
     body are ignored.
     """
@@ -294,14 +295,13 @@ def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
     decay(1.0, ASSUMED), tested="nowhere", seen="no formula", surface="beside",
     acts_in_flight=False, free=True,
 )  # fmt: skip
-def wall(p: Any, i: int, flow: Flow) -> Quantity:
+def wall(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Small change of thrust near a wall, of either sign. The formula is assumed and both constants
     are free; force and moment towards the wall are not modelled.
     """
     return denominator_term(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
 
 
-@expression
 def monotone_table(p: tuple[Quantity, ...], i: int, flow: Flow) -> Quantity:
     """Quadratic I-spline with free non-negative steps, for any decreasing law. The ratio is 1
     beyond the last knot and constant within the first.
@@ -338,15 +338,8 @@ def with_knots(knots: Sequence[float]) -> Effect:
         "Ramsay 1988, Statistical Science 3(4): monotone regression splines", *steps,
         *knot_parameters, far="1 beyond the last knot", tested="range of its data",
         seen="definition of the spline; data: yours", compared=tuple(item.name for item in steps),
-        numbers=as_tuple, knots_setting="z_over_R", configure=configure,
+        numbers=as_tuple, knots_setting="z_over_R", with_knots=with_knots,
     )  # fmt: skip
-
-
-def configure(settings: Mapping[str, Any]) -> Effect:
-    """Return the monotone table for the settings of a model file: `z_over_R = [...]`."""
-    if unknown := set(settings) - {"z_over_R"}:
-        raise InputError(f"unknown setting {min(unknown)!r} of monotone_table; allowed: z_over_R")
-    return with_knots([float(value) for value in settings.get("z_over_R", KNOTS)])
 
 
 LAWS["monotone_table"] = with_knots(KNOTS)

@@ -115,7 +115,7 @@ class ConnectCard:
                     self._add_address(f"sim:{rig}?{PITCH_OPTIONS}", "simulated on a pitch hinge")
             for name, driver in DRIVERS.items():
                 if name not in ("sim", "serial"):
-                    self._add_address(driver.example, "example, edit before use")
+                    self._add_address(driver.address.EXAMPLE, "example, edit before use")
         self._menu.run_method("updatePosition")
 
     def _add_address(self, address: str, description: str) -> None:
