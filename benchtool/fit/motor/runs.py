@@ -25,7 +25,7 @@ from benchtool.data.derived import MeasurementContext, load_run_context
 from benchtool.data.levels import read_levels
 from benchtool.data.run.read import is_run, read_points, read_samples, run_rig
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.fit.motor.response import StepResponse, column_or_nan, step_responses
+from benchtool.fit.motor.law import StepResponse, column_or_nan, step_responses
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 
