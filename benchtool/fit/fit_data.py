@@ -25,7 +25,7 @@ from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.ratios import ratio_error, ratios, thrust_error
 from benchtool.data.run.read import changed_points, is_pitch_run, is_run, read_points
 from benchtool.data.table import read_table
-from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.nominal import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
 from benchtool.fit.uncertainty.bench_errors import (
     MIN_EFFECT,
