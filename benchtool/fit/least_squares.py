@@ -29,7 +29,7 @@ from benchtool.fit.interval import (
     is_at_bound,
 )
 from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
-from benchtool.fit.robust import (
+from benchtool.fit.residuals import (
     LOSSES,
     MAD_EFFICIENCY,
     robust_chi2,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.fit.diagnose import expected_runs
+from benchtool.fit.residuals import expected_runs
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure

@@ -1,15 +1,19 @@
-"""Robust losses: weights of points, and robust scale and chi-square."""
+"""Statistics of weighted residuals: robust losses and scales, tests of structure, outliers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, stdtr
+from scipy.stats import spearmanr
 
 from benchtool.core.choices import Loss
 from benchtool.core.units import Array
 
-LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
+LOSSES: tuple[Loss, ...] = get_args(Loss)
 
 HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)
 # Variance inflation without outliers: mean(psi^2) / mean(psi')^2 over the normal distribution,
@@ -81,3 +85,69 @@ def robust_inflation(rows: Array, dof: float, loss: Loss, *, is_stated: bool) ->
         slope = (np.abs(rows) <= HUBER_LIMIT).astype(float)
     ratio = float(np.sum(psi**2) / max(dof, 1.0) / max(float(np.mean(slope)), 1e-3) ** 2)
     return max(ratio, NORMAL_INFLATION[loss]) if is_stated else ratio
+
+
+class Pattern(NamedTuple):
+    """Test statistic of residuals along a column, and its p-value."""
+
+    size: float
+    chance: float
+    expected: float = 0.0  # size expected for noise
+
+
+def bend_along(order: Array, rows: Array) -> Pattern:
+    """Return the curvature of weighted residuals (m,) over a column (m,): above 0 for a U.
+
+    Quadratic coefficient of a parabola, per half width of the column, with Student's t test. The
+    runs test cannot detect a U in ten points.
+    """
+    width = 0.5 * np.ptp(order) if len(order) else 0.0
+    if len(rows) < 5 or width == 0.0 or len(np.unique(order)) < 4:
+        return Pattern(0.0, 1.0)
+    x = (order - order.min()) / width - 1.0
+    powers = np.stack([np.ones_like(x), x, x * x], axis=1)
+    inverse = np.linalg.pinv(powers.T @ powers)
+    coefficients = inverse @ (powers.T @ rows)
+    residuals = rows - powers @ coefficients
+    dof = len(rows) - 3
+    size, sd = float(coefficients[2]), float(np.sqrt(residuals @ residuals / dof * inverse[2, 2]))
+    if sd <= 1e-12 * abs(size):
+        return Pattern(size, 0.0 if abs(size) > 1e-9 else 1.0)
+    return Pattern(size, 2.0 * float(stdtr(dof, -abs(size) / sd)))
+
+
+def runs_along(order: Array, rows: Array) -> Pattern:
+    """Count runs of equal sign of weighted residuals (m,) along a column (m,).
+
+    Too few runs indicate a missing curve. Points of equal column value are averaged. Runs test of
+    Wald and Wolfowitz (Ann. Math. Stat. 11, 1940), normal approximation.
+    """
+    values, position = np.unique(order, return_inverse=True)
+    positive = np.bincount(position, rows) > 0.0
+    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if len(values) else 0
+    if positive.sum() < 3 or (~positive).sum() < 3:
+        return Pattern(runs, 1.0, runs)
+    expected, sd = expected_runs(positive)
+    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / sd)), expected)
+
+
+def expected_runs(positive: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return mean and sd of the number of runs for independent signs (Wald-Wolfowitz)."""
+    above, total = int(positive.sum()), len(positive)
+    mixed = 2.0 * above * (total - above)
+    variance = mixed * (mixed - total) / (total**2 * (total - 1)) if total > 1 else 0.0
+    return 1.0 + mixed / max(total, 1), float(np.sqrt(max(variance, 0.0)))
+
+
+def trend_along(order: Array, rows: Array) -> Pattern:
+    """Return Spearman's rank correlation of weighted residuals (m,) with a column (m,)."""
+    if len(rows) < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
+        return Pattern(0.0, 1.0)
+    return Pattern(*(float(number) for number in spearmanr(order, rows)))
+
+
+def outliers(rows: Array) -> NDArray[np.intp]:
+    """Return outliers (k,), worst first: fewer than 0.05 points expected beyond (Chauvenet)."""
+    chance = 2.0 * ndtr(-np.abs(rows)) * len(rows)
+    far = np.flatnonzero(chance < 0.05)
+    return far[np.argsort(-np.abs(rows[far]))].astype(np.intp)
