@@ -21,10 +21,9 @@ from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
-from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
-from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.solve import solve
 from benchtool.fit.uncertainty.budget import Budget, with_budget
