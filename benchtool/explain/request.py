@@ -70,7 +70,7 @@ class Request:
         model, effects = self.loaded.model, [e for e in self.user_effects if self.kind in e.benches]
         if self.kind == "sweep":
             learn, check = (
-                [sweep_log(source.recording, model.rig) for source in part]
+                [sweep_log(source.recording, model.rig, zero=source.zero) for source in part]
                 for part in (self.learn, self.check)
             )
             return SweepSubject(model, learn, check, effects)

@@ -33,8 +33,7 @@ from benchtool.fit.uncertainty.bench_errors import (
     bench_errors,
     concatenate_visits,
 )
-from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
-from benchtool.fit.uncertainty.zero_drift import add_zero_drift
+from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells, run_zero_noise
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -134,7 +133,6 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         )
     parts = [_read_file(path, recipe, loaded) for path in recipe.data]
     rig = loaded.model.rig
-    parts = [add_zero_drift(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
     points = _concatenate(parts)
     has_ratios = "thrust_N" not in points and "thrust_ratio" in points
     if has_ratios and recipe.basis != RATIO_BASIS:
@@ -209,6 +207,10 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if recipe.basis != "joint" and not has_ratios:
         # A reference over itself is 1 and carries no information.
         used = used & (points.column("kind") != word_to_code("kind", "reference"))
+    visits = [
+        Visits.of(part, Conditions.from_recording(part, rig), rig, run_zero_noise(path, rig))
+        for path, part in zip(recipe.data, parts, strict=True)
+    ]
     return FitData(
         points=points,
         conditions=conditions,
@@ -223,9 +225,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error_sources=sources,
         load_cells=load_cells(recipe.data, parts, recipe.calibration),
         by_thrust=by_thrust,
-        visits=concatenate_visits(
-            [Visits.of(part, Conditions.from_recording(part, rig), rig) for part in parts]
-        ),
+        visits=concatenate_visits(visits),
     )
 
 

@@ -293,7 +293,7 @@ def _zero_covariance(path: Path, points: Recording, rig: Rig) -> Array:
     drift_N2: Array = np.zeros((len(points), len(points)))
     if "elapsed_s" in points:
         time_since_tare_s = np.nan_to_num(points.column("elapsed_s"))
-        drift_N2 = zero_covariance(time_since_tare_s, zero_noise(points, rig))
+        drift_N2 = zero_covariance(time_since_tare_s, zero_noise(rig))
     pulses = [points.column(name) for name in speed_columns(points.names, "pwm")]
     turning = np.maximum((np.array(pulses) > rig.propulsion.pwm_stop_us).sum(axis=0), 1)
     return (drift_N2 + tare_error_N2) / np.outer(turning, turning)
