@@ -13,7 +13,6 @@ import tomli_w
 
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
-from benchtool.core.library import list_names, read_library_file, user_names
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
     ValueSources,
@@ -23,6 +22,7 @@ from benchtool.core.toml_text import (
     unwrap_quantities,
 )
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.user_file import list_names, read_library_file, user_names
 
 
 def rig_names() -> tuple[str, ...]:

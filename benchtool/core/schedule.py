@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from benchtool.core.choices import SignalShape
 from benchtool.core.errors import InputError
-from benchtool.core.library import list_names, read_library_file
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.units import Array
+from benchtool.core.user_file import list_names, read_library_file
 
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]

@@ -21,9 +21,9 @@ from benchtool.core.channel import (
     unit_from_name,
 )
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
-from benchtool.core.library import read_library_file
 from benchtool.core.toml_text import FileTable, build_dataclass, parse_toml
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, find_unit
+from benchtool.core.user_file import read_library_file
 
 _SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, N·m and ºC)
     **dict.fromkeys(("µs", "μs", "usec"), "us"),

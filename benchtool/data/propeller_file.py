@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.library import list_names, read_library_file, user_names
 from benchtool.core.rig import Propeller
 from benchtool.core.toml_text import (
     ValueSources,
@@ -17,6 +16,7 @@ from benchtool.core.toml_text import (
     unwrap_quantities,
 )
 from benchtool.core.units import to_si
+from benchtool.core.user_file import list_names, read_library_file, user_names
 
 FOLDER = "propellers"
 

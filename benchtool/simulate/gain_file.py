@@ -11,7 +11,6 @@ from typing import Annotated, Any, get_type_hints
 from annotated_types import Ge, Gt
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.library import list_names, read_library_file
 from benchtool.core.toml_text import (
     FiniteTable,
     ValueSources,
@@ -20,6 +19,7 @@ from benchtool.core.toml_text import (
     require_sources,
     unwrap_quantities,
 )
+from benchtool.core.user_file import list_names, read_library_file
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
