@@ -14,13 +14,7 @@ import tomli_w
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
-from benchtool.core.toml_text import (
-    ValueSources,
-    build_dataclass,
-    parse_toml,
-    require_sources,
-    unwrap_quantities,
-)
+from benchtool.core.toml_text import ValueSources, build_dataclass, parse_quantities
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.core.user_file import list_names, read_library_file, user_names
 
@@ -49,9 +43,7 @@ def parse_rig(text: str, where: str) -> Rig:
         UnknownChoice: unknown key.
         FileFormatError: number without source, of the wrong type, or out of range.
     """
-    value_sources = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), value_sources)
-    require_sources(value_sources, where)
+    data, value_sources = parse_quantities(text, where)
     _fill_missing(data, value_sources)
     rig = build_dataclass(Rig, data, where)
     rig = replace(rig, sources=value_sources.by_key, assumed=tuple(value_sources.assumed))
