@@ -108,11 +108,8 @@ class Recording:
 
 def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: bool = False) -> None:
     """Raise InputError for more active rotors than in the rig, or fewer with `lacking`."""
-    present = count_rotors(recording)
-    if not present:
-        return
-    rig_count, count = len(rig.rotors), max(present)
-    if count > rig_count or (lacking and count < rig_count):
+    count, rig_count = _count_rotors(recording), len(rig.rotors)
+    if count > rig_count or (lacking and 0 < count < rig_count):
         raise InputError(
             f"{name} has pulses or speeds of {pluralize(count, 'rotor')}, and the model "
             f"{rig_count} (rig {rig.name!r}); name the model of this bench with --model, or map "
@@ -120,18 +117,16 @@ def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: boo
         )
 
 
-def count_rotors(recording: Recording) -> tuple[int, ...]:
-    """Return the numbers (from 1) of the rotors whose pulse or speed changes, in order.
+def _count_rotors(recording: Recording) -> int:
+    """Return the highest number of a rotor whose pulse or speed changes; 0 without one.
 
     A constant channel may be unconnected.
     """
-    numbers = set()
+    count = 0
     for name in recording.names:
-        number = _ROTOR.fullmatch(name)
-        if number is None:
-            continue
-        values = recording.column(name)
-        finite = values[np.isfinite(values)]
-        if len(finite) and np.ptp(finite) > 0.0:
-            numbers.add(int(number[1]))
-    return tuple(sorted(numbers))
+        if number := _ROTOR.fullmatch(name):
+            values = recording.column(name)
+            finite = values[np.isfinite(values)]
+            if len(finite) and np.ptp(finite) > 0.0:
+                count = max(count, int(number[1]))
+    return count

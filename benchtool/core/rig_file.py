@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, asdict, fields, replace
 from functools import lru_cache
 from math import inf, pi
@@ -47,7 +47,9 @@ def parse_rig(text: str, where: str) -> Rig:
     _fill_missing(data, value_sources)
     rig = build_dataclass(Rig, data, where)
     rig = replace(rig, sources=value_sources.by_key, assumed=tuple(value_sources.assumed))
-    _check(rig, where)
+    check_name(f"rig in {where}", rig.name)
+    for problem in _problems(rig):
+        raise FileFormatError(where, problem)
     return rig
 
 
@@ -173,40 +175,34 @@ def require_values(rig: Rig, keys: Sequence[str], purpose: str) -> None:
         )
 
 
-def _check(rig: Rig, where: str) -> None:
-    check_name(f"rig in {where}", rig.name)
+def _problems(rig: Rig) -> Iterator[str]:
+    """Yield contradictions between the values of a rig, with remedies."""
     limits, plate, propulsion = rig.limits, rig.plate, rig.propulsion
     if limits.thrust_N > limits.load_cell_rating_N:
-        raise FileFormatError(
-            where,
+        yield (
             f"limits.thrust_N is {limits.thrust_N:g} N, above the load cell's rating of "
-            f"{limits.load_cell_rating_N:g} N; lower the limit",
+            f"{limits.load_cell_rating_N:g} N; lower the limit"
         )
     if not plate.z_min_m < plate.z_max_m:
-        raise FileFormatError(
-            where,
+        yield (
             f"plate.z_min_m {plate.z_min_m:g} is not below plate.z_max_m {plate.z_max_m:g}; "
-            f"swap or correct them",
+            f"swap or correct them"
         )
     if not propulsion.pwm_stop_us <= propulsion.pwm_start_us < propulsion.pwm_max_us:
-        raise FileFormatError(
-            where,
+        yield (
             "propulsion needs pwm_stop_us <= pwm_start_us < pwm_max_us, got "
-            f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
+            f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}"
         )
     propeller, diameter_m = rig.propeller, 2.0 * propulsion.radius_m
     if propeller and abs(propeller.diameter_m / diameter_m - 1.0) > MAX_DIAMETER_DIFFERENCE:
-        raise FileFormatError(
-            where,
+        yield (
             f"propeller.diameter_m is {propeller.diameter_m:g} m, but propulsion.radius_m makes "
-            f"{diameter_m:g} m; correct one of them",
+            f"{diameter_m:g} m; correct one of them"
         )
-    motor = rig.motor
-    if motor and not motor.governed and not motor.has_curve:
-        raise FileFormatError(
-            where,
+    if rig.motor and not rig.motor.governed and not rig.motor.has_curve:
+        yield (
             "motor needs Kv_rpm_V and resistance_ohm, or governed = true if the ESC controls "
-            "the speed; add them, or remove the table",
+            "the speed; add them, or remove the table"
         )
 
 

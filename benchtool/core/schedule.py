@@ -188,7 +188,11 @@ class Schedule(FiniteTable):
             )
         ticks = max(1, round(self.duration_s * rate_Hz))
         t = np.arange(ticks) / rate_Hz
-        plate_z, share = self.plate_at(t, radius_m)
+        plate_z, share = np.full(ticks, PARKED_M), np.zeros(ticks)
+        for visit in self.plate:
+            fraction = visit.share(t)
+            plate_z = np.where(fraction > 0.0, visit.z_over_R * radius_m, plate_z)
+            share = np.maximum(share, fraction)
         observer, feedforward = np.ones(ticks), np.ones(ticks)
         for switch in self.switches:
             later = t >= switch.at_s - 1e-9
@@ -221,15 +225,6 @@ class Schedule(FiniteTable):
                 f"{track} of schedule {self.name!r} is {worst:g}; allowed: {low:g} to {high:g}"
             )
         return values
-
-    def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
-        """Return plate distance (m,) and visit fraction (m,), parked between visits."""
-        plate_z, share = np.full(time_s.shape, PARKED_M), np.zeros(time_s.shape)
-        for visit in self.plate:
-            fraction = visit.share(time_s)
-            plate_z = np.where(fraction > 0.0, visit.z_over_R * radius_m, plate_z)
-            share = np.maximum(share, fraction)
-        return plate_z, share
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

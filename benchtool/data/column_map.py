@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from benchtool.core.channel import (
     ColumnSource,
     check_channels,
-    require_known_channel,
+    is_known_channel,
     unit_from_name,
 )
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
@@ -330,11 +330,7 @@ def match_channel(name: str) -> str | None:
     """Return the channel for a column name, or None if it is ambiguous."""
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
-    try:
-        require_known_channel(name)
-    except UnknownChoice:
-        return NAMES.get(name.lower())
-    return name
+    return name if is_known_channel(name) else NAMES.get(name.lower())
 
 
 def guess_columns(
