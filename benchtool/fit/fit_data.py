@@ -290,13 +290,11 @@ def _concatenate(parts: Sequence[Recording]) -> Recording:
         )
     columns = []
     for name in names:
-        values = np.concatenate([part.column(name) for part in parts])
+        arrays = [part.column(name) for part in parts]
         if name == "setting":
-            steps = np.cumsum([0.0, *(part.column(name).max() for part in parts[:-1])])
-            values = np.concatenate(
-                [part.column(name) + step for part, step in zip(parts, steps, strict=True)]
-            )
-        columns.append((parts[0].channels[parts[0].index(name)], values))
+            steps = np.cumsum([0.0, *(array.max() for array in arrays[:-1])])
+            arrays = [array + step for array, step in zip(arrays, steps, strict=True)]
+        columns.append((parts[0].channels[parts[0].index(name)], np.concatenate(arrays)))
     return Recording.from_columns(
         columns, parts[0].provenance, any(part.simulated for part in parts)
     )

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
 from benchtool.core.units import Array
@@ -33,9 +32,8 @@ def problem_from_model(
     standard_error: Array | None = None,
     *,
     basis: Basis = "joint",
-    groups: IntArray | None = None,
     reference: Conditions | None = None,
-    error_sources: tuple[ErrorSource, ...] = (),
+    **fields: Any,
 ) -> Problem:
     """Return the problem of a model's free parameters and points in steady state.
 
@@ -46,10 +44,9 @@ def problem_from_model(
         conditions: conditions of m points.
         observed: (m,) thrust of the whole vehicle in N for basis "joint", else T_IGE/T_OGE.
         standard_error: (m,) of the observations; None means equal and unknown.
-        groups: (m,) settings; by default from the plate's position.
         reference: (m,) reference conditions of each ratio; None means no plate. A parked plate
             still has a ground effect of some per mille, which would bias R and K_b.
-        error_sources: errors shared by the m points.
+        fields: further fields of the problem; `groups` are by default plate positions.
     """
     if len(observed) != len(conditions):
         raise InputError(f"{len(conditions)} conditions, but {len(observed)} points were observed")
@@ -82,13 +79,12 @@ def problem_from_model(
         predict=_prediction(model, conditions, far, basis),
         observed=np.asarray(observed, float),
         standard_error=np.asarray(standard_error, float),
-        error_sources=error_sources,
         basis=basis,
         labels=_labels(conditions, z_over_R),
-        groups=plate_settings(conditions) if groups is None else groups,
         covariates=_varying(columns),
         facts=facts,
         missing=partial(find_trend_effects, model, conditions),
+        **{"groups": plate_settings(conditions), **fields},
     )
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.error_source import ErrorSource, Whitening, effective_dof
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, Parameters, Prior
+from benchtool.core.parameter import Parameters
 from benchtool.core.units import Array
 from benchtool.physics.effects.effect import Effect
 
@@ -283,52 +283,6 @@ class Problem:
             labels=tuple(self.label(int(i)) for i in rows),
             groups=None if self.groups is None else self.groups[rows],
             covariates={name: column[rows] for name, column in self.covariates.items()},
-        )
-
-    def with_calibration(
-        self,
-        scale_sd: float,
-        offset_sd_N: float,
-        source: str = "",
-        *,
-        rows: NDArray[np.bool_] | None = None,
-        name: str = "",
-        parts: tuple[ErrorSource, ...] = (),
-    ) -> Problem:
-        """Return the problem with the load cell's calibration as two nuisance parameters.
-
-        An observation is `calibration.scale` times the prediction plus `calibration.offset_N`. Both
-        are free, with the prior of the calibration around 1 and 0.
-
-        Args:
-            rows: (m,) True for points that used this calibration; None means all.
-            name: suffix of the parameters' names if there are several calibrations.
-            parts: error sources of the scale, see `prior_parts`.
-        """
-        weight = 1.0 if rows is None else rows.astype(float)
-        suffix = f"@{name}" if name else ""
-
-        def nuisance(kind: str, unit: str, value: float, sd: float) -> tuple[str, Parameter]:
-            prior = Prior("normal", value, sd, source)
-            parameter = Parameter(
-                f"{kind}{suffix}", unit, value, value,
-                prior=prior, free=True, tolerance=sd, source=source,
-            )  # fmt: skip
-            return f"calibration.{parameter.name}", parameter
-
-        scale = nuisance("scale", "1", 1.0, scale_sd)
-        offset = nuisance("offset_N", "N", 0.0, offset_sd_N)
-        predict_all = self.predict
-
-        def predict(values: Any) -> Any:
-            scale, offset = 1.0 + weight * (values[-2] - 1.0), weight * values[-1]
-            return scale * predict_all(values[:-2]) + offset
-
-        return replace(
-            self,
-            predict=predict,
-            parameters=Parameters((*self.parameters.items(), scale, offset)),
-            prior_parts={**self.prior_parts, scale[0]: parts},
         )
 
 

@@ -91,23 +91,23 @@ class FitOutput(FitSummary):
     @property
     def fitted(self) -> Model:
         """The model at the first method's estimates, noise parameters unchanged."""
-        estimates = self.results[0].estimates
-        model = _at_values(self.loaded.model, {item.name: item.value for item in estimates})
-        items = dict(model.parameters)
-        for item in estimates:
-            if item.name in items and not item.name.startswith("noise."):
-                source = ", ".join(filter(None, (self.recipe.name, item.bound)))
-                items[item.name] = replace(items[item.name], source=f"fitted: {source}")
-        return model.with_values(Parameters(items.items()))
+        values, sources = {}, {}
+        for item in self.results[0].estimates:
+            values[item.name] = item.value
+            source = ", ".join(filter(None, (self.recipe.name, item.bound)))
+            sources[item.name] = f"fitted: {source}"
+        return _at_values(self.loaded.model, values, sources)
 
 
-def _at_values(model: Model, values: Mapping[str, float]) -> Model:
+def _at_values(
+    model: Model, values: Mapping[str, float], sources: Mapping[str, str] | None = None
+) -> Model:
     """Return a model at fitted values, noise parameters unchanged."""
     items = dict(model.parameters)
     for name, value in values.items():
-        if name in items and not name.startswith("noise."):
-            value = float(np.clip(value, items[name].lower, items[name].upper))
-            items[name] = items[name].with_value(value)
+        if (item := items.get(name)) is not None and not name.startswith("noise."):
+            value = float(np.clip(value, item.lower, item.upper))
+            items[name] = replace(item, value=value, source=(sources or {}).get(name, item.source))
     return model.with_values(Parameters(items.items()))
 
 
@@ -197,10 +197,10 @@ def propagate_uncertainty(output: FitOutput) -> Propagation | None:
     """
     model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
     propagation = propagate(problem, result, _quantities(model, result, output.density))
-    reference = None if data.reference is None else data.reference.select(data.rows)
-    sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     if propagation is None:
         return None
+    reference = None if data.reference is None else data.reference.select(data.rows)
+    sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     bounds = {source.name: source for source in bound_sources(propagation, sources)}
     sources = tuple(
         replace(bounds[held.name], columns=bounds[held.name].sd / held.sd * held.columns)
@@ -247,9 +247,9 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         data.observed[rows],
         None if data.errors == "none" else data.standard_error[rows],
         basis=recipe.basis,
-        groups=None if data.groups is None else data.groups[rows],
         reference=None if data.reference is None else data.reference.select(rows),
         error_sources=data.shared_errors(model),
+        **({} if data.groups is None else {"groups": data.groups[rows]}),
     )
     if "thrust_N" not in data.points:
         problem = replace(problem, facts={**problem.facts, "data": "ratios"})

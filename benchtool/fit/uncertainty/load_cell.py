@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import f as fisher
 
 from benchtool.core.error_source import ErrorSource
+from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
@@ -137,24 +138,42 @@ def _line(calibration: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 def with_scale_errors(problem: Problem, errors: Sequence[ScaleError]) -> Problem:
-    """Return the problem with a free scale for each calibration, with its prior.
+    """Return the problem with each calibration as two nuisance parameters.
 
-    With several calibrations the names of scales contain the calibration id.
+    An observation is `calibration.scale` times the prediction plus `calibration.offset_N`. Both are
+    free, with the prior of the calibration around 1 and 0. With several calibrations their names
+    contain the calibration id.
     """
     for error in errors:
-        calibration = error.calibration
-        relative_sd = float(calibration["relative_sd"])
-        if relative_sd == 0.0 or not error.rows.any():
-            continue
-        problem = problem.with_calibration(
-            relative_sd,
-            TARED_ZERO_N,
-            f"calibration {calibration['id']}",
-            rows=error.rows,
-            name="" if len(errors) == 1 else str(calibration["id"]),
-            parts=_parts(calibration),
-        )
+        if float(error.calibration["relative_sd"]) and error.rows.any():
+            suffix = "" if len(errors) == 1 else f"@{error.calibration['id']}"
+            problem = _with_scale_error(problem, error, suffix)
     return problem
+
+
+def _with_scale_error(problem: Problem, error: ScaleError, suffix: str) -> Problem:
+    calibration, weight = error.calibration, error.rows.astype(float)
+    predict_all, source = problem.predict, f"calibration {calibration['id']}"
+
+    def nuisance(kind: str, unit: str, value: float, sd: float) -> tuple[str, Parameter]:
+        parameter = Parameter(
+            f"{kind}{suffix}", unit, value, value, prior=Prior("normal", value, sd, source),
+            free=True, tolerance=sd, source=source,
+        )  # fmt: skip
+        return f"calibration.{parameter.name}", parameter
+
+    def predict(values: Any) -> Any:
+        scale, offset = 1.0 + weight * (values[-2] - 1.0), weight * values[-1]
+        return scale * predict_all(values[:-2]) + offset
+
+    scale = nuisance("scale", "1", 1.0, float(calibration["relative_sd"]))
+    offset = nuisance("offset_N", "N", 0.0, TARED_ZERO_N)
+    return replace(
+        problem,
+        predict=predict,
+        parameters=Parameters((*problem.parameters.items(), scale, offset)),
+        prior_parts={**problem.prior_parts, scale[0]: _parts(calibration)},
+    )
 
 
 def _parts(calibration: Mapping[str, Any]) -> tuple[ErrorSource, ...]:
