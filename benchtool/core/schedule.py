@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from benchtool.core.choices import SignalShape
 from benchtool.core.errors import InputError
+from benchtool.core.rig import NotNegative, Positive
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.units import Array
 from benchtool.core.user_file import list_names, read_library_file
-
-NotNegative = Annotated[float, Ge(0.0)]
-Positive = Annotated[float, Gt(0.0)]
 
 MAX_DURATION_S = 3600.0  # of a run; its recording has several 100 MB; assumed
 MAX_PLATE_Z_OVER_R = 100.0  # the effect of a plate is negligible far below that

@@ -68,11 +68,7 @@ def user_folder(variable: str, unix: str, mac: str = "Application Support") -> P
 
 
 def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:
-    """Open a regular file for reading bytes.
-
-    Args:
-        path: of the file.
-        follow: whether to follow a symbolic link.
+    """Open a regular file for reading bytes; `follow` is whether to follow a symbolic link.
 
     Raises:
         FileFormatError: cannot be opened, or not a regular file.
@@ -240,7 +236,6 @@ def resource_error(error: OSError | MemoryError, subject: str, then: str = "") -
     """Return the error with a message for the user.
 
     Args:
-        error: of the system.
         subject: failed operation ("run cannot be closed").
         then: next step after its cause is removed.
     """
