@@ -16,7 +16,7 @@ from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import ValueSources, build_dataclass, parse_quantities
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.core.user_file import list_names, read_library_file, user_names
+from benchtool.core.user_file import LIBRARY, list_names, read_library_file
 
 
 def rig_names() -> tuple[str, ...]:
@@ -24,18 +24,12 @@ def rig_names() -> tuple[str, ...]:
     return list_names("rigs")
 
 
-@lru_cache(maxsize=32)
-def _library_rig(name: str) -> Rig:
-    return parse_rig(*read_library_file("rig", "rigs", name))
-
-
 def load_rig_by_name(name_or_path: str | Path) -> Rig:
     """Return a rig by name (bundled or user-defined) or by the path of its TOML file."""
-    if str(name_or_path) in set(rig_names()).difference(user_names("rigs")):
-        return _library_rig(str(name_or_path))
     return parse_rig(*read_library_file("rig", "rigs", name_or_path))
 
 
+@lru_cache(maxsize=32)
 def parse_rig(text: str, where: str) -> Rig:
     """Return the rig of TOML text.
 
@@ -215,8 +209,9 @@ def export_rig_reference(rig: Rig) -> tuple[str, str]:
     The text is empty for a bundled rig with the same values.
     """
     if rig.name in rig_names():
-        bundled = replace(_library_rig(rig.name), sources=rig.sources, assumed=rig.assumed)
-        if bundled == rig:
+        where = f"rigs/{rig.name}.toml"
+        bundled = parse_rig((LIBRARY / where).read_text(encoding="utf-8"), where)
+        if replace(bundled, sources=rig.sources, assumed=rig.assumed) == rig:
             return rig.name, ""
     return RIG_FILE, rig_to_toml(rig)
 

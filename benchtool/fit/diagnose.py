@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.special import chdtrc, fdtrc
 
-from benchtool.core.choices import Loss
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_SCALE, Problem
 from benchtool.fit.residuals import (
-    LOSSES,
     MAD_EFFICIENCY,
     MAD_TO_SD,
     Pattern,
@@ -68,7 +66,7 @@ class Diagnosis:
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     """Return the diagnosis of a least-squares or emcee result."""
     shape, noise = problem.split(result.values)
-    loss: Loss = next(name for name in LOSSES if name == result.facts.get("loss", "linear"))
+    loss: Any = result.facts.get("loss", "linear")
     whitening = problem.whitening(noise)
     rows = whitening(problem.residuals(result.values))
     if loss != "linear":  # residuals without shared errors, so that each outlier is one point

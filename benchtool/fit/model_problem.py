@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
 from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_SCALE, IntArray, Predict, Problem
@@ -48,8 +47,6 @@ def problem_from_model(
             still has a ground effect of some per mille, which would bias R and K_b.
         fields: further fields of the problem; `groups` are by default plate positions.
     """
-    if len(observed) != len(conditions):
-        raise InputError(f"{len(conditions)} conditions, but {len(observed)} points were observed")
     facts: dict[str, str | int | float | bool | None] = {"left_out_near": 0}  # key of result.json
     parameters = with_tolerances(model, "sweep")
     if standard_error is None:

@@ -213,10 +213,6 @@ class Problem:
         """Return observed less predicted (m,) at all free values (n_free,)."""
         return self.observed - self.predicted(self.split(values)[0])
 
-    def stated_rows(self, values: Array) -> Array:
-        """Return residuals (m,) at all free values (n_free,), whitened by the stated errors."""
-        return self.whitening(self.stated_noise)(self.residuals(values))
-
     @property
     def stated_noise(self) -> float:
         """Value of the free noise parameter at which errors equal the stated ones."""
@@ -229,11 +225,11 @@ class Problem:
 
         Chi-square includes the priors, the likelihood the points only.
         """
-        shape, noise = self.split(values)
-        rows = self.stated_rows(values)
+        (shape, noise), residuals = self.split(values), self.residuals(values)
+        rows = self.whitening(self.stated_noise)(residuals)
         prior = self.priors.matrix @ (shape - self.priors.mean)
         fitted = self.whitening(noise)
-        density = normal_log_density(fitted(self.residuals(values)), fitted.sigma)
+        density = normal_log_density(fitted(residuals), fitted.sigma)
         return float(rows @ rows + prior @ prior), float(density.sum()) - fitted.log_root_excess
 
     def predicted(self, shape: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,6 @@ from scipy.stats import spearmanr
 
 from benchtool.core.choices import Loss
 from benchtool.core.units import Array
-
-LOSSES: tuple[Loss, ...] = get_args(Loss)
 
 HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)
 # Variance inflation without outliers: mean(psi^2) / mean(psi')^2 over the normal distribution,

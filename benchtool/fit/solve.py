@@ -206,7 +206,12 @@ def solve(
     initial = np.clip(problem.start if start is None else start, lower, upper)
     with np.errstate(all="ignore"):
         first = problem.rows(initial, whitening)
-        _check_finite(problem, first)
+        bad = np.flatnonzero(~np.isfinite(first[: len(problem)]))
+        if bad.size:
+            raise EstimationError(
+                f"the model has no finite prediction for {problem.label(int(bad[0]))} (and "
+                f"{bad.size - 1} more) at the initial values; change these or remove the point"
+            )
         if method is None:
             method = derivative_method(problem, initial)
         if start is not None and loss == "linear":
@@ -301,12 +306,3 @@ def _polish(problem: Problem, whitening: Whitening, solution: Solution) -> Solut
             evaluations=solution.evaluations + 2,
         )
     return solution
-
-
-def _check_finite(problem: Problem, rows: Array) -> None:
-    bad = np.flatnonzero(~np.isfinite(rows[: len(problem)]))
-    if bad.size:
-        raise EstimationError(
-            f"the model has no finite prediction for {problem.label(int(bad[0]))} (and "
-            f"{bad.size - 1} more) at the initial values; change these or remove the point"
-        )
