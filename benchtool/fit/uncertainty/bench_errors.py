@@ -70,11 +70,6 @@ class Visits:
             zero=zero or zero_noise(rig),
         )
 
-    def select(self, rows: Mask | NDArray[np.intp]) -> Visits:
-        """Return the grouping of a subset of points."""
-        names = ("stay", "zero_s", "tared", "tare", "rounded")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
-
 
 def concatenate_visits(parts: list[Visits]) -> Visits:
     """Return the grouping of the points of several runs as one."""
