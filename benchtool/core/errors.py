@@ -111,7 +111,10 @@ class UnknownChoice(InputError):
 
 
 class FileFormatError(InputError):
-    """Invalid content of a file; `where` is the file, with line or key if available."""
+    """Invalid content of a file.
+
+    `where` is the file, with line or key if available.
+    """
 
     def __init__(self, where: str, problem: str) -> None:
         self.where = where
@@ -276,7 +279,7 @@ class RunInterrupted(BenchtoolError):
 
 
 class HostSuspended(RunInterrupted):
-    """Host suspended longer than the maximum age of a command, after which no run continues."""
+    """Host suspended longer than the maximum age of a command."""
 
     def __init__(self, paused_s: float, limit_s: float) -> None:
         self.paused_s = paused_s
