@@ -95,13 +95,6 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     return Diagnosis(verdict, p_value, found_confusions, far_points, sentences)
 
 
-def _columns(problem: Problem) -> dict[str, Array]:
-    """Return the covariates, and the order of the points unless a covariate equals it."""
-    order = np.arange(len(problem), dtype=float)
-    same = [abs(trend_along(column, order).size) for column in problem.covariates.values()]
-    return {**({} if max(same, default=0.0) > 0.9 else {"order": order}), **problem.covariates}
-
-
 def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
     """Return the result with the diagnosis among its warnings and facts."""
     diagnosis = diagnose(problem, result)
@@ -230,7 +223,10 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
 
 def _structure_messages(problem: Problem, rows: Array) -> list[str]:
     bends, sign_runs, slopes = [], [], []
-    for name, column in _columns(problem).items():
+    columns, order = dict(problem.covariates), np.arange(len(problem), dtype=float)
+    if all(abs(trend_along(column, order).size) <= 0.9 for column in columns.values()):
+        columns = {"order": order, **columns}
+    for name, column in columns.items():
         bend_pattern, runs_pattern = bend_along(column, rows), runs_along(column, rows)
         trend_pattern = trend_along(column, rows)
         if bend_pattern.chance < SIGNIFICANCE:

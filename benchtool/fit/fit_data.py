@@ -155,12 +155,14 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     sources: tuple[ErrorSource, ...] = ()
     by_thrust: Array | None = None
     reference: Conditions | None = None
+    error: Array | None
     if recipe.basis == "joint":
-        observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
+        observed = points.to_si("thrust_N")
+        error, is_from_samples = thrust_error(points) or (None, False)
+        is_within = is_from_samples or all(map(is_run, recipe.data))
+        errors = "within" if is_within else "stated"
     elif has_ratios:
-        observed, table_error = points.column("thrust_ratio"), ratio_error(points)
-        errors = "none" if table_error is None else "stated"
-        error = np.ones(len(points)) if table_error is None else table_error
+        observed, error, errors = points.column("thrust_ratio"), ratio_error(points), "stated"
         turning = np.sum(conditions.speed_rad_s**2, axis=0)
         by_thrust = np.diag(1.0 / (model.parameters["k"].value * turning))
         reference = conditions.out_of_ground_effect()
@@ -174,15 +176,22 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         by_thrust = block_diag(*(ratio.thrust_jacobian for ratio in run_ratios))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
+        is_parked = [part.column("kind") == word_to_code("kind", "reference") for part in parts]
+        parked_m = [
+            np.full(len(part), float(part.to_si("plate_z_m")[rows].mean()))
+            for part, rows in zip(parts, is_parked, strict=True)
+        ]
         # The load cell drifts between a visit and its references; the tare error is in both.
         reference = Conditions.build(
             model.rig,
             speed_rad_s=conditions.speed_rad_s,
-            plate_z_m=np.concatenate([_parked_m(part) for part in parts]),
+            plate_z_m=np.concatenate(parked_m),
             voltage_V=conditions.voltage_V,
             elapsed_s=share @ np.nan_to_num(conditions.elapsed_s),
             time_s=share @ np.nan_to_num(conditions.time_s),
         )
+    if error is None:
+        error, errors = np.ones(len(points)), "none"
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
         max_thrust_N = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
         raise InputError(
@@ -298,20 +307,6 @@ def _concatenate(parts: Sequence[Recording]) -> Recording:
     return Recording.from_columns(
         columns, parts[0].provenance, any(part.simulated for part in parts)
     )
-
-
-def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
-    thrust, error_and_kind = points.to_si("thrust_N"), thrust_error(points)
-    if error_and_kind is None:
-        return thrust, np.ones(len(points)), "none"
-    error, is_from_samples = error_and_kind
-    return thrust, error, "within" if is_whole_run or is_from_samples else "stated"
-
-
-def _parked_m(part: Recording) -> Array:
-    """Return the plate distance of the references of one run, for every point (n,): m."""
-    parked = part.column("kind") == word_to_code("kind", "reference")
-    return np.full(len(part), float(part.to_si("plate_z_m")[parked].mean()))
 
 
 def _select_points(
