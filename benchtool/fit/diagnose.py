@@ -58,7 +58,6 @@ class Diagnosis:
 
     verdict: Verdict
     chance: float  # p-value of chi2 for a correct model and correct stated errors
-    confusions: tuple[Confusion, ...]  # parameters that this data cannot separate
     outliers: tuple[int, ...]  # (k,) point indices
     sentences: tuple[str, ...]  # messages for the user
 
@@ -85,14 +84,13 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     # Outliers are relative to the observed scatter if it exceeds the stated one.
     scatter = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
     far_points = tuple(int(i) for i in outliers(rows_alone / scatter))
-    found_confusions = confusions(problem, result)
     sentences = (
-        *(str(item) for item in found_confusions),
+        *_confusion_messages(problem, result),
         *_verdict_messages(verdict, result, p_value, misfit.size),
         *_structure_messages(problem, rows),
         *_outlier_messages(problem, rows_alone / scatter, far_points),
     )
-    return Diagnosis(verdict, p_value, found_confusions, far_points, sentences)
+    return Diagnosis(verdict, p_value, far_points, sentences)
 
 
 def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
@@ -277,35 +275,8 @@ def _outlier_messages(problem: Problem, rows: Array, points: tuple[int, ...]) ->
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Confusion:
-    """Parameters that the data cannot separate."""
-
-    names: tuple[str, ...]  # most involved first; a single one is undetermined
-    inflation: float  # ratio of their sd to the sd with the others known
-    open_directions: int  # number of undetermined combinations; 0 for none
-    remedy: str  # measurement that would separate them
-
-    def __str__(self) -> str:
-        """Return one sentence with the remedy."""
-        if len(self.names) == 1:
-            return f"these data do not determine {self.names[0]}; fix it, or {self.remedy}"
-        listed = " and ".join([", ".join(self.names[:-1]), self.names[-1]])
-        if not self.open_directions:
-            return (
-                f"{listed} can hardly be separated (uncertainty {self.inflation:.0f} times larger "
-                f"than with the others known); fix one, or {self.remedy}"
-            )
-        n_determined = len(self.names) - self.open_directions
-        return (
-            f"{listed} cannot be separated by these data, which determine only {n_determined} "
-            f"combination{'s' if n_determined > 1 else ''} of these {len(self.names)}; fix "
-            f"{self.open_directions}, or {self.remedy}"
-        )
-
-
-def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
-    """Return confused parameters of a result, the worst first."""
+def _confusion_messages(problem: Problem, result: FitResult) -> list[str]:
+    """Return sentences on parameters that the data cannot separate, the worst first."""
     shape, noise = problem.split(result.values)
     with np.errstate(all="ignore"):
         method = derivative_method(problem, shape)
@@ -313,8 +284,14 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     names = problem.shape_names
     estimate = estimate_covariance(jacobian, method)
     if estimate.undetermined:
-        return _undetermined_groups(names, estimate.directions)
-    confused: list[Confusion] = []
+        # One sentence for each set of parameters that share undetermined directions.
+        sizes = np.where(np.abs(estimate.directions) > PART, np.abs(estimate.directions), 0.0)
+        _, group = connected_components(sizes @ sizes.T > 0.0)
+        return [
+            _confusion_message(names, sizes[rows].sum(axis=0), np.inf, int(rows.sum()))
+            for rows in (group == number for number in dict.fromkeys(group[::-1]))
+        ]
+    confused = []
     norms = np.linalg.norm(jacobian, axis=0)
     inflation = np.sqrt(np.diag(estimate.covariance)) * norms
     _, singular, directions = np.linalg.svd(jacobian / norms, full_matrices=False)
@@ -324,8 +301,8 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
         if worst >= INFLATION and any(
             _matters(problem, result, name) for name in compress(names, involved)
         ):
-            confused.append(_build_confusion(names, np.abs(direction), worst))
-    return tuple(confused)
+            confused.append(_confusion_message(names, np.abs(direction), worst))
+    return confused
 
 
 def _matters(problem: Problem, result: FitResult, name: str) -> bool:
@@ -333,19 +310,15 @@ def _matters(problem: Problem, result: FitResult, name: str) -> bool:
     return estimate.sd > (MIN_RELATIVE_SD * abs(estimate.value) if limit is None else limit)
 
 
-def _undetermined_groups(names: tuple[str, ...], directions: Array) -> tuple[Confusion, ...]:
-    """Return one confusion for each set of parameters that share undetermined directions (k, n)."""
-    sizes = np.where(np.abs(directions) > PART, np.abs(directions), 0.0)
-    _, group = connected_components(sizes @ sizes.T > 0.0)
-    return tuple(
-        _build_confusion(names, sizes[rows].sum(axis=0), np.inf, int(rows.sum()))
-        for rows in (group == number for number in dict.fromkeys(group[::-1]))
-    )
-
-
-def _build_confusion(
+def _confusion_message(
     names: tuple[str, ...], involvement: Array, inflation: float, open_directions: int = 0
-) -> Confusion:
+) -> str:
+    """Return one sentence on confused parameters, the most involved first, with the remedy.
+
+    Args:
+        inflation: ratio of their sd to the sd with the others known.
+        open_directions: number of undetermined combinations; 0 for none.
+    """
     limit = 0.0 if open_directions else MIN_COMPONENT
     order = np.argsort(-involvement)
     involved = tuple(names[i] for i in order if involvement[i] > limit)
@@ -361,4 +334,17 @@ def _build_confusion(
         remedy = "measure where it acts"
     else:
         remedy = "measure at further plate distances and throttle levels, or state a prior"
-    return Confusion(involved, inflation, open_directions, remedy)
+    if len(involved) == 1:
+        return f"these data do not determine {involved[0]}; fix it, or {remedy}"
+    listed = " and ".join([", ".join(involved[:-1]), involved[-1]])
+    if not open_directions:
+        return (
+            f"{listed} can hardly be separated (uncertainty {inflation:.0f} times larger "
+            f"than with the others known); fix one, or {remedy}"
+        )
+    n_determined = len(involved) - open_directions
+    return (
+        f"{listed} cannot be separated by these data, which determine only {n_determined} "
+        f"combination{'s' if n_determined > 1 else ''} of these {len(involved)}; fix "
+        f"{open_directions}, or {remedy}"
+    )
