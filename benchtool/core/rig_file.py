@@ -55,14 +55,10 @@ def _pulse(tables: Mapping[str, Any], name: str) -> float:
     return float(tables["propulsion"][name])
 
 
-def _max_speed_rad_s(tables: Mapping[str, Any]) -> float:
-    range_us = _pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us")
-    return range_us * _pulse(tables, "speed_per_us_rad_s")
-
-
 def _thrust_N(tables: Mapping[str, Any], n: int, fraction: float) -> float:
     """Return the thrust of all rotors at a fraction of the maximum speed."""
-    speed_rad_s = fraction * _max_speed_rad_s(tables)
+    range_us = _pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us")
+    speed_rad_s = fraction * (range_us * _pulse(tables, "speed_per_us_rad_s"))
     return float(n * (_pulse(tables, "thrust_coefficient_N_s2") * speed_rad_s**2))
 
 

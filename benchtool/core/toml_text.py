@@ -55,7 +55,7 @@ class FiniteTable(FileTable):
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ValueSources:
     """Sources of the numbers of a file, by dotted key."""
 

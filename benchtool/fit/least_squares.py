@@ -87,12 +87,9 @@ def fit_least_squares(problem: Problem, *, loss: Loss = "linear") -> FitResult:
     }
     if noise is not None:
         by_name[noise.name] = noise
-        n = len(problem.free_names)
-        whole = np.zeros((n, n))
-        whole[np.ix_(problem.shape_index, problem.shape_index)] = covariance
         position = problem.free_names.index(noise.name)
-        whole[position, position] = noise.sd**2
-        covariance = whole
+        covariance = np.insert(np.insert(covariance, position, 0.0, axis=0), position, 0.0, axis=1)
+        covariance[position, position] = noise.sd**2
     estimates = tuple(by_name[name] for name in problem.free_names)
     values = np.array([estimate.value for estimate in estimates])
     chi2, log_likelihood = problem.quality(values)

@@ -176,12 +176,16 @@ def derivative_method(problem: Problem, shape: Array) -> DerivativeMethod:
     return select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
 
 
+def prediction_jacobian(problem: Problem, method: DerivativeMethod, shape: Array) -> Array:
+    """Return d prediction / d shape (m, n_shape)."""
+    return derivatives(problem.predict, shape, len(problem), problem.shape_bounds, method)
+
+
 def row_jacobian(
     problem: Problem, method: DerivativeMethod, shape: Array, whitening: Whitening
 ) -> Array:
     """Return d rows / d shape (m + q, n_shape)."""
-    data = derivatives(problem.predict, shape, len(problem), problem.shape_bounds, method)
-    data = whitening(data)
+    data = whitening(prediction_jacobian(problem, method, shape))
     return np.concatenate([data, problem.priors.matrix]) if len(problem.priors) else data
 
 
