@@ -354,11 +354,8 @@ def input_values(inputs: Any) -> dict[str, Any]:
 def with_changes(inputs: Any) -> dict[str, Any]:
     """Return the inputs that differ from their defaults, by name."""
     values = input_values(inputs)
-    return {
-        item.name: values[item.name]
-        for item in items(type(inputs))
-        if values[item.name] != item.default
-    }
+    defaults = {item.name: item.default for item in items(type(inputs))}
+    return {name: value for name, value in values.items() if value != defaults[name]}
 
 
 def to_arguments(cls: type[Any], values: Mapping[str, Any]) -> list[str]:
