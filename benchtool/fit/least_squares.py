@@ -246,7 +246,8 @@ def _fit_place(problem: Problem, first: Solution, loss: Loss) -> tuple[Estimate,
     def find_end(limit: float, side: float) -> float:
         if rise(side, limit) < 0.0:
             return 0.0 if side == low else parameter.upper
-        return float(np.exp(brentq(rise, *sorted((side, best_log)), args=(limit,), xtol=1e-4)))
+        a, b = sorted((side, best_log))
+        return float(np.exp(brentq(rise, a, b, args=(limit,), xtol=1e-4)))
 
     value = float(np.exp(best_log))
     solution = _refit(problem, value, latest, loss)
