@@ -172,7 +172,7 @@ def _build(cls: type[T], table: Mapping[str, Any], **values: Any) -> T:
 
 def _parse(value: Any, kind: Any) -> Any:
     """Convert a JSON value to its type; null means nan."""
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         return _build(kind, value)
     if get_origin(kind) is tuple:
         return tuple(_parse(item, get_args(kind)[0]) for item in value)
