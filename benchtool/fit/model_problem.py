@@ -160,10 +160,10 @@ def function_problem(
 
     Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
     """
-    all_parameters = Parameters(parameters.items())
+    all_parameters = Parameters(parameters)
     if standard_error is None:
         standard_error = np.ones(len(observed))
-        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
+        all_parameters[NOISE_SCALE] = noise_parameter()
     return Problem(
         model=name,
         parameters=all_parameters,

@@ -108,7 +108,7 @@ def _at_values(
         if (item := items.get(name)) is not None and not name.startswith("noise."):
             value = float(np.clip(value, item.lower, item.upper))
             items[name] = replace(item, value=value, source=(sources or {}).get(name, item.source))
-    return model.with_values(Parameters(items.items()))
+    return model.with_values(Parameters(items))
 
 
 @np.errstate(all="ignore")  # values that are not finite are excluded or raise by name
@@ -140,7 +140,7 @@ def run_recipe(
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
-    others = _load_models(recipe, loaded.model, permit)
+    others = _load_compared(recipe, loaded.model, permit)
     fit = FitOutput(
         model=loaded.model.name,
         rig=loaded.model.rig.name,
@@ -158,7 +158,6 @@ def run_recipe(
     results = tuple(_estimate(fit, method, progress, profile) for method in recipe.methods)
     fit = replace(fit, results=results)
     if set(recipe.compare) - {LAWS}:
-        others = [_prepare_comparison(other, loaded.model, recipe) for other in others]
         problems = [fit.problem, *(recipe_problem(other, recipe, data) for other in others)]
         fit = replace(fit, comparison=compare(problems, seed=recipe.seed))
     if LAWS in recipe.compare:
@@ -179,15 +178,25 @@ def run_recipe(
     return replace(fit, budget=made, results=with_budget(results, made))
 
 
-def _load_models(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
-    """Return the models to compare, on the same rig."""
+def _load_compared(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
+    """Return the models to compare, on the same rig, with the same noise and nuisances free."""
     names = [name for name in dict.fromkeys(recipe.compare) if name not in (LAWS, recipe.model)]
     try:
-        return [load_model(name, model.rig, permit=permit).model for name in names]
+        others = [load_model(name, model.rig, permit=permit).model for name in names]
     except UnknownChoice as unknown:
         if unknown.name in names:
             raise UnknownChoice(unknown.kind, unknown.name, (*unknown.choices, LAWS)) from None
         raise
+    compared = []
+    for other in others:
+        shared, own_names = {"noise.scale", "noise.sd_N"}, {effect.name for effect in other.effects}
+        for effect in model.effects:
+            if effect.name not in own_names and effect.subsystem in ("sensor", "plate"):
+                other = other.with_effect(effect)
+                shared |= {name for name in model.parameters if name.startswith(f"{effect.name}.")}
+        items = {**other.parameters, **{name: model.parameters[name] for name in shared}}
+        compared.append(other.with_values(Parameters(items)))
+    return compared
 
 
 def propagate_uncertainty(output: FitOutput) -> Propagation | None:
@@ -228,7 +237,7 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     for name, start in (("noise.sd_N", 1e-3), (NOISE_PLACE, PLACE_START_M)):
         if items[name].free and items[name].value == 0.0:
             items[name] = items[name].with_value(start)
-    return model.with_values(Parameters(items.items()))
+    return model.with_values(Parameters(items))
 
 
 PLACE_START_M = 1e-4  # initial value of a free `noise.place_m` without rig data; assumed
@@ -265,18 +274,6 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         return problem
     near = _at_values(model, dict(zip(problem.shape_names, shape, strict=True)))
     return replace(problem, error_sources=data.shared_errors(near))
-
-
-def _prepare_comparison(other: Model, model: Model, recipe: Recipe) -> Model:
-    """Return another model of the same rig with the same noise and nuisance parameters free."""
-    shared, own_names = {"noise.scale", "noise.sd_N"}, {effect.name for effect in other.effects}
-    for effect in model.effects:
-        if effect.name not in own_names and effect.subsystem in ("sensor", "plate"):
-            other = other.with_effect(effect)
-            shared |= {name for name in model.parameters if name.startswith(f"{effect.name}.")}
-    items = {**other.parameters, **{name: model.parameters[name] for name in shared}}
-    other = other.with_values(Parameters(items.items()))
-    return other if recipe.basis == "joint" else other.with_fixed("k")
 
 
 def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) -> FitResult:
