@@ -15,6 +15,7 @@ from functools import cache
 from math import isfinite
 from typing import (
     TYPE_CHECKING,
+    Annotated,
     Any,
     ClassVar,
     NoReturn,
@@ -191,24 +192,27 @@ def _dotted(location: Sequence[int | str]) -> str:
 def _known_keys(cls: Any, location: Sequence[int | str]) -> list[str]:
     """Return the field names of the table that `location` leads to, starting from `cls`."""
     for part in location:
-        cls = _without_none(cls)
+        cls = plain_type(cls, [])
         origin = get_origin(cls)
         if dataclasses.is_dataclass(cls):
             cls = get_type_hints(cls).get(str(part), object)
         elif origin is not None:
             arguments = [arg for arg in get_args(cls) if arg is not Ellipsis]
             cls = arguments[-1] if issubclass(origin, Mapping) else arguments[0]
-    cls = _without_none(cls)
+    cls = plain_type(cls, [])
     if dataclasses.is_dataclass(cls):
         return [item.name for item in dataclasses.fields(cls)]
     return []
 
 
-def _without_none(cls: Any) -> Any:
-    """Return `X` for `X | None`."""
-    if get_origin(cls) in (Union, types.UnionType):
-        return next(arg for arg in get_args(cls) if arg is not type(None))
-    return cls
+def plain_type(hint: Any, metadata: list[Any]) -> Any:
+    """Return a type without None and without its annotations; append these to `metadata`."""
+    if get_origin(hint) is Annotated:
+        metadata.extend(hint.__metadata__)
+        return plain_type(get_args(hint)[0], metadata)
+    if get_origin(hint) in (Union, types.UnionType):
+        return plain_type(next(arg for arg in get_args(hint) if arg is not type(None)), metadata)
+    return hint
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:

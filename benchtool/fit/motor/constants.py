@@ -37,12 +37,7 @@ from benchtool.fit.motor.law import (
     step_lags,
     t_estimate,
 )
-from benchtool.fit.motor.runs import (
-    MotorData,
-    ThrottlePoints,
-    concatenate_points,
-    read_motor_data,
-)
+from benchtool.fit.motor.runs import MotorData, ThrottlePoints, concatenate_points, read_motor_data
 
 MIN_LEVELS = 4  # throttle levels of a curve: one more than its parameters; assumed
 MAX_EXPONENT_SD = 0.25  # above it the voltage exponent is set to 1 with this sd; assumed
