@@ -287,17 +287,14 @@ def _fit_by_search(
     x_min, x_max = lower**2, min(parameter.upper, 1e9 * unit) ** 2
     latest = first
 
-    def inverse(x: float) -> float:
-        """Return y = 1 / chi2 at x, the squared noise, for a secant search: concave in x."""
-        nonlocal latest
-        latest = _refit(problem, x**0.5, latest, loss)
-        return 1.0 / max(latest.chi2, 1e-300)
-
     def solve_noise(target: float, guess: float, tolerance: float) -> float:
+        """Search by secants of y = 1 / chi2 at x, the squared noise: concave in x."""
+        nonlocal latest
         x, low, high = float(np.clip(guess**2, max(x_min, 1e-6 * unit**2), x_max)), x_min, x_max
         x_0, y_0 = 0.0, 0.0
         for _ in range(MAX_STEPS):
-            y = inverse(x)
+            latest = _refit(problem, x**0.5, latest, loss)
+            y = 1.0 / max(latest.chi2, 1e-300)
             excess = target * y - 1.0
             if (excess >= 0.0 and x == x_min) or (excess <= 0.0 and x == x_max):
                 break

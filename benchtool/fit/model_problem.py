@@ -163,7 +163,7 @@ def function_problem(
     all_parameters = Parameters(parameters)
     if standard_error is None:
         standard_error = np.ones(len(observed))
-        all_parameters[NOISE_SCALE] = noise_parameter()
+        all_parameters = Parameters({**parameters, NOISE_SCALE: noise_parameter()})
     return Problem(
         model=name,
         parameters=all_parameters,
