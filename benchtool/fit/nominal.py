@@ -78,41 +78,37 @@ def nominal_model(name: str, rig: Rig, permit: CodePermit = check_code_allowed) 
     Raises:
         InputError: the fit was made on another rig.
     """
-    path = Path(model_file(name))
+    path, rng = Path(model_file(name)), np.random.default_rng(0)
+    draws: dict[str, Array] = {}
+    fitted_to: tuple[str, ...] = ()
+    spread = ""
     if (path.parent / "result.json").is_file() and path.suffix == ".toml":
-        return _fitted(path, rig, permit)
-    model = load_model(str(path), rig, permit).model
-    rng = np.random.default_rng(0)
-    draws = {}
-    for key, parameter in model.parameters.items():
-        if parameter.prior.kind == "normal" and key != "inertia_kgm2":
-            samples = rng.normal(parameter.value, parameter.prior.sd, (DRAWS, 1))
-            draws[key] = np.clip(samples, parameter.lower, parameter.upper)
-    description = f"priors stated by {model.name}: {', '.join(draws)}" if draws else ""
-    return NominalModel(model=model, draws=draws, spread=description)
-
-
-def _fitted(path: Path, rig: Rig, permit: CodePermit) -> NominalModel:
-    loaded = load_model(str(path), permit=permit)
-    if mismatches := find_differences(loaded.model.rig, rig):
-        raise InputError(
-            f"{path} was fitted on another rig than the run's ({mismatches[0]}); use a model that "
-            f"was fitted on this rig"
-        )
-    tables = read_result(path.parent)
-    result = next(iter(tables["results"].values()))
-    names = list(result["order"])
-    covariance = np.array(result["covariance"], float)
-    fitted_to = tuple(str(path_text) for path_text in tables["recipe"]["data"])
-    if not np.isfinite(covariance).all():
-        return NominalModel(model=loaded.model, fitted_to=fitted_to)
-    values = np.array([result["estimates"][key]["value"] for key in names], float)
-    rng = np.random.default_rng(0)
-    samples = rng.multivariate_normal(values, covariance, DRAWS, method="svd", check_valid="ignore")
-    draws = {
-        key: samples[:, [column]]
-        for column, key in enumerate(names)
-        if key in loaded.model.parameters and not key.startswith("noise.")
-    }
-    description = f"covariance of the fit in {path.parent.resolve().name}"
-    return NominalModel(model=loaded.model, draws=draws, spread=description, fitted_to=fitted_to)
+        model = load_model(str(path), permit=permit).model
+        if mismatches := find_differences(model.rig, rig):
+            raise InputError(
+                f"{path} was fitted on another rig than the run's ({mismatches[0]}); use a model "
+                f"that was fitted on this rig"
+            )
+        tables = read_result(path.parent)
+        result = next(iter(tables["results"].values()))
+        names, covariance = list(result["order"]), np.array(result["covariance"], float)
+        fitted_to = tuple(map(str, tables["recipe"]["data"]))
+        if np.isfinite(covariance).all():
+            values = np.array([result["estimates"][key]["value"] for key in names], float)
+            samples = rng.multivariate_normal(
+                values, covariance, DRAWS, method="svd", check_valid="ignore"
+            )
+            draws = {
+                key: samples[:, [column]]
+                for column, key in enumerate(names)
+                if key in model.parameters and not key.startswith("noise.")
+            }
+            spread = f"covariance of the fit in {path.parent.resolve().name}"
+    else:
+        model = load_model(str(path), rig, permit).model
+        for key, parameter in model.parameters.items():
+            if parameter.prior.kind == "normal" and key != "inertia_kgm2":
+                samples = rng.normal(parameter.value, parameter.prior.sd, (DRAWS, 1))
+                draws[key] = np.clip(samples, parameter.lower, parameter.upper)
+        spread = f"priors stated by {model.name}: {', '.join(draws)}" if draws else ""
+    return NominalModel(model=model, draws=draws, spread=spread, fitted_to=fitted_to)
