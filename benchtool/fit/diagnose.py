@@ -16,7 +16,8 @@ from benchtool.core.fit_result import FitResult
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_SCALE, Problem
-from benchtool.fit.residuals import (
+from benchtool.fit.solve import PART, derivative_method, estimate_covariance, row_jacobian, solve
+from benchtool.fit.statistics import (
     MAD_EFFICIENCY,
     MAD_TO_SD,
     Pattern,
@@ -25,7 +26,6 @@ from benchtool.fit.residuals import (
     runs_along,
     trend_along,
 )
-from benchtool.fit.solve import PART, derivative_method, estimate_covariance, row_jacobian, solve
 from benchtool.physics.catalogue import EFFECTS
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]

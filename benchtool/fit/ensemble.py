@@ -14,7 +14,6 @@ from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult, Outcome
 from benchtool.core.parameter import Parameter
 from benchtool.core.units import Array
-from benchtool.fit.interval import from_draws
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import (
@@ -23,6 +22,7 @@ from benchtool.fit.sampling import (
     proposal_around_least_squares,
     start_walkers,
 )
+from benchtool.fit.statistics import from_draws
 
 Progress = Callable[[int, int], None]  # progress(steps done, steps expected)
 ENSEMBLES = 4

@@ -22,16 +22,19 @@ from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.fit.interval import (
+from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
+from benchtool.fit.solve import Solution, estimate_covariance, row_jacobian, solve
+from benchtool.fit.statistics import (
+    MAD_EFFICIENCY,
     PROBABILITIES,
     chi2_limits,
     half_widths,
     interval_around,
     is_at_bound,
+    robust_chi2,
+    robust_inflation,
+    robust_scale,
 )
-from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
-from benchtool.fit.residuals import MAD_EFFICIENCY, robust_chi2, robust_inflation, robust_scale
-from benchtool.fit.solve import Solution, estimate_covariance, row_jacobian, solve
 
 MAX_STEPS = 60  # of a search for the noise; four or five are usual
 MAX_SEARCH_SDS = 64.0  # search range of a profile's end in standard deviations; beyond: the bound

@@ -20,7 +20,6 @@ from benchtool.fit.compare_laws import LawComparison, compare_laws
 from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
-from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
@@ -41,6 +40,7 @@ from benchtool.fit.uncertainty.propagation import (
     make_budget,
     monte_carlo,
     propagate,
+    with_derived,
 )
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model

@@ -20,7 +20,7 @@ from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
 from benchtool.core.units import Array
 from benchtool.fit.problem import Problem
-from benchtool.fit.residuals import point_losses
+from benchtool.fit.statistics import point_losses
 
 DerivativeMethod = Literal["complex_step", "central_differences"]
 

@@ -15,8 +15,8 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.data.columns import speed_columns
-from benchtool.fit.interval import half_widths
 from benchtool.fit.problem import IntArray
+from benchtool.fit.statistics import half_widths
 
 # Indices of the free parameters among (scale, T_0, n) by law, the simplest first.
 LAWS = {"k w^2": [0], "k w^2 + T_0": [0, 1], "c w^n": [0, 2]}

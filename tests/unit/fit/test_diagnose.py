@@ -12,7 +12,7 @@ from benchtool.fit.diagnose import diagnose, lack_of_fit, with_diagnosis
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
 from benchtool.fit.problem import Problem
-from benchtool.fit.residuals import bend_along, runs_along, trend_along
+from benchtool.fit.statistics import bend_along, runs_along, trend_along
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     free,

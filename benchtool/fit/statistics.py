@@ -1,4 +1,4 @@
-"""Statistics of weighted residuals: robust losses and scales, tests of structure, outliers."""
+"""Statistics of fits: intervals, robust losses and scales, structure and outliers of residuals."""
 
 from __future__ import annotations
 
@@ -7,11 +7,93 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, stdtr
+from scipy.special import chdtri, ndtr, ndtri, stdtr, stdtrit
 from scipy.stats import spearmanr
 
 from benchtool.core.choices import Loss
+from benchtool.core.fit_result import Estimate
+from benchtool.core.parameter import Parameter
 from benchtool.core.units import Array
+
+PROBABILITIES = (0.6827, 0.95)  # 68 %: one standard deviation of a normal distribution
+
+
+def half_widths(dof: float) -> tuple[float, float]:
+    """Return the two half widths in standard deviations.
+
+    Args:
+        dof: degrees of freedom that the scale of the errors was estimated from (Student's t);
+            inf when the errors were stated (normal).
+    """
+    upper = [0.5 + 0.5 * p for p in PROBABILITIES]
+    width_68, width_95 = (ndtri(p) if np.isinf(dof) else stdtrit(dof, p) for p in upper)
+    return float(width_68), float(width_95)
+
+
+def chi2_limits(dof: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return (low, high) chi-square quantiles that enclose each probability."""
+    limits_68, limits_95 = (
+        (float(chdtri(dof, 0.5 + 0.5 * p)), float(chdtri(dof, 0.5 - 0.5 * p)))
+        for p in PROBABILITIES
+    )
+    return limits_68, limits_95
+
+
+NEAR_BOUND = 1e-3  # in standard deviations; a value nearer to a bound is at the bound
+
+
+def is_at_bound(parameter: Parameter, value: float, sd: float) -> str:
+    """Return text that names the bound of a value at a bound, else ""."""
+    near = NEAR_BOUND * sd if np.isfinite(sd) else 0.0
+    for side, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
+        if np.isfinite(bound) and abs(value - bound) <= near:
+            return f"at its {side} bound"
+    return ""
+
+
+FULL_RANGE = 0.93  # share of the bounds that an uninformative 95 % interval covers (uniform: 0.95)
+
+
+def open_interval_reason(parameter: Parameter, sd: float, interval_95: tuple[float, float]) -> str:
+    """Return text with the reason why data do not determine a parameter, else ""."""
+    if np.isnan(sd):
+        return ""
+    if np.isinf(sd):
+        return "the data leave it open"
+    allowed, (low, high) = parameter.upper - parameter.lower, interval_95
+    if np.isfinite(allowed) and high - low >= FULL_RANGE * allowed > 0.0:
+        return (
+            f"its 95 % interval is all that its bounds allow, {parameter.lower:.3g} to "
+            f"{parameter.upper:.3g}"
+        )
+    return ""
+
+
+def interval_around(
+    name: str, parameter: Parameter, value: float, sd: float, widths: tuple[float, float]
+) -> Estimate:
+    """Return an estimate with symmetric intervals, truncated at the parameter's bounds."""
+    low, high = parameter.lower, parameter.upper
+    interval_68, interval_95 = (
+        (float(max(low, value - width * sd)), float(min(high, value + width * sd)))
+        if np.isfinite(sd)
+        else (low, high)
+        for width in widths
+    )
+    bound = is_at_bound(parameter, value, sd)
+    open_ = open_interval_reason(parameter, float(sd), interval_95)
+    numbers = (float(value), float(sd), interval_68, interval_95)
+    return Estimate(name, parameter.unit, *numbers, bound, open_)
+
+
+def from_draws(name: str, parameter: Parameter, draws: Array, bound: str = "") -> Estimate:
+    """Return an estimate from posterior draws (n,): median, deviation, equal-tailed intervals."""
+    levels = [0.5 + 0.5 * sign * p for p in PROBABILITIES for sign in (-1.0, 1.0)]
+    median, a, b, c, d = (float(q) for q in np.quantile(draws, [0.5, *levels]))
+    sd = float(np.std(draws, ddof=1))
+    open_reason = open_interval_reason(parameter, sd, (c, d))
+    return Estimate(name, parameter.unit, median, sd, (a, b), (c, d), bound, open_reason)
+
 
 HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)
 # Variance inflation without outliers: mean(psi^2) / mean(psi')^2 over the normal distribution,
