@@ -221,7 +221,7 @@ def propagate_uncertainty(output: FitOutput) -> Propagation | None:
     if output.density is None or STANDARD_K not in propagation.names:
         return propagation
     density_error = output.density.source(result[STANDARD_K].value)
-    return replace(propagation, quantity_errors=(density_error,))
+    return replace(propagation, quantity_errors={STANDARD_K: density_error})
 
 
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
@@ -263,9 +263,7 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
     if "thrust_N" not in data.points:
         problem = replace(problem, facts={**problem.facts, "data": "ratios"})
     elif recipe.basis == "joint":  # the calibration's scale cancels in a ratio of two thrusts
-        problem = with_scale_errors(
-            problem, [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]
-        )
+        problem = with_scale_errors(problem, data.load_cells.errors, rows)
     if not problem.error_sources:
         return problem
     try:

@@ -30,7 +30,7 @@ from benchtool.data.calibration import (
 from benchtool.data.columns import speed_columns, word_to_code
 from benchtool.data.run.read import is_run, read_samples, sample_names
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.fit.problem import Problem
+from benchtool.fit.problem import IntArray, Problem
 
 TARED_ZERO_N = 1e-6  # zero error of a calibration after a tare: none; above 0 for the prior
 
@@ -137,22 +137,26 @@ def _line(calibration: Mapping[str, Any]) -> tuple[float, float] | None:
     return float(repeats[0]["dof"]), float(calibration["residual_sd_N"])
 
 
-def with_scale_errors(problem: Problem, errors: Sequence[ScaleError]) -> Problem:
-    """Return the problem with each calibration as two nuisance parameters.
+def with_scale_errors(
+    problem: Problem, errors: Sequence[ScaleError], used: IntArray | slice = slice(None)
+) -> Problem:
+    """Return the problem of the used points with each calibration as two nuisance parameters.
 
     An observation is `calibration.scale` times the prediction plus `calibration.offset_N`. Both are
     free, with the prior of the calibration around 1 and 0. With several calibrations their names
     contain the calibration id.
     """
     for error in errors:
-        if float(error.calibration["relative_sd"]) and error.rows.any():
+        rows = error.rows[used]
+        if float(error.calibration["relative_sd"]) and rows.any():
             suffix = "" if len(errors) == 1 else f"@{error.calibration['id']}"
-            problem = _with_scale_error(problem, error, suffix)
+            problem = _with_scale_error(problem, error.calibration, rows.astype(float), suffix)
     return problem
 
 
-def _with_scale_error(problem: Problem, error: ScaleError, suffix: str) -> Problem:
-    calibration, weight = error.calibration, error.rows.astype(float)
+def _with_scale_error(
+    problem: Problem, calibration: Mapping[str, Any], weight: Array, suffix: str
+) -> Problem:
     predict_all, source = problem.predict, f"calibration {calibration['id']}"
 
     def nuisance(kind: str, unit: str, value: float, sd: float) -> tuple[str, Parameter]:

@@ -9,7 +9,7 @@ draw adds errors to the prediction of the fitted model and to the priors and ref
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -128,8 +128,8 @@ class Propagation:
     method: DerivativeMethod  # of derivatives
     gain: Array  # (n, m + q) change of the quantities by whitened rows: points, then priors
     outside: tuple[ErrorSource, ...] = ()  # of the observations, not in the fit's covariance
-    # Errors of one quantity with its name; columns (1, 1) in its unit.
-    quantity_errors: tuple[tuple[ErrorSource, str], ...] = ()
+    # Errors by their only quantity; columns (1, 1) in its unit.
+    quantity_errors: Mapping[str, ErrorSource] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -213,7 +213,7 @@ def make_budget(linear: Propagation, traceability: Sequence[str] = ()) -> Budget
     """Return the budget of a fit."""
     parts = [*_fit_sources(linear)]
     parts += [_line(source, linear.changes(source.columns), False) for source in linear.outside]
-    for source, name in linear.quantity_errors:
+    for name, source in linear.quantity_errors.items():
         selection = np.array([[1.0 if name == other else 0.0] for other in linear.names])
         parts.append(_line(source, selection @ source.columns, False))
     covariance = sum(changes @ changes.T for _, changes in parts)
@@ -316,7 +316,7 @@ def monte_carlo(
         progress("Monte Carlo", row, draws)
         shapes[row] = _refit(linear, error)
     deviations = linear.quantities(shapes) - linear.quantities(linear.shape[None])
-    for source, name in linear.quantity_errors:
+    for name, source in linear.quantity_errors.items():
         deviations[:, linear.names.index(name)] += [
             (source.columns @ draw_source(source, rng)).item() for _ in range(draws)
         ]
