@@ -41,6 +41,7 @@ from benchtool.fit.motor.runs import MotorData, ThrottlePoints, concatenate_poin
 
 MIN_LEVELS = 4  # throttle levels of a curve: one more than its parameters; assumed
 MAX_EXPONENT_SD = 0.25  # above it the voltage exponent is set to 1 with this sd; assumed
+MIN_THRUST_SHARE = 0.1  # lower end of the range of a single k, relative to max thrust; assumed
 MAX_OVER_VOLTAGE, MAX_OVER_COMMAND = 0.15, 0.10  # extrapolation without --extrapolate; assumed
 
 
@@ -283,10 +284,23 @@ def _measured_maximum(p: ThrottlePoints, scale_sd: float) -> Estimate:
 
 
 def _law_constants(law: ThrustLaw, free: ThrustLaw) -> list[Estimate]:
-    """Return the single k with its error, the free exponent, and T_0 if the law has one."""
-    k, sd, error, *ends = law.single_k
+    """Return the single k with its error, the free exponent, and T_0 if the law has one.
+
+    For another law than T = k w^2, k minimises the maximum relative error above `MIN_THRUST_SHARE`
+    of the highest thrust; that error adds to the uncertainty as a rectangular distribution.
+    """
+    used = law.level_thrust_N >= MIN_THRUST_SHARE * law.level_thrust_N.max()
+    speed, thrust = law.level_speed_rad_s[used], law.level_thrust_N[used]
+    ends = float(speed.min()), float(speed.max())
+    # T / w^2 is monotonic in every law: its extremes are at the ends.
+    k_low, k_high = (float(law.thrust_N(end)) / end**2 for end in ends)
+    is_exact = law.name == "k w^2"
+    k = law.coefficient if is_exact else 2.0 * k_low * k_high / (k_low + k_high)
+    error = float(np.abs(k * speed**2 / thrust - 1.0).max())
+    relative = sqrt(law.covariance[0, 0]) / law.values[0]
+    sd = k * float(np.hypot(relative, 0.0 if is_exact else error / sqrt(3.0)))
     low, high = (end * 30.0 / pi for end in ends)
-    note = f"{'' if law.name == 'k w^2' else 'the best '}from {low:.0f} to {high:.0f} rpm"
+    note = f"{'' if is_exact else 'the best '}from {low:.0f} to {high:.0f} rpm"
     estimates = [
         t_estimate("k", "N/(rad/s)^2", k, sd, law.dof, note),
         t_estimate("k_error", "1", error, 0.0, law.dof, note),

@@ -22,7 +22,6 @@ from benchtool.fit.statistics import half_widths
 LAWS = {"k w^2": [0], "k w^2 + T_0": [0, 1], "c w^n": [0, 2]}
 MAX_LEVELS = 12  # adjacent pulse widths are merged to this many levels; assumed
 MISFIT_ITERATIONS = 6  # of weights with the misfit; assumed
-MIN_THRUST_SHARE = 0.1  # lower end of the range of a single k, relative to max thrust; assumed
 MIN_STEP_US = 20.0  # minimum change of pulse width within one sample; assumed
 FIT_WINDOW_S = 0.6  # ten times a typical lag, before the voltage sags; assumed
 
@@ -86,25 +85,6 @@ class ThrustLaw:
     def coefficient(self) -> float:
         """The c of c w^n; k for n = 2: N/(rad/s)^n."""
         return float(self.values[0] / self.middle_rad_s ** self.values[2])
-
-    @property
-    def single_k(self) -> tuple[float, float, float, float, float]:
-        """The k of T = k w^2, its standard uncertainty, maximum relative error, speed range.
-
-        For another law, k minimises the maximum relative error above `MIN_THRUST_SHARE` of the
-        highest thrust; that error adds to the uncertainty as a rectangular distribution.
-        """
-        used = self.level_thrust_N >= MIN_THRUST_SHARE * self.level_thrust_N.max()
-        speed, thrust = self.level_speed_rad_s[used], self.level_thrust_N[used]
-        low, high = float(speed.min()), float(speed.max())
-        # T / w^2 is monotonic in every law: its extremes are at the ends.
-        k_low, k_high = (float(self.thrust_N(end)) / end**2 for end in (low, high))
-        exact = self.name == "k w^2"
-        k = self.coefficient if exact else 2.0 * k_low * k_high / (k_low + k_high)
-        error = float(np.abs(k * speed**2 / thrust - 1.0).max())
-        relative = sqrt(self.covariance[0, 0]) / self.values[0]
-        sd = k * float(np.hypot(relative, 0.0 if exact else error / sqrt(3.0)))
-        return k, sd, error, low, high
 
 
 def level_numbers(pulse_us: Array) -> IntArray:
