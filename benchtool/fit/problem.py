@@ -3,13 +3,6 @@
 An estimator is a function from a problem to a `FitResult`. It does not modify the problem, is
 deterministic for a seed, orders estimates as `Problem.free_names`, reports convergence in the
 outcome, and raises `EstimationError` only without any result.
-
-Free parameters are of two kinds. Shape parameters change the prediction. A noise parameter changes
-errors only: `noise.scale` multiplies the standard errors of points and of scaled error sources,
-`noise.sd...` adds in quadrature, `noise.place_m` is the sd of a separate error source.
-
-Independent and shared errors make the covariance V of the points. Estimators use residuals whitened
-by V (`Problem.whitening`), so chi-square, intervals and robust losses keep their meaning.
 """
 
 from __future__ import annotations
@@ -34,9 +27,10 @@ IntArray = NDArray[np.intp]
 # of `Problem.shape_names`; prediction (m,) or (w, m).
 Predict = Callable[[Any], Any]
 
-NOISE_SCALE = "noise.scale"
-NOISE_SD = "noise.sd"
-NOISE_PLACE = "noise.place_m"
+# Noise parameters change errors only; all others are shape parameters.
+NOISE_SCALE = "noise.scale"  # multiplies standard errors of points and of scaled error sources
+NOISE_SD = "noise.sd"  # prefix; adds in quadrature
+NOISE_PLACE = "noise.place_m"  # standard deviation of a separate error source
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
