@@ -23,6 +23,10 @@ from benchtool.physics.model_file import LoadedModel, model_to_toml
 
 T = TypeVar("T")
 Answer = Literal["given", "model rejected", "none"]  # status of the fit's estimates
+RESULT_KEYS = (
+    *("estimates", "derived", "order", "covariance", "chi2", "dof", "chi2_per_dof"),
+    *("log_likelihood", "outcome", "warnings", "facts"),
+)
 
 
 def result_tables(output: FitOutput) -> dict[str, Any]:
@@ -91,22 +95,12 @@ def write_result(folder: Path, output: FitOutput) -> None:
 
 def _result_table(result: FitResult) -> dict[str, Any]:
     tables = asdict(result)
-    estimates, derived = (
-        {item.pop("name"): item for item in tables[key]} for key in ("estimates", "derived")
-    )
-    return {
-        "estimates": estimates,
-        "derived": derived,
-        "order": [item.name for item in result.estimates],
-        "covariance": result.covariance.tolist(),
-        "chi2": result.chi2,
-        "dof": result.dof,
-        "chi2_per_dof": result.chi2_per_dof,
-        "log_likelihood": result.log_likelihood,
-        "outcome": asdict(result.outcome),
-        "warnings": list(result.warnings),
-        "facts": dict(result.facts),
-    }
+    for key in ("estimates", "derived"):
+        tables[key] = {item.pop("name"): item for item in tables[key]}
+    tables["order"] = [item.name for item in result.estimates]
+    tables["chi2_per_dof"] = result.chi2_per_dof
+    tables["covariance"] = result.covariance.tolist()
+    return {key: tables[key] for key in RESULT_KEYS}
 
 
 def read_fit(folder: Path) -> FitSummary:
