@@ -70,12 +70,12 @@ def problem_from_model(
         "speed_rad_s": np.round(speed / step) * step,
         "time_s": conditions.time_s,
     }
-    return Problem(
-        model=model.name,
-        parameters=model.parameters,
-        predict=_prediction(model, conditions, far, basis),
-        observed=np.asarray(observed, float),
-        standard_error=np.asarray(standard_error, float),
+    return function_problem(
+        model.name,
+        model.parameters,
+        _prediction(model, conditions, far, basis),
+        observed,
+        standard_error,
         basis=basis,
         labels=_labels(conditions, z_over_R),
         covariates=_varying(columns),
