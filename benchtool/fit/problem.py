@@ -142,8 +142,20 @@ class Problem:
 
     @cached_property
     def priors(self) -> PriorRows:
-        """All normal priors on the shape parameters."""
-        return _prior_rows(self.parameters, self.shape_names, self.prior_parts)
+        """All normal priors on the shape parameters; those of calibrations first."""
+        free, parameters = self.shape_names, self.parameters
+        names = [name for name in free if parameters[name].prior.kind == "normal"]
+        names.sort(key=lambda name: not name.startswith("calibration."))
+        matrix, mean, parts = np.zeros((len(names), len(free))), np.zeros(len(free)), []
+        for row, name in enumerate(names):
+            position, prior = free.index(name), parameters[name].prior
+            matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
+            source = ErrorSource(
+                name=name, kind="B", unit=parameters[name].unit, columns=np.eye(1),
+                sd=1.0 / float(matrix[row, position]), origin=prior.source or "prior of the model",
+            )  # fmt: skip
+            parts.append(self.prior_parts.get(name) or (source,))
+        return PriorRows(tuple(names), matrix, mean, tuple(parts))
 
     @cached_property
     def dof(self) -> int:
@@ -316,26 +328,3 @@ class PriorRows:
 
     def __len__(self) -> int:
         return len(self.names)
-
-
-def _prior_rows(
-    parameters: Parameters, free: Sequence[str], parts: Mapping[str, tuple[ErrorSource, ...]]
-) -> PriorRows:
-    """Return the rows of all normal priors on the free parameters (n,).
-
-    Args:
-        parts: error sources of priors by parameter; see `Problem`.
-    """
-    names = [name for name in free if parameters[name].prior.kind == "normal"]
-    names.sort(key=lambda name: not name.startswith("calibration."))
-    matrix, mean = np.zeros((len(names), len(free))), np.zeros(len(free))
-    all_parts = []
-    for row, name in enumerate(names):
-        position, prior = free.index(name), parameters[name].prior
-        matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
-        source = ErrorSource(
-            name=name, kind="B", unit=parameters[name].unit, sd=1.0 / float(matrix[row, position]),
-            columns=np.eye(1), origin=prior.source or "prior of the model",
-        )  # fmt: skip
-        all_parts.append(parts.get(name) or (source,))
-    return PriorRows(tuple(names), matrix, mean, tuple(all_parts))
