@@ -13,8 +13,8 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.core.library import read_library_file
 from benchtool.core.toml_text import read_strict
+from benchtool.core.user_file import read_library_file
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig

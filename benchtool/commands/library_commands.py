@@ -63,7 +63,7 @@ def propellers(inputs: LibraryInputs) -> None:
 
 def _show(kind: str, inputs: LibraryInputs, lines: Iterable[str]) -> None:
     """Print the lines that describe one entry, or its TOML text."""
-    from benchtool.core.library import read_library_file
+    from benchtool.core.user_file import read_library_file
 
     text = "".join(f"{line}\n" for line in lines)
     print(read_library_file(kind, f"{kind}s", inputs.name)[0] if inputs.toml else text, end="")
@@ -72,7 +72,7 @@ def _show(kind: str, inputs: LibraryInputs, lines: Iterable[str]) -> None:
 def _list(folder: str, title: Callable[[str], str], *, has_user_files: bool = False) -> None:
     """Print one line per entry of the library; user's files that are invalid with their error."""
     from benchtool.core.errors import BenchtoolError
-    from benchtool.core.library import list_names, user_library_folder, user_names
+    from benchtool.core.user_file import list_names, user_library_folder, user_names
 
     for name in list_names(folder):
         print(f"{name:<16} {title(name)}")

@@ -123,8 +123,8 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     """
     import tomli_w
 
-    from benchtool.core.library import read_library_file
     from benchtool.core.toml_text import parse_toml
+    from benchtool.core.user_file import read_library_file
 
     fields = {item.key: item for item in items(NewRigInputs)}
     data = parse_toml(*read_library_file("rig", "rigs", inputs.like)) if inputs.like else {}

@@ -91,10 +91,19 @@ _RPM = re.compile(r"rpm\d*(_sd|_se|_optical)?")
 _PWM = re.compile(r"pwm\d+_us")
 
 
-def require_known_channel(name: str) -> None:
-    """Raise UnknownChoice for a channel name that is not in `CHANNELS`."""
-    if re.sub(r"\d+", "#", name) not in CHANNELS:
-        raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNELS))
+def is_known_channel(name: str) -> bool:
+    """Return True for a channel name of `CHANNELS`."""
+    return re.sub(r"\d+", "#", name) in CHANNELS
+
+
+def check_channels(names: Iterable[str], where: str) -> None:
+    """Raise FileFormatError for a map with an unknown channel."""
+    for name in names:
+        if not is_known_channel(name):
+            known = (item.replace("#", "1") for item in CHANNELS)
+            raise FileFormatError(
+                f"[columns] of {where}", str(UnknownChoice("channel", name, known))
+            )
 
 
 def channel_family(name: str) -> str:
@@ -169,12 +178,3 @@ class ColumnSource(FiniteTable):
                 "an entry of [columns] needs either column = 'NAME' or constant = NUMBER; give "
                 "exactly one of them"
             )
-
-
-def check_channels(names: Iterable[str], where: str) -> None:
-    """Raise FileFormatError for a map with an unknown channel."""
-    for name in names:
-        try:
-            require_known_channel(name)
-        except InputError as error:
-            raise FileFormatError(f"[columns] of {where}", str(error)) from error

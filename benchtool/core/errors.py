@@ -113,9 +113,7 @@ class UnknownChoice(InputError):
 class FileFormatError(InputError):
     """Invalid content of a file.
 
-    Args:
-        where: file, with line or key if available.
-        problem: problem and remedy.
+    `where` is the file, with line or key if available.
     """
 
     def __init__(self, where: str, problem: str) -> None:
@@ -281,12 +279,7 @@ class RunInterrupted(BenchtoolError):
 
 
 class HostSuspended(RunInterrupted):
-    """Host suspended longer than the maximum age of a command.
-
-    Args:
-        paused_s: duration of the pause.
-        limit_s: longest pause after which a run continues.
-    """
+    """Host suspended longer than the maximum age of a command."""
 
     def __init__(self, paused_s: float, limit_s: float) -> None:
         self.paused_s = paused_s
@@ -312,7 +305,6 @@ class MissingLibrary(BenchtoolError):
     """Optional package or system library not installed.
 
     Args:
-        purpose: feature that needs it.
         extra: benchtool extra that installs it.
         install: installation hint if there is no extra.
     """

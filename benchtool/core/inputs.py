@@ -9,22 +9,11 @@ in a file, ``ramp_s`` in a call. One input is one field::
 
 from __future__ import annotations
 
-import types
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    Literal,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le
 
@@ -37,7 +26,7 @@ from benchtool.core.text import (
     read_pairs,
     read_texts,
 )
-from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value
+from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value, plain_type
 
 T = TypeVar("T")
 
@@ -144,8 +133,7 @@ class InputField:
     @property
     def option(self) -> str:
         """Option or metavar on the command line."""
-        name = self.metadata.option or self.name
-        return self.metadata.argument or f"--{name.replace('_', '-')}"
+        return self.metadata.argument or f"--{self.name.replace('_', '-')}"
 
     @property
     def label(self) -> str:
@@ -219,24 +207,14 @@ def _input_fields(cls: Any) -> tuple[InputField, ...]:
 
 def _item(field: Any, hint: Any) -> InputField:
     metadata: list[Any] = []
-
-    def plain(hint: Any) -> Any:
-        """Return a type without None and without its annotations; append these to `metadata`."""
-        if get_origin(hint) is Annotated:
-            metadata.extend(hint.__metadata__)
-            return plain(get_args(hint)[0])
-        if get_origin(hint) in (Union, types.UnionType):
-            return plain(next(arg for arg in get_args(hint) if arg is not type(None)))
-        return hint
-
-    kind = plain(hint)
+    kind = plain_type(hint, metadata)
     declared = Annotated[(kind, *metadata)] if metadata else kind
     input_metadata = next((entry for entry in metadata if isinstance(entry, Input)), FILE_ONLY)
     is_sequence, count = get_origin(kind) is tuple, None
     if is_sequence:
         parts = get_args(kind)
         count = None if Ellipsis in parts else len(parts)
-        kind = plain(parts[0])
+        kind = plain_type(parts[0], metadata)
     elif get_origin(kind) is Mapping:
         kind = Mapping
     choices = get_args(kind) if get_origin(kind) is Literal else ()
@@ -354,11 +332,8 @@ def input_values(inputs: Any) -> dict[str, Any]:
 def with_changes(inputs: Any) -> dict[str, Any]:
     """Return the inputs that differ from their defaults, by name."""
     values = input_values(inputs)
-    return {
-        item.name: values[item.name]
-        for item in items(type(inputs))
-        if values[item.name] != item.default
-    }
+    defaults = {item.name: item.default for item in items(type(inputs))}
+    return {name: value for name, value in values.items() if value != defaults[name]}
 
 
 def to_arguments(cls: type[Any], values: Mapping[str, Any]) -> list[str]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import inf, isfinite
+from typing import NoReturn
 
 import numpy as np
 
@@ -109,45 +110,28 @@ def resolve_name(
     raise UnknownChoice(kind, name, matches or [*names, *others])
 
 
-class Parameters(Mapping[str, Parameter]):
-    """Parameters by full name, in fixed order; packs the free ones."""
+class Parameters(dict[str, Parameter]):
+    """Parameters by full name, in fixed order; packs the free ones. Never modified in place."""
 
-    __slots__ = ("_by_name",)
-
-    def __init__(self, items: Iterable[tuple[str, Parameter]]) -> None:
-        self._by_name = dict(items)
-
-    def __getitem__(self, name: str) -> Parameter:
-        try:
-            return self._by_name[name]
-        except KeyError:
-            raise UnknownChoice("parameter", name, self._by_name) from None
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._by_name
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._by_name)
-
-    def __len__(self) -> int:
-        return len(self._by_name)
+    def __missing__(self, name: str) -> NoReturn:
+        raise UnknownChoice("parameter", name, self)
 
     @property
     def free_names(self) -> tuple[str, ...]:
         """Full names of the free parameters, in order."""
-        return tuple(name for name, item in self._by_name.items() if item.free)
+        return tuple(name for name, item in self.items() if item.free)
 
     def values_array(self) -> Array:
         """Return all values (n_parameters,), each in its own unit."""
-        return np.array([item.value for item in self._by_name.values()], float)
+        return np.array([item.value for item in self.values()], float)
 
     def pack(self) -> Array:
         """Return the free values (n_free,)."""
-        return np.array([item.value for item in self._by_name.values() if item.free], float)
+        return np.array([item.value for item in self.values() if item.free], float)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds of the free parameters, (n_free,) each."""
-        free = [item for item in self._by_name.values() if item.free]
+        free = [item for item in self.values() if item.free]
         return (
             np.array([item.lower for item in free], float),
             np.array([item.upper for item in free], float),
@@ -156,14 +140,12 @@ class Parameters(Mapping[str, Parameter]):
     def with_replaced(self, name: str, parameter: Parameter) -> Parameters:
         """Return the set with one parameter replaced."""
         self[name]
-        return Parameters((key, parameter if key == name else item) for key, item in self.items())
+        return Parameters({**self, name: parameter})
 
     def with_values(self, free_values: Array) -> Parameters:
         """Return the set with the free parameters at `free_values` (n_free,)."""
         names = self.free_names
         if len(free_values) != len(names):
             raise InputError(f"{len(names)} free parameters, but {len(free_values)} values")
-        new = dict(zip(names, (float(value) for value in free_values), strict=True))
-        return Parameters(
-            (key, item.with_value(new[key]) if key in new else item) for key, item in self.items()
-        )
+        new = zip(names, free_values, strict=True)
+        return Parameters({**self, **{name: self[name].with_value(value) for name, value in new}})

@@ -107,31 +107,20 @@ class Recording:
 
 
 def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: bool = False) -> None:
-    """Raise InputError for more active rotors than in the rig, or fewer with `lacking`."""
-    present = count_rotors(recording)
-    if not present:
-        return
-    rig_count, count = len(rig.rotors), max(present)
-    if count > rig_count or (lacking and count < rig_count):
+    """Raise InputError for more active rotors than in the rig, or fewer with `lacking`.
+
+    A rotor is active if its pulse or speed changes; a constant channel may be unconnected.
+    """
+    count, rig_count = 0, len(rig.rotors)
+    for channel_name in recording.names:
+        if number := _ROTOR.fullmatch(channel_name):
+            values = recording.column(channel_name)
+            finite = values[np.isfinite(values)]
+            if len(finite) and np.ptp(finite) > 0.0:
+                count = max(count, int(number[1]))
+    if count > rig_count or (lacking and 0 < count < rig_count):
         raise InputError(
             f"{name} has pulses or speeds of {pluralize(count, 'rotor')}, and the model "
             f"{rig_count} (rig {rig.name!r}); name the model of this bench with --model, or map "
             f"the rotors' columns in its [columns]"
         )
-
-
-def count_rotors(recording: Recording) -> tuple[int, ...]:
-    """Return the numbers (from 1) of the rotors whose pulse or speed changes, in order.
-
-    A constant channel may be unconnected.
-    """
-    numbers = set()
-    for name in recording.names:
-        number = _ROTOR.fullmatch(name)
-        if number is None:
-            continue
-        values = recording.column(name)
-        finite = values[np.isfinite(values)]
-        if len(finite) and np.ptp(finite) > 0.0:
-            numbers.add(int(number[1]))
-    return tuple(sorted(numbers))

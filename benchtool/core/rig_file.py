@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, asdict, fields, replace
 from functools import lru_cache
 from math import inf, pi
@@ -13,16 +13,10 @@ import tomli_w
 
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
-from benchtool.core.library import list_names, read_library_file, user_names
 from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
-from benchtool.core.toml_text import (
-    ValueSources,
-    build_dataclass,
-    parse_toml,
-    require_sources,
-    unwrap_quantities,
-)
+from benchtool.core.toml_text import ValueSources, build_dataclass, parse_quantities
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.core.user_file import LIBRARY, list_names, read_library_file
 
 
 def rig_names() -> tuple[str, ...]:
@@ -30,18 +24,12 @@ def rig_names() -> tuple[str, ...]:
     return list_names("rigs")
 
 
-@lru_cache(maxsize=32)
-def _library_rig(name: str) -> Rig:
-    return parse_rig(*read_library_file("rig", "rigs", name))
-
-
 def load_rig_by_name(name_or_path: str | Path) -> Rig:
     """Return a rig by name (bundled or user-defined) or by the path of its TOML file."""
-    if str(name_or_path) in set(rig_names()).difference(user_names("rigs")):
-        return _library_rig(str(name_or_path))
     return parse_rig(*read_library_file("rig", "rigs", name_or_path))
 
 
+@lru_cache(maxsize=32)
 def parse_rig(text: str, where: str) -> Rig:
     """Return the rig of TOML text.
 
@@ -49,13 +37,13 @@ def parse_rig(text: str, where: str) -> Rig:
         UnknownChoice: unknown key.
         FileFormatError: number without source, of the wrong type, or out of range.
     """
-    value_sources = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), value_sources)
-    require_sources(value_sources, where)
+    data, value_sources = parse_quantities(text, where)
     _fill_missing(data, value_sources)
     rig = build_dataclass(Rig, data, where)
     rig = replace(rig, sources=value_sources.by_key, assumed=tuple(value_sources.assumed))
-    _check(rig, where)
+    check_name(f"rig in {where}", rig.name)
+    for problem in _problems(rig):
+        raise FileFormatError(where, problem)
     return rig
 
 
@@ -67,14 +55,10 @@ def _pulse(tables: Mapping[str, Any], name: str) -> float:
     return float(tables["propulsion"][name])
 
 
-def _max_speed_rad_s(tables: Mapping[str, Any]) -> float:
-    range_us = _pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us")
-    return range_us * _pulse(tables, "speed_per_us_rad_s")
-
-
 def _thrust_N(tables: Mapping[str, Any], n: int, fraction: float) -> float:
     """Return the thrust of all rotors at a fraction of the maximum speed."""
-    speed_rad_s = fraction * _max_speed_rad_s(tables)
+    range_us = _pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us")
+    speed_rad_s = fraction * (range_us * _pulse(tables, "speed_per_us_rad_s"))
     return float(n * (_pulse(tables, "thrust_coefficient_N_s2") * speed_rad_s**2))
 
 
@@ -181,40 +165,34 @@ def require_values(rig: Rig, keys: Sequence[str], purpose: str) -> None:
         )
 
 
-def _check(rig: Rig, where: str) -> None:
-    check_name(f"rig in {where}", rig.name)
+def _problems(rig: Rig) -> Iterator[str]:
+    """Yield contradictions between the values of a rig, with remedies."""
     limits, plate, propulsion = rig.limits, rig.plate, rig.propulsion
     if limits.thrust_N > limits.load_cell_rating_N:
-        raise FileFormatError(
-            where,
+        yield (
             f"limits.thrust_N is {limits.thrust_N:g} N, above the load cell's rating of "
-            f"{limits.load_cell_rating_N:g} N; lower the limit",
+            f"{limits.load_cell_rating_N:g} N; lower the limit"
         )
     if not plate.z_min_m < plate.z_max_m:
-        raise FileFormatError(
-            where,
+        yield (
             f"plate.z_min_m {plate.z_min_m:g} is not below plate.z_max_m {plate.z_max_m:g}; "
-            f"swap or correct them",
+            f"swap or correct them"
         )
     if not propulsion.pwm_stop_us <= propulsion.pwm_start_us < propulsion.pwm_max_us:
-        raise FileFormatError(
-            where,
+        yield (
             "propulsion needs pwm_stop_us <= pwm_start_us < pwm_max_us, got "
-            f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
+            f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}"
         )
     propeller, diameter_m = rig.propeller, 2.0 * propulsion.radius_m
     if propeller and abs(propeller.diameter_m / diameter_m - 1.0) > MAX_DIAMETER_DIFFERENCE:
-        raise FileFormatError(
-            where,
+        yield (
             f"propeller.diameter_m is {propeller.diameter_m:g} m, but propulsion.radius_m makes "
-            f"{diameter_m:g} m; correct one of them",
+            f"{diameter_m:g} m; correct one of them"
         )
-    motor = rig.motor
-    if motor and not motor.governed and not motor.has_curve:
-        raise FileFormatError(
-            where,
+    if rig.motor and not rig.motor.governed and not rig.motor.has_curve:
+        yield (
             "motor needs Kv_rpm_V and resistance_ohm, or governed = true if the ESC controls "
-            "the speed; add them, or remove the table",
+            "the speed; add them, or remove the table"
         )
 
 
@@ -227,8 +205,9 @@ def export_rig_reference(rig: Rig) -> tuple[str, str]:
     The text is empty for a bundled rig with the same values.
     """
     if rig.name in rig_names():
-        bundled = replace(_library_rig(rig.name), sources=rig.sources, assumed=rig.assumed)
-        if bundled == rig:
+        where = f"rigs/{rig.name}.toml"
+        bundled = parse_rig((LIBRARY / where).read_text(encoding="utf-8"), where)
+        if replace(bundled, sources=rig.sources, assumed=rig.assumed) == rig:
             return rig.name, ""
     return RIG_FILE, rig_to_toml(rig)
 

@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from benchtool.core.choices import SignalShape
 from benchtool.core.errors import InputError
-from benchtool.core.library import list_names, read_library_file
+from benchtool.core.rig import NotNegative, Positive
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.units import Array
-
-NotNegative = Annotated[float, Ge(0.0)]
-Positive = Annotated[float, Gt(0.0)]
+from benchtool.core.user_file import list_names, read_library_file
 
 MAX_DURATION_S = 3600.0  # of a run; its recording has several 100 MB; assumed
 MAX_PLATE_Z_OVER_R = 100.0  # the effect of a plate is negligible far below that
@@ -188,7 +186,11 @@ class Schedule(FiniteTable):
             )
         ticks = max(1, round(self.duration_s * rate_Hz))
         t = np.arange(ticks) / rate_Hz
-        plate_z, share = self.plate_at(t, radius_m)
+        plate_z, share = np.full(ticks, PARKED_M), np.zeros(ticks)
+        for visit in self.plate:
+            fraction = visit.share(t)
+            plate_z = np.where(fraction > 0.0, visit.z_over_R * radius_m, plate_z)
+            share = np.maximum(share, fraction)
         observer, feedforward = np.ones(ticks), np.ones(ticks)
         for switch in self.switches:
             later = t >= switch.at_s - 1e-9
@@ -221,15 +223,6 @@ class Schedule(FiniteTable):
                 f"{track} of schedule {self.name!r} is {worst:g}; allowed: {low:g} to {high:g}"
             )
         return values
-
-    def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
-        """Return plate distance (m,) and visit fraction (m,), parked between visits."""
-        plate_z, share = np.full(time_s.shape, PARKED_M), np.zeros(time_s.shape)
-        for visit in self.plate:
-            fraction = visit.share(time_s)
-            plate_z = np.where(fraction > 0.0, visit.z_over_R * radius_m, plate_z)
-            share = np.maximum(share, fraction)
-        return plate_z, share
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

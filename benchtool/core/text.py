@@ -33,7 +33,6 @@ def read_number(text: str, name: str, kind: type[Any], unit: str = "") -> float:
     Args:
         text: a number, with or without a unit: ``0.127``, ``127mm``, ``5 in``.
         name: of the input, for error messages.
-        kind: int or float.
         unit: of the result, and of a text without unit.
 
     Raises:
@@ -65,15 +64,7 @@ def _convert(number: float, from_unit: str, unit: str, problem: str) -> float:
 def read_numbers(
     value: str | Sequence[str], name: str, kind: type[Any], count: int | None, unit: str = ""
 ) -> list[float]:
-    """Return comma-separated numbers, integers if `kind` is int.
-
-    Args:
-        value: the text, or several texts.
-        name: of the input, for error messages.
-        kind: int or float.
-        count: required number of values; None for one or more.
-        unit: of the result, and of a text without unit.
-    """
+    """Return `count` comma-separated numbers, see `read_number`; count None means one or more."""
     text = value if isinstance(value, str) else ",".join(value)
     expected = "whole numbers" if kind is int else "numbers"
     try:

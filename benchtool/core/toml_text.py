@@ -15,8 +15,10 @@ from functools import cache
 from math import isfinite
 from typing import (
     TYPE_CHECKING,
+    Annotated,
     Any,
     ClassVar,
+    NoReturn,
     TypeVar,
     Union,
     get_args,
@@ -33,6 +35,8 @@ T = TypeVar("T")
 
 MAX_DEPTH = 32  # nesting of tables and lists; files of benchtool have up to six levels
 MAX_INTEGER = 2**63 - 1  # largest integer of TOML
+_TOO_DEEP = f"it is nested deeper than {MAX_DEPTH} levels; write it with fewer"
+_TOO_LARGE = f"a whole number in it is beyond {MAX_INTEGER} (64 bits); correct it"
 
 _QUANTITY_KEYS = {"value", "source", "assumed"}
 _UNKNOWN_KEY = {"extra_forbidden", "unexpected_keyword_argument"}  # pydantic's names for it
@@ -58,56 +62,47 @@ class ValueSources:
 
     by_key: dict[str, str] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
-    missing: list[str] = field(default_factory=list)
 
 
-def unwrap_quantities(data: Mapping[str, Any], sources: ValueSources) -> dict[str, Any]:
-    """Return `data` with every `{value, source}` replaced by its value; collect the sources."""
-    return {
-        key: _unwrap(value, key, data.get("source", ""), sources)
-        for key, value in data.items()
-        if key != "source"
-    }
+def parse_quantities(text: str, where: str) -> tuple[dict[str, Any], ValueSources]:
+    """Return TOML tables with every `{value, source}` replaced by its value, and the sources.
+
+    Raises:
+        FileFormatError: invalid TOML, or a number without source.
+    """
+    sources, tables = ValueSources(), parse_toml(text, where)
+    source = tables.pop("source", "")
+    data = {key: _unwrap(value, key, source, sources) for key, value in tables.items()}
+    if missing := [key for key, source in sources.by_key.items() if not source]:
+        raise FileFormatError(
+            where,
+            f"{missing[0]} has no source; write it as {{ value = ..., source = '...' }} or "
+            f"give its table a source (for a guess: source = 'assumed: ...')",
+        )
+    return data, sources
 
 
 def _unwrap(value: Any, key: str, source: Any, sources: ValueSources) -> Any:
+    assumed = None
     if isinstance(value, dict):
-        if "value" in value and set(value) <= _QUANTITY_KEYS:
-            return _note(
-                value["value"], key, value.get("source", source), value.get("assumed"), sources
-            )
-        return {
-            name: _unwrap(item, f"{key}.{name}", value.get("source", source), sources)
-            for name, item in value.items()
-            if name != "source"
-        }
-    if isinstance(value, list):
+        source = value.get("source", source)
+        if "value" not in value or not set(value) <= _QUANTITY_KEYS:
+            return {
+                name: _unwrap(item, f"{key}.{name}", source, sources)
+                for name, item in value.items()
+                if name != "source"
+            }
+        value, assumed = value["value"], value.get("assumed")
+    elif isinstance(value, list):
         return [
             _unwrap(item, f"{key}[{index}]", source, sources) for index, item in enumerate(value)
         ]
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return _note(value, key, source, None, sources)
-    return value
-
-
-def _note(value: Any, key: str, source: Any, assumed: bool | None, sources: ValueSources) -> Any:
-    source = source if isinstance(source, str) else ""
-    if not source:
-        sources.missing.append(key)
-    sources.by_key[key] = source
+    elif isinstance(value, bool) or not isinstance(value, int | float):
+        return value
+    sources.by_key[key] = source = source if isinstance(source, str) else ""
     if assumed if assumed is not None else source.lower().startswith("assumed"):
         sources.assumed.append(key)
     return value
-
-
-def require_sources(sources: ValueSources, where: str) -> None:
-    """Raise FileFormatError if a number has no source."""
-    if sources.missing:
-        raise FileFormatError(
-            where,
-            f"{sources.missing[0]} has no source; write it as {{ value = ..., source = '...' }} or "
-            f"give its table a source (for a guess: source = 'assumed: ...')",
-        )
 
 
 def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
@@ -120,9 +115,9 @@ def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
     from pydantic import ValidationError
 
     text = json.dumps(data, default=str)
-    hashable: Any = cls  # mypy does not know that classes are hashable
+    declared: Any = cls  # mypy does not know that classes are hashable
     try:
-        built: T = _checker(hashable).validate_json(text, strict=True)
+        built: T = _checker(declared).validate_json(text, strict=True)
         return built
     except InputError as error:  # from __post_init__
         raise FileFormatError(where, str(error)) from error
@@ -163,7 +158,7 @@ def check_value(declared: Any, value: Any) -> Any:
 
     text = json.dumps(value, default=_plain)
     try:
-        return _value_checker(declared).validate_json(text, strict=True)
+        return _checker(declared).validate_json(text, strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         raise RefusedValue(first["type"], first["input"], first["msg"].lower()) from None
@@ -175,18 +170,13 @@ def _plain(value: Any) -> Any:
 
 
 @cache
-def _value_checker(declared: Any) -> TypeAdapter[Any]:
+def _checker(declared: Any) -> TypeAdapter[Any]:
+    """Return the validator of a type, cached because pydantic needs about 10 ms to build it."""
     from pydantic import ConfigDict, TypeAdapter
 
+    if dataclasses.is_dataclass(declared):  # has its own configuration
+        return TypeAdapter(declared)
     return TypeAdapter(declared, config=ConfigDict(allow_inf_nan=False))
-
-
-@cache
-def _checker(cls: type[Any]) -> TypeAdapter[Any]:
-    """Return the validator of a class, cached because pydantic needs about 10 ms to build it."""
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(cls)
 
 
 def read_strict(cls: type[T], text: str, where: str) -> T:
@@ -202,24 +192,27 @@ def _dotted(location: Sequence[int | str]) -> str:
 def _known_keys(cls: Any, location: Sequence[int | str]) -> list[str]:
     """Return the field names of the table that `location` leads to, starting from `cls`."""
     for part in location:
-        cls = _without_none(cls)
+        cls = plain_type(cls, [])
         origin = get_origin(cls)
         if dataclasses.is_dataclass(cls):
             cls = get_type_hints(cls).get(str(part), object)
         elif origin is not None:
             arguments = [arg for arg in get_args(cls) if arg is not Ellipsis]
             cls = arguments[-1] if issubclass(origin, Mapping) else arguments[0]
-    cls = _without_none(cls)
+    cls = plain_type(cls, [])
     if dataclasses.is_dataclass(cls):
         return [item.name for item in dataclasses.fields(cls)]
     return []
 
 
-def _without_none(cls: Any) -> Any:
-    """Return `X` for `X | None`."""
-    if get_origin(cls) in (Union, types.UnionType):
-        return next(arg for arg in get_args(cls) if arg is not type(None))
-    return cls
+def plain_type(hint: Any, metadata: list[Any]) -> Any:
+    """Return a type without None and without its annotations; append these to `metadata`."""
+    if get_origin(hint) is Annotated:
+        metadata.extend(hint.__metadata__)
+        return plain_type(get_args(hint)[0], metadata)
+    if get_origin(hint) in (Union, types.UnionType):
+        return plain_type(next(arg for arg in get_args(hint) if arg is not type(None)), metadata)
+    return hint
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
@@ -232,37 +225,29 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         problem = f"this is not valid TOML: {error}; correct that line"
         raise FileFormatError(where, problem) from error
     except RecursionError as error:
-        raise _too_deep(where) from error
+        raise FileFormatError(where, _TOO_DEEP) from error
     except ValueError as error:  # number with thousands of digits
-        raise _too_large(where) from error
+        raise FileFormatError(where, _TOO_LARGE) from error
     _check_bounds(data, where)
     return data
 
 
 def parse_json(text: str | bytes, where: str) -> Any:
     """Return the content of JSON text; raise FileFormatError for errors, nan and infinity."""
+
+    def refuse(problem: object) -> NoReturn:
+        raise FileFormatError(where, f"this is not valid JSON ({problem}); restore it from a copy")
+
     try:
-        data = json.loads(text, parse_constant=_no_constant)
+        data = json.loads(text, parse_constant=lambda word: refuse(f"{word} is no number"))
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        problem = f"this is not valid JSON ({error}); restore it from a copy"
-        raise FileFormatError(where, problem) from error
-    except _NoNumber as error:
-        problem = f"this is not valid JSON ({error} is no number); restore it from a copy"
-        raise FileFormatError(where, problem) from error
+        refuse(error)
     except RecursionError as error:
-        raise _too_deep(where) from error
+        raise FileFormatError(where, _TOO_DEEP) from error
     except ValueError as error:
-        raise _too_large(where) from error
+        raise FileFormatError(where, _TOO_LARGE) from error
     _check_bounds(data, where, finite=True)
     return data
-
-
-class _NoNumber(Exception):
-    """JavaScript constant that is invalid in JSON, such as NaN."""
-
-
-def _no_constant(word: str) -> None:
-    raise _NoNumber(word)
 
 
 def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
@@ -271,7 +256,7 @@ def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
     while level:
         depth += 1
         if depth > MAX_DEPTH + 1:
-            raise _too_deep(where)
+            raise FileFormatError(where, _TOO_DEEP)
         below: list[Any] = []
         for item in level:
             if isinstance(item, dict):
@@ -285,19 +270,7 @@ def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
                         where, f"{item!r:.60} is not valid text; restore it from a copy"
                     )
             elif isinstance(item, int) and abs(item) > MAX_INTEGER:
-                raise _too_large(where)
+                raise FileFormatError(where, _TOO_LARGE)
             elif finite and isinstance(item, float) and not isfinite(item):
                 raise FileFormatError(where, "a number in it is beyond 1.8e308; correct it")
         level = below
-
-
-def _too_deep(where: str) -> FileFormatError:
-    return FileFormatError(
-        where, f"it is nested deeper than {MAX_DEPTH} levels; write it with fewer"
-    )
-
-
-def _too_large(where: str) -> FileFormatError:
-    return FileFormatError(
-        where, f"a whole number in it is beyond {MAX_INTEGER} (64 bits); correct it"
-    )

@@ -41,7 +41,7 @@ def load_user_module(
         raise InputError(f"{what}: there is no such file; check the path")
     permit(str(path) if is_file else _origin(file_or_module))
     try:
-        return _file(path) if is_file else _module(file_or_module)
+        return _file(path) if is_file else importlib.import_module(file_or_module)
     except ImportError as error:
         raise InputError(f"{what}: {error}; {otherwise}") from error
     except (Exception, SystemExit) as error:
@@ -63,25 +63,19 @@ def _file(path: Path) -> ModuleType:
     return module
 
 
-def _module(name: str) -> ModuleType:
-    _search_here()
-    return importlib.import_module(name)
-
-
 def _origin(name: str) -> str:
-    """Return the file of a module without running it; its name if it is not found."""
-    _search_here()
+    """Return the file of a module without running it; its name if it is not found.
+
+    Modules are also found in the current folder.
+    """
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
     try:
         spec = importlib.util.find_spec(name.partition(".")[0])
     except (ImportError, ValueError):
         return name
     return spec.origin or name if spec is not None else name
-
-
-def _search_here() -> None:
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
 
 
 def _where(error: BaseException) -> str:

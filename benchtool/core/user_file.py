@@ -1,4 +1,4 @@
-"""Reading of user-supplied files: regular files of limited size only.
+"""Reading of user-supplied files (regular files of limited size only), and of library files.
 
 Every path from a command, an address, a file or a run folder is opened here. A FIFO, a device or a
 socket would block the program or fill its memory.
@@ -13,7 +13,7 @@ import sys
 from io import BufferedReader
 from pathlib import Path
 
-from benchtool.core.errors import FileFormatError, ResourceExhausted
+from benchtool.core.errors import FileFormatError, ResourceExhausted, UnknownChoice
 
 MAX_TEXT_BYTES = 1 << 20  # of a plan, rig, model or map: hundreds of times the library; assumed
 MAX_METADATA_BYTES = 1 << 26  # of a JSON file: ten times a result with all draws; assumed
@@ -24,6 +24,8 @@ MAX_TABLE_BYTES = 1 << 28  # largest file of such a table
 MAX_LOG_BYTES = 1 << 30  # largest imported file: hours of an autopilot's log; assumed
 MAX_DECODED_BYTES = 1 << 31  # of one recording: 10^7 rows of 25 channels; assumed
 MAX_NUMBER = 1e20  # largest magnitude in any unit: its products stay finite; assumed
+
+LIBRARY = Path(__file__).resolve().parents[1] / "library"  # folder of the bundled files
 
 _PIECE_BYTES = 1 << 20
 
@@ -66,11 +68,7 @@ def user_folder(variable: str, unix: str, mac: str = "Application Support") -> P
 
 
 def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:
-    """Open a regular file for reading bytes.
-
-    Args:
-        path: of the file.
-        follow: whether to follow a symbolic link.
+    """Open a regular file for reading bytes; `follow` is whether to follow a symbolic link.
 
     Raises:
         FileFormatError: cannot be opened, or not a regular file.
@@ -148,6 +146,59 @@ def _reason(error: OSError | ValueError, path: str | Path) -> str:
     return f"{(error.strerror or 'it cannot be read').lower()}; check the path"
 
 
+def user_library_folder() -> Path:
+    """Return the folder of user-defined rigs, propellers and so on, with a subfolder per kind.
+
+    BENCHTOOL_LIBRARY if set, else below the user's data folder. It need not exist.
+    """
+    if folder := os.environ.get("BENCHTOOL_LIBRARY"):
+        return Path(folder)
+    return user_folder("XDG_DATA_HOME", ".local/share") / "library"
+
+
+def user_names(folder: str) -> tuple[str, ...]:
+    """Return the names of user-defined files of one kind."""
+    return tuple(sorted(path.stem for path in (user_library_folder() / folder).glob("*.toml")))
+
+
+def list_names(folder: str) -> tuple[str, ...]:
+    """Return the names in `benchtool/library/<folder>`."""
+    return tuple(sorted(path.stem for path in (LIBRARY / folder).glob("*.toml")))
+
+
+def read_library_file(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, str]:
+    """Return (text, where) for a library name, a user-defined name, or a path ending in .toml.
+
+    Raises:
+        UnknownChoice: unknown name.
+        FileFormatError: unreadable path, or a user-defined file with the name of a bundled one.
+    """
+    name, user_defined = str(name_or_path), user_names(folder)
+    if name in user_defined:
+        user_path = user_library_folder() / folder / f"{name}.toml"
+        if name in list_names(folder):
+            raise FileFormatError(
+                str(user_path), f"benchtool has a {kind} of this name; rename your file"
+            )
+        return read_text(user_path), str(user_path)
+    if name in list_names(folder):
+        where = f"{folder}/{name}.toml"
+        return (LIBRARY / where).read_text(encoding="utf-8"), where
+    path = Path(name)
+    if path.suffix != ".toml" and not os.path.exists(path):
+        raise UnknownChoice(
+            f"{kind} or file",
+            display_path(name),
+            (*list_names(folder), *user_defined),
+        )
+    if os.path.isdir(path):
+        inside = ", ".join(str(item) for item in sorted(path.glob("*.toml"))[:6])
+        raise FileFormatError(
+            name, f"this is a folder; name a TOML file{f' in it: {inside}' if inside else ''}"
+        )
+    return read_text(path), name
+
+
 def check_columns(count: int, where: str) -> None:
     """Raise FileFormatError for a table with too many columns."""
     if count > MAX_COLUMNS:
@@ -185,7 +236,6 @@ def resource_error(error: OSError | MemoryError, subject: str, then: str = "") -
     """Return the error with a message for the user.
 
     Args:
-        error: of the system.
         subject: failed operation ("run cannot be closed").
         then: next step after its cause is removed.
     """

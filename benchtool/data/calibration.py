@@ -14,7 +14,6 @@ import numpy as np
 from benchtool.core.choices import EvaluationType
 from benchtool.core.error_source import effective_dof
 from benchtool.core.errors import CalibrationError
-from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.core.toml_text import FiniteTable, build_dataclass
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
@@ -164,10 +163,7 @@ def zero_variance(since_s: Array, noise: ZeroNoise) -> Array:
     return np.asarray(noise.walk**2 * since_s + flicker, float)
 
 
-def zero_noise(points: Recording, rig: Rig) -> ZeroNoise:
-    """Return the zero drift of a run; its walk is from `add_zero_drift`, else from the rig."""
+def zero_noise(rig: Rig) -> ZeroNoise:
+    """Return the zero drift that a rig states."""
     load_cell = rig.sensors.get("thrust_N", Sensor())
-    walk, dof = (points.provenance.get(name, "") for name in ("zero_walk", "zero_walk_dof"))
-    if not walk:
-        return ZeroNoise(load_cell.walk, load_cell.flicker)
-    return ZeroNoise(float(walk), load_cell.flicker, float(dof))
+    return ZeroNoise(load_cell.walk, load_cell.flicker)

@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 from benchtool.core.channel import (
     ColumnSource,
     check_channels,
-    require_known_channel,
+    is_known_channel,
     unit_from_name,
 )
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
-from benchtool.core.library import read_library_file
 from benchtool.core.toml_text import FileTable, build_dataclass, parse_toml
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, find_unit
+from benchtool.core.user_file import read_library_file
 
 _SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, N·m and ºC)
     **dict.fromkeys(("µs", "μs", "usec"), "us"),
@@ -330,11 +330,7 @@ def match_channel(name: str) -> str | None:
     """Return the channel for a column name, or None if it is ambiguous."""
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
-    try:
-        require_known_channel(name)
-    except UnknownChoice:
-        return NAMES.get(name.lower())
-    return name
+    return name if is_known_channel(name) else NAMES.get(name.lower())
 
 
 def guess_columns(

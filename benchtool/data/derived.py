@@ -288,7 +288,7 @@ def _independent_errors(
         error = standard_error(recording, name, context.sensors)
         if name == "thrust_N" and context.rig is not None and "elapsed_s" in recording:
             since_s = np.nan_to_num(recording.column("elapsed_s"))
-            zero = zero_variance(np.maximum(since_s, 0.0), zero_noise(recording, context.rig))
+            zero = zero_variance(np.maximum(since_s, 0.0), zero_noise(context.rig))
             error = np.hypot(error, np.sqrt(zero))
         yield name, None, error
     for row, name in enumerate(speed_columns(recording.names, "rpm")):

@@ -7,16 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.library import list_names, read_library_file, user_names
 from benchtool.core.rig import Propeller
-from benchtool.core.toml_text import (
-    ValueSources,
-    build_dataclass,
-    parse_toml,
-    require_sources,
-    unwrap_quantities,
-)
+from benchtool.core.toml_text import build_dataclass, parse_quantities
 from benchtool.core.units import to_si
+from benchtool.core.user_file import list_names, read_library_file, user_names
 
 FOLDER = "propellers"
 
@@ -55,7 +49,5 @@ def load_propeller(name_or_path: str | Path) -> Propeller:
 def read_propeller(name_or_path: str) -> tuple[Propeller, Mapping[str, str]]:
     """Return a propeller and the source of each of its numbers."""
     text, where = read_library_file("propeller", FOLDER, name_or_path)
-    sources = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), sources)
-    require_sources(sources, where)
+    data, sources = parse_quantities(text, where)
     return build_dataclass(Propeller, data, where), sources.by_key

@@ -13,13 +13,14 @@ from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
+from benchtool.data.calibration import ZeroNoise
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import detect_kind
 from benchtool.data.run.read import changed_points, is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import metadata_path, read_recording
 from benchtool.data.table import read_table
-from benchtool.fit.uncertainty.zero_drift import add_zero_drift
+from benchtool.fit.uncertainty.load_cell import run_zero_noise
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model_file import LoadedModel
 
@@ -37,6 +38,7 @@ class RecordingSource:
     recording: Recording
     sha256: str  # of the data
     remarks: tuple[str, ...] = ()  # warnings, such as missing columns of the model's map
+    zero: ZeroNoise | None = None  # of the load cell, if the run shows it; else the rig's
 
     @property
     def simulated(self) -> bool:
@@ -111,13 +113,14 @@ def bench_kind(source: RecordingSource) -> BenchKind:
 def _read_source(path: str, name: str, digest: str, loaded: LoadedModel) -> RecordingSource:
     columns: Mapping[str, ColumnSource] = {}
     remarks: Sequence[str] = ()
+    zero: ZeroNoise | None = None
     metadata = metadata_path(Path(path))
     if is_run(path):  # pitch experiment, or points of a sweep with its tares
         remarks = changed_points(path)
         if IDENTIFIED_BY["pitch"] in sample_names(path):
             recording = read_pitch(path)
         else:
-            recording = add_zero_drift(read_points(path, VALID_KINDS), path, loaded.model.rig)
+            recording, zero = read_points(path, VALID_KINDS), run_zero_noise(path, loaded.model.rig)
     elif metadata.is_file():
         recording = read_recording(path)
     elif Path(path).suffix.lower() == ".parquet":
@@ -129,7 +132,7 @@ def _read_source(path: str, name: str, digest: str, loaded: LoadedModel) -> Reco
         if recording.provenance.get("repairs"):
             remarks = (*remarks, f"{name}: {recording.provenance['repairs']}")
     return RecordingSource(
-        path=path, name=name, recording=recording, sha256=digest, remarks=tuple(remarks)
+        path=path, name=name, recording=recording, sha256=digest, remarks=tuple(remarks), zero=zero
     )
 
 

@@ -24,7 +24,7 @@ from benchtool.explain.recordings import (
 from benchtool.explain.result import Explanation
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.subject import SweepSubject
-from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.nominal import rig_for_data
 from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
@@ -70,7 +70,7 @@ class Request:
         model, effects = self.loaded.model, [e for e in self.user_effects if self.kind in e.benches]
         if self.kind == "sweep":
             learn, check = (
-                [sweep_log(source.recording, model.rig) for source in part]
+                [sweep_log(source.recording, model.rig, zero=source.zero) for source in part]
                 for part in (self.learn, self.check)
             )
             return SweepSubject(model, learn, check, effects)

@@ -14,7 +14,7 @@ from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem, normal_log_density
-from benchtool.fit.solve import DerivativeMethod, derivative_method, derivatives
+from benchtool.fit.solve import derivative_method, prediction_jacobian
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,8 +135,8 @@ def predictive_density(
     residuals = problem.residuals(result.values) - gain @ training_rows
     with np.errstate(all="ignore"):
         method = derivative_method(problem, shape)
-        training_slopes = whitening(_slopes(training, method, shape))
-        slopes = _slopes(problem, method, shape) - gain @ training_slopes
+        training_slopes = whitening(prediction_jacobian(training, method, shape))
+        slopes = prediction_jacobian(problem, method, shape) - gain @ training_slopes
     shared_variance = np.maximum(np.sum(shared**2, axis=1) - np.sum(gain**2, axis=1), 0.0)
     error_variance = problem.sigma(noise) ** 2 + shared_variance
     covariance = result.covariance[np.ix_(problem.shape_index, problem.shape_index)]
@@ -149,11 +149,6 @@ def predictive_density(
     parameter_variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     sd = np.sqrt(error_variance + np.maximum(parameter_variance, 0.0))
     return normal_log_density(residuals / sd, sd), residuals
-
-
-def _slopes(problem: Problem, method: DerivativeMethod, shape: Array) -> Array:
-    """Return d prediction / d shape (m, n_shape)."""
-    return derivatives(problem.predict, shape, len(problem), problem.shape_bounds, method)
 
 
 def _score(

@@ -18,7 +18,6 @@ import numpy as np
 from scipy.special import stdtrit
 
 from benchtool.core.errors import EstimationError, InputError, ModelRejected
-from benchtool.core.fit_result import FitResult
 from benchtool.core.units import Array
 from benchtool.fit.compare import hold_out
 from benchtool.fit.diagnose import find_error, with_diagnosis
@@ -119,16 +118,21 @@ def compare_laws(
         _fit_law(candidate, model, build_problem, distances, is_oge_known=is_oge_known)
         for candidate in candidate_laws(model)
     ]
-    accepted = [trial for trial in laws if not trial.refused]
     # If all laws are rejected, all are scored to find the nearest.
-    laws = [t if t.refused and accepted else _cross_validate(t, group, distances) for t in laws]
-    best = max(laws, key=lambda trial: (not trial.refused, trial.score))
-    scores = [_score_law(trial, best, len(distances)) for trial in laws]
-    order = sorted(
-        range(len(laws)),
-        key=lambda i: (scores[i].verdict == "not applied", -laws[i].score, scores[i].chi2_per_dof),
+    is_accepted = any(not trial.score.reason for trial in laws)
+    laws = [
+        trial if trial.score.reason and is_accepted else _cross_validate(trial, group, distances)
+        for trial in laws
+    ]
+    best = max(laws, key=lambda trial: (not trial.score.reason, trial.log_score))
+    laws.sort(
+        key=lambda trial: (
+            trial.score.verdict == "not applied", -trial.log_score, trial.score.chi2_per_dof
+        )
+    )  # fmt: skip
+    return LawComparison(
+        scores=tuple(_score_law(trial, best) for trial in laws), distances=tuple(distances)
     )
-    return LawComparison(scores=tuple(scores[i] for i in order), distances=tuple(distances))
 
 
 def distance_groups(z_over_R: Array) -> IntArray:
@@ -173,19 +177,14 @@ def _distance_law(effect: Effect) -> DistanceLaw:
     return effect.distance_law
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
-    law: str
-    one_with: tuple[str, ...]
-    refused: str = ""
-    applied: bool = True
+    score: LawScore
     problem: Problem | None = None  # initial values from the fit to all distances
-    whole: FitResult | None = None  # that fit
     density: Array | None = None  # (J,) summed log density of each held-out distance
-    rms: float = np.nan
 
     @property
-    def score(self) -> float:
+    def log_score(self) -> float:
         return -np.inf if self.density is None else float(self.density.sum())
 
 
@@ -199,22 +198,34 @@ def _fit_law(
 ) -> _Trial:
     """Return a law fitted to all distances, or the reason for its rejection."""
     effect, equivalent_laws = candidate
-    trial = _Trial(law=effect.name, one_with=equivalent_laws)
+    score = LawScore(law=effect.name, verdict="refused", one_with=equivalent_laws)
     nearest = _distance_law(effect).nearest_z_over_R
     if distances[0] < nearest * (1.0 - 1e-9):
         reason = f"points at z/R {distances[0]:.3g}, valid from {nearest:g}"
-        return replace(trial, refused=reason, applied=False)
+        return _Trial(replace(score, verdict="not applied", reason=reason))
     try:
         start = with_law(model, effect, distances, is_oge_known=is_oge_known)
         problem = build_problem(initial_values(start, effect, distances))
         whole = fit_least_squares(problem)
     except EstimationError as error:
-        return replace(trial, refused=str(error))
+        return _Trial(replace(score, reason=str(error)))
     rejection = find_error((with_diagnosis(problem, whole),))
     reason = "" if rejection is None else whole.outcome.message
     if isinstance(rejection, ModelRejected):
         reason = f"rejected by chi2/dof {whole.chi2_per_dof:.3g}"
-    return replace(trial, refused=reason, problem=problem.at(whole.values), whole=whole)
+    score = replace(
+        score,
+        verdict="refused" if reason else "indistinguishable",
+        reason=reason,
+        parameters=len(whole.estimates),
+        values=", ".join(
+            f"{item.name.rpartition('.')[2]} {item.value:.4g}"
+            for item in whole.estimates
+            if item.name.startswith((f"{effect.name}.", "R_m"))
+        ),
+        chi2_per_dof=whole.chi2_per_dof,
+    )
+    return _Trial(score, problem.at(whole.values))
 
 
 def initial_values(model: Model, effect: Effect, distances: list[float]) -> Model:
@@ -246,11 +257,12 @@ def _cross_validate(trial: _Trial, group: IntArray, distances: list[float]) -> _
         try:
             logs, residuals = hold_out(problem, np.flatnonzero(group == number))
         except EstimationError as error:
-            return replace(trial, refused=f"without z/R {distance:.3g}: {error}")
+            reason = f"without z/R {distance:.3g}: {error}"
+            return _Trial(replace(trial.score, verdict="refused", reason=reason), problem)
         density[number] = logs.sum()
         squares += float(residuals @ residuals)
     rms = float(np.sqrt(squares / np.count_nonzero(group >= 0)))
-    return replace(trial, density=density, rms=rms)
+    return _Trial(replace(trial.score, held_out_rms=rms), problem, density)
 
 
 def with_law(
@@ -287,7 +299,7 @@ def with_law(
     return model.with_free(*(f"{effect.name}.{name}" for name in law.compared))
 
 
-def _score_law(trial: _Trial, best: _Trial, distances: int) -> LawScore:
+def _score_law(trial: _Trial, best: _Trial) -> LawScore:
     """Return the score of a law against the best one.
 
     A large loss at one distance makes the standard error of the mean as large as the mean itself,
@@ -295,37 +307,19 @@ def _score_law(trial: _Trial, best: _Trial, distances: int) -> LawScore:
     """
     from scipy.stats import wilcoxon
 
-    behind, se, lost = np.nan, np.nan, np.empty(0)
-    if trial.density is not None and best.density is not None:
-        lost = best.density - trial.density
-        behind = float(lost.mean())
-        se = float(lost.std(ddof=1) * np.sqrt(1.0 / distances + 1.0 / (distances - 1)))
-    verdict: Verdict = "indistinguishable"
-    if not trial.applied:
-        verdict = "not applied"
-    elif trial.refused or trial.density is None:
-        verdict = "refused"
-    elif trial is best:
+    if trial.density is None or best.density is None:
+        return trial.score
+    lost, distances = best.density - trial.density, len(trial.density)
+    behind = float(lost.mean())
+    se = float(lost.std(ddof=1) * np.sqrt(1.0 / distances + 1.0 / (distances - 1)))
+    verdict = trial.score.verdict
+    if verdict == "indistinguishable" and trial is best:
         verdict = "best"
-    elif behind > stdtrit(distances - 1, 0.975) * se or (
-        lost.any() and wilcoxon(lost, alternative="greater").pvalue < SIGNIFICANCE
+    elif verdict == "indistinguishable" and (
+        behind > stdtrit(distances - 1, 0.975) * se
+        or (lost.any() and wilcoxon(lost, alternative="greater").pvalue < SIGNIFICANCE)
     ):
         verdict = "behind"
-    whole, prefix = trial.whole, f"{trial.law}."
-    return LawScore(
-        law=trial.law,
-        verdict=verdict,
-        reason=trial.refused,
-        one_with=trial.one_with,
-        parameters=0 if whole is None else len(whole.estimates),
-        values=", ".join(
-            f"{item.name.rpartition('.')[2]} {item.value:.4g}"
-            for item in (() if whole is None else whole.estimates)
-            if item.name.startswith((prefix, "R_m"))
-        ),
-        chi2_per_dof=np.nan if whole is None else whole.chi2_per_dof,
-        behind=behind,
-        behind_se=se,
-        losses=tuple(lost.tolist()),
-        held_out_rms=trial.rms,
+    return replace(
+        trial.score, verdict=verdict, behind=behind, behind_se=se, losses=tuple(lost.tolist())
     )

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Literal, NamedTuple
+from itertools import compress
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc, ndtr, stdtr
-from scipy.stats import spearmanr
+from scipy.sparse.csgraph import connected_components
+from scipy.special import chdtrc, fdtrc
 
-from benchtool.core.choices import Loss
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.problem import NOISE_SCALE, Problem
-from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD
-from benchtool.fit.solve import derivative_method, row_jacobian, solve
+from benchtool.fit.solve import PART, derivative_method, estimate_covariance, row_jacobian, solve
+from benchtool.fit.statistics import (
+    MAD_EFFICIENCY,
+    MAD_TO_SD,
+    Pattern,
+    bend_along,
+    outliers,
+    runs_along,
+    trend_along,
+)
+from benchtool.physics.catalogue import EFFECTS
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
@@ -33,6 +39,14 @@ MAX_UNSTATED_SCATTER = 4.0
 MAX_SCATTER_RATIO = 2.0
 MAX_NAMED_POINTS = 5
 
+INFLATION = 5.0  # minimum ratio of sd with others free and fixed (a pair: correlation 0.98)
+MIN_COMPONENT = 0.25  # minimum scaled component of a parameter in a confused direction
+MIN_RELATIVE_SD = 0.1  # minimum reported sd relative to a value without tolerance
+BASELINE: dict[frozenset[str], str] = {  # remedies for pairs without an effect
+    frozenset({"k", "R_m"}): "reference points without the plate",
+    frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
+}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
@@ -44,7 +58,6 @@ class Diagnosis:
 
     verdict: Verdict
     chance: float  # p-value of chi2 for a correct model and correct stated errors
-    confusions: tuple[Confusion, ...]  # parameters that this data cannot separate
     outliers: tuple[int, ...]  # (k,) point indices
     sentences: tuple[str, ...]  # messages for the user
 
@@ -52,7 +65,7 @@ class Diagnosis:
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     """Return the diagnosis of a least-squares or emcee result."""
     shape, noise = problem.split(result.values)
-    loss: Loss = next(name for name in LOSSES if name == result.facts.get("loss", "linear"))
+    loss: Any = result.facts.get("loss", "linear")
     whitening = problem.whitening(noise)
     rows = whitening(problem.residuals(result.values))
     if loss != "linear":  # residuals without shared errors, so that each outlier is one point
@@ -71,21 +84,13 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     # Outliers are relative to the observed scatter if it exceeds the stated one.
     scatter = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
     far_points = tuple(int(i) for i in outliers(rows_alone / scatter))
-    found_confusions = confusions(problem, result)
     sentences = (
-        *(str(item) for item in found_confusions),
+        *_confusion_messages(problem, result),
         *_verdict_messages(verdict, result, p_value, misfit.size),
         *_structure_messages(problem, rows),
         *_outlier_messages(problem, rows_alone / scatter, far_points),
     )
-    return Diagnosis(verdict, p_value, found_confusions, far_points, sentences)
-
-
-def _columns(problem: Problem) -> dict[str, Array]:
-    """Return the covariates, and the order of the points unless a covariate equals it."""
-    order = np.arange(len(problem), dtype=float)
-    same = [abs(trend_along(column, order).size) for column in problem.covariates.values()]
-    return {**({} if max(same, default=0.0) > 0.9 else {"order": order}), **problem.covariates}
+    return Diagnosis(verdict, p_value, far_points, sentences)
 
 
 def with_diagnosis(problem: Problem, result: FitResult) -> FitResult:
@@ -189,14 +194,6 @@ def has_misfit(result: FitResult) -> bool:
     return result.chi2_per_dof > MAX_SCATTER_RATIO**2
 
 
-class Pattern(NamedTuple):
-    """Test statistic of residuals along a column, and its p-value."""
-
-    size: float
-    chance: float
-    expected: float = 0.0  # size expected for noise
-
-
 def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
     """Return the ratio of lack of fit to pure error, with the p-value of the F test.
 
@@ -222,68 +219,12 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
     return Pattern(ratio**0.5, float(fdtrc(problem.dof - dof, dof, ratio)))
 
 
-def bend_along(order: Array, rows: Array) -> Pattern:
-    """Return the curvature of weighted residuals (m,) over a column (m,): above 0 for a U.
-
-    Quadratic coefficient of a parabola, per half width of the column, with Student's t test. The
-    runs test cannot detect a U in ten points.
-    """
-    width = 0.5 * np.ptp(order) if len(order) else 0.0
-    if len(rows) < 5 or width == 0.0 or len(np.unique(order)) < 4:
-        return Pattern(0.0, 1.0)
-    x = (order - order.min()) / width - 1.0
-    powers = np.stack([np.ones_like(x), x, x * x], axis=1)
-    inverse = np.linalg.pinv(powers.T @ powers)
-    coefficients = inverse @ (powers.T @ rows)
-    residuals = rows - powers @ coefficients
-    dof = len(rows) - 3
-    size, sd = float(coefficients[2]), float(np.sqrt(residuals @ residuals / dof * inverse[2, 2]))
-    if sd <= 1e-12 * abs(size):
-        return Pattern(size, 0.0 if abs(size) > 1e-9 else 1.0)
-    return Pattern(size, 2.0 * float(stdtr(dof, -abs(size) / sd)))
-
-
-def runs_along(order: Array, rows: Array) -> Pattern:
-    """Count runs of equal sign of weighted residuals (m,) along a column (m,).
-
-    Too few runs indicate a missing curve. Points of equal column value are averaged. Runs test of
-    Wald and Wolfowitz (Ann. Math. Stat. 11, 1940), normal approximation.
-    """
-    values, position = np.unique(order, return_inverse=True)
-    positive = np.bincount(position, rows) > 0.0
-    runs = 1 + int((positive[1:] != positive[:-1]).sum()) if len(values) else 0
-    if positive.sum() < 3 or (~positive).sum() < 3:
-        return Pattern(runs, 1.0, runs)
-    expected, sd = expected_runs(positive)
-    return Pattern(runs, float(ndtr((runs + 0.5 - expected) / sd)), expected)
-
-
-def expected_runs(positive: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return mean and sd of the number of runs for independent signs (Wald-Wolfowitz)."""
-    above, total = int(positive.sum()), len(positive)
-    mixed = 2.0 * above * (total - above)
-    variance = mixed * (mixed - total) / (total**2 * (total - 1)) if total > 1 else 0.0
-    return 1.0 + mixed / max(total, 1), float(np.sqrt(max(variance, 0.0)))
-
-
-def trend_along(order: Array, rows: Array) -> Pattern:
-    """Return Spearman's rank correlation of weighted residuals (m,) with a column (m,)."""
-    if len(rows) < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
-        return Pattern(0.0, 1.0)
-    return Pattern(*(float(number) for number in spearmanr(order, rows)))
-
-
-def outliers(rows: Array) -> NDArray[np.intp]:
-    """Return outliers (k,), worst first: fewer than 0.05 points expected beyond (Chauvenet)."""
-    chance = 2.0 * ndtr(-np.abs(rows)) * len(rows)
-    far = np.flatnonzero(chance < 0.05)
-    return far[np.argsort(-np.abs(rows[far]))].astype(np.intp)
-
-
 def _structure_messages(problem: Problem, rows: Array) -> list[str]:
     bends, sign_runs, slopes = [], [], []
-    for name, column in _columns(problem).items():
-        hint = partial(_hint, problem, name)
+    columns, order = dict(problem.covariates), np.arange(len(problem), dtype=float)
+    if all(abs(trend_along(column, order).size) <= 0.9 for column in columns.values()):
+        columns = {"order": order, **columns}
+    for name, column in columns.items():
         bend_pattern, runs_pattern = bend_along(column, rows), runs_along(column, rows)
         trend_pattern = trend_along(column, rows)
         if bend_pattern.chance < SIGNIFICANCE:
@@ -292,7 +233,7 @@ def _structure_messages(problem: Problem, rows: Array) -> list[str]:
                 shape, ends, middle = ("an arch", "above", "below")
             bends.append(
                 f"residuals form {shape} over {name}: the model is {ends} the points at both ends "
-                f"and {middle} them between, so it misses a curve in {name}; {hint()}"
+                f"and {middle} them between, so it misses a curve in {name}; {_hint(problem, name)}"
             )
         elif runs_pattern.chance < SIGNIFICANCE:
             sign_runs.append(
@@ -302,7 +243,7 @@ def _structure_messages(problem: Problem, rows: Array) -> list[str]:
         if trend_pattern.chance < SIGNIFICANCE:
             slopes.append(
                 f"residuals {'rise' if trend_pattern.size > 0 else 'fall'} with {name} "
-                f"(rank correlation {trend_pattern.size:+.2f}); {hint()}"
+                f"(rank correlation {trend_pattern.size:+.2f}); {_hint(problem, name)}"
             )
     return bends + sign_runs + slopes
 
@@ -331,4 +272,79 @@ def _outlier_messages(problem: Problem, rows: Array, points: tuple[int, ...]) ->
     return (
         f"outliers: {len(points)} of {pluralize(len(rows), 'point')} ({listed}{more}); check "
         f"these points in the run, or fit with a robust loss",
+    )
+
+
+def _confusion_messages(problem: Problem, result: FitResult) -> list[str]:
+    """Return sentences on parameters that the data cannot separate, the worst first."""
+    shape, noise = problem.split(result.values)
+    with np.errstate(all="ignore"):
+        method = derivative_method(problem, shape)
+        jacobian = row_jacobian(problem, method, shape, problem.whitening(noise))
+    names = problem.shape_names
+    estimate = estimate_covariance(jacobian, method)
+    if estimate.undetermined:
+        # One sentence for each set of parameters that share undetermined directions.
+        sizes = np.where(np.abs(estimate.directions) > PART, np.abs(estimate.directions), 0.0)
+        _, group = connected_components(sizes @ sizes.T > 0.0)
+        return [
+            _confusion_message(names, sizes[rows].sum(axis=0), np.inf, int(rows.sum()))
+            for rows in (group == number for number in dict.fromkeys(group[::-1]))
+        ]
+    confused = []
+    norms = np.linalg.norm(jacobian, axis=0)
+    inflation = np.sqrt(np.diag(estimate.covariance)) * norms
+    _, singular, directions = np.linalg.svd(jacobian / norms, full_matrices=False)
+    for direction in directions[singular < 1.0 / INFLATION][::-1]:  # the weakest first
+        involved = np.abs(direction) > MIN_COMPONENT
+        worst = float(inflation[involved].max())
+        if worst >= INFLATION and any(
+            _matters(problem, result, name) for name in compress(names, involved)
+        ):
+            confused.append(_confusion_message(names, np.abs(direction), worst))
+    return confused
+
+
+def _matters(problem: Problem, result: FitResult, name: str) -> bool:
+    estimate, limit = result[name], problem.parameters[name].tolerance
+    return estimate.sd > (MIN_RELATIVE_SD * abs(estimate.value) if limit is None else limit)
+
+
+def _confusion_message(
+    names: tuple[str, ...], involvement: Array, inflation: float, open_directions: int = 0
+) -> str:
+    """Return one sentence on confused parameters, the most involved first, with the remedy.
+
+    Args:
+        inflation: ratio of their sd to the sd with the others known.
+        open_directions: number of undetermined combinations; 0 for none.
+    """
+    limit = 0.0 if open_directions else MIN_COMPONENT
+    order = np.argsort(-involvement)
+    involved = tuple(names[i] for i in order if involvement[i] > limit)
+    separated_by = {
+        frozenset({f"{effect.name}.{effect.parameters[0].name}", other}): text
+        for effect in EFFECTS.values()
+        for other, text in effect.separated_by.items()
+    }
+    remedies = [text for pair, text in (separated_by | BASELINE).items() if pair <= set(involved)]
+    if remedies:
+        remedy = f"measure {'; '.join(dict.fromkeys(remedies))}"
+    elif len(involved) == 1:
+        remedy = "measure where it acts"
+    else:
+        remedy = "measure at further plate distances and throttle levels, or state a prior"
+    if len(involved) == 1:
+        return f"these data do not determine {involved[0]}; fix it, or {remedy}"
+    listed = " and ".join([", ".join(involved[:-1]), involved[-1]])
+    if not open_directions:
+        return (
+            f"{listed} can hardly be separated (uncertainty {inflation:.0f} times larger "
+            f"than with the others known); fix one, or {remedy}"
+        )
+    n_determined = len(involved) - open_directions
+    return (
+        f"{listed} cannot be separated by these data, which determine only {n_determined} "
+        f"combination{'s' if n_determined > 1 else ''} of these {len(involved)}; fix "
+        f"{open_directions}, or {remedy}"
     )

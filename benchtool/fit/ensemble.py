@@ -11,9 +11,9 @@ from emcee import EnsembleSampler
 from emcee.autocorr import integrated_time
 
 from benchtool.core.errors import EstimationError, InputError
-from benchtool.core.fit_result import Estimate, FitResult, Outcome
+from benchtool.core.fit_result import FitResult, Outcome
+from benchtool.core.parameter import Parameter
 from benchtool.core.units import Array
-from benchtool.fit.interval import from_draws
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import (
@@ -22,6 +22,7 @@ from benchtool.fit.sampling import (
     proposal_around_least_squares,
     start_walkers,
 )
+from benchtool.fit.statistics import from_draws
 
 Progress = Callable[[int, int], None]  # progress(steps done, steps expected)
 ENSEMBLES = 4
@@ -79,29 +80,31 @@ def fit_ensemble(
     thin = max(1, int(tau / 5.0) if np.isfinite(tau) else 1)
     draws = chains[::thin].reshape(-1, n_free)
     stride = max(thin, -(-chains.shape[0] * len(start) // MAX_DRAWS))
-    estimates = tuple(
-        from_draws(name, problem.parameters[name], draws[:, i], _bound(problem, name, draws[:, i]))
-        for i, name in enumerate(problem.free_names)
-    )
+    estimates, warnings = [], []
+    for name, column in zip(problem.free_names, draws.T, strict=True):
+        parameter = problem.parameters[name]
+        side, end = _reached_bound(parameter, column)
+        bound = f"reaches its {side} bound" if side else ""
+        estimates.append(from_draws(name, parameter, column, bound))
+        if side:
+            warnings.append(
+                f"the posterior of {name} {bound} {f'{end:g} {parameter.unit}'.removesuffix(' 1')} "
+                f"and is truncated, which biases other estimates: widen the bound or fix the "
+                f"parameter"
+            )
     chi2, log_likelihood = problem.quality(best)
     steps = int(sampler.iteration)
     return FitResult(
         method="emcee",
         basis=problem.basis,
         model=problem.model,
-        estimates=estimates,
+        estimates=tuple(estimates),
         covariance=np.atleast_2d(np.cov(draws, rowvar=False)),
         chi2=chi2,
         dof=problem.dof,
         log_likelihood=log_likelihood,
         outcome=_outcome(problem, convergence, steps, max_steps, steps * len(start)),
-        warnings=tuple(
-            f"the posterior of {estimate.name} {estimate.bound} "
-            f"{_format_bound(problem, estimate)} and is truncated, which biases other estimates: "
-            f"widen the bound or fix the parameter"
-            for estimate in estimates
-            if estimate.bound
-        ),
+        warnings=tuple(warnings),
         samples=np.ascontiguousarray(chains[::stride].reshape(-1, n_free)),
         facts={
             **problem.facts,
@@ -151,21 +154,13 @@ def sample_until_converged(
         target = int(min(max(needed_steps, 1.3 * done), max_steps, 4.0 * done))
 
 
-def _bound(problem: Problem, name: str, draws: Array) -> str:
-    """Return text that names the bound where a posterior (n,) accumulates, else ""."""
-    parameter = problem.parameters[name]
+def _reached_bound(parameter: Parameter, draws: Array) -> tuple[str, float]:
+    """Return side and value of the bound where a posterior (n,) accumulates; "" without one."""
     margin = BOUND_REACH * float(np.std(draws))
     for side, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
         if np.mean(np.abs(draws - bound) < margin) > BOUND_SHARE:
-            return f"reaches its {side} bound"
-    return ""
-
-
-def _format_bound(problem: Problem, estimate: Estimate) -> str:
-    """Return the bound that an estimate reaches, with its unit."""
-    parameter = problem.parameters[estimate.name]
-    bound = parameter.lower if "lower" in estimate.bound else parameter.upper
-    return f"{bound:g} {parameter.unit}".removesuffix(" 1")
+            return side, bound
+    return "", np.nan
 
 
 def _outcome(
@@ -215,8 +210,7 @@ class Convergence:
     @property
     def slowest_tau_steps(self) -> float:
         """Largest autocorrelation time; inf when it could not be estimated."""
-        largest = float(np.max(self.tau_steps))
-        return largest if np.isfinite(largest) else float("inf")
+        return float(np.max(self.tau_steps))
 
     @property
     def is_mixed(self) -> bool:

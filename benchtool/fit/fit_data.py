@@ -25,7 +25,7 @@ from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.ratios import ratio_error, ratios, thrust_error
 from benchtool.data.run.read import changed_points, is_pitch_run, is_run, read_points
 from benchtool.data.table import read_table
-from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.nominal import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
 from benchtool.fit.uncertainty.bench_errors import (
     MIN_EFFECT,
@@ -33,8 +33,7 @@ from benchtool.fit.uncertainty.bench_errors import (
     bench_errors,
     concatenate_visits,
 )
-from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
-from benchtool.fit.uncertainty.zero_drift import add_zero_drift
+from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells, run_zero_noise
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -134,7 +133,6 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         )
     parts = [_read_file(path, recipe, loaded) for path in recipe.data]
     rig = loaded.model.rig
-    parts = [add_zero_drift(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
     points = _concatenate(parts)
     has_ratios = "thrust_N" not in points and "thrust_ratio" in points
     if has_ratios and recipe.basis != RATIO_BASIS:
@@ -157,12 +155,14 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     sources: tuple[ErrorSource, ...] = ()
     by_thrust: Array | None = None
     reference: Conditions | None = None
+    error: Array | None
     if recipe.basis == "joint":
-        observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
+        observed = points.to_si("thrust_N")
+        error, is_from_samples = thrust_error(points) or (None, False)
+        is_within = is_from_samples or all(map(is_run, recipe.data))
+        errors = "within" if is_within else "stated"
     elif has_ratios:
-        observed, table_error = points.column("thrust_ratio"), ratio_error(points)
-        errors = "none" if table_error is None else "stated"
-        error = np.ones(len(points)) if table_error is None else table_error
+        observed, error, errors = points.column("thrust_ratio"), ratio_error(points), "stated"
         turning = np.sum(conditions.speed_rad_s**2, axis=0)
         by_thrust = np.diag(1.0 / (model.parameters["k"].value * turning))
         reference = conditions.out_of_ground_effect()
@@ -176,15 +176,22 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         by_thrust = block_diag(*(ratio.thrust_jacobian for ratio in run_ratios))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
+        is_parked = [part.column("kind") == word_to_code("kind", "reference") for part in parts]
+        parked_m = [
+            np.full(len(part), float(part.to_si("plate_z_m")[rows].mean()))
+            for part, rows in zip(parts, is_parked, strict=True)
+        ]
         # The load cell drifts between a visit and its references; the tare error is in both.
         reference = Conditions.build(
             model.rig,
             speed_rad_s=conditions.speed_rad_s,
-            plate_z_m=np.concatenate([_parked_m(part) for part in parts]),
+            plate_z_m=np.concatenate(parked_m),
             voltage_V=conditions.voltage_V,
             elapsed_s=share @ np.nan_to_num(conditions.elapsed_s),
             time_s=share @ np.nan_to_num(conditions.time_s),
         )
+    if error is None:
+        error, errors = np.ones(len(points)), "none"
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
         max_thrust_N = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
         raise InputError(
@@ -209,6 +216,10 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if recipe.basis != "joint" and not has_ratios:
         # A reference over itself is 1 and carries no information.
         used = used & (points.column("kind") != word_to_code("kind", "reference"))
+    visits = [
+        Visits.of(part, Conditions.from_recording(part, rig), rig, run_zero_noise(path, rig))
+        for path, part in zip(recipe.data, parts, strict=True)
+    ]
     return FitData(
         points=points,
         conditions=conditions,
@@ -223,9 +234,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error_sources=sources,
         load_cells=load_cells(recipe.data, parts, recipe.calibration),
         by_thrust=by_thrust,
-        visits=concatenate_visits(
-            [Visits.of(part, Conditions.from_recording(part, rig), rig) for part in parts]
-        ),
+        visits=concatenate_visits(visits),
     )
 
 
@@ -290,30 +299,14 @@ def _concatenate(parts: Sequence[Recording]) -> Recording:
         )
     columns = []
     for name in names:
-        values = np.concatenate([part.column(name) for part in parts])
+        arrays = [part.column(name) for part in parts]
         if name == "setting":
-            steps = np.cumsum([0.0, *(part.column(name).max() for part in parts[:-1])])
-            values = np.concatenate(
-                [part.column(name) + step for part, step in zip(parts, steps, strict=True)]
-            )
-        columns.append((parts[0].channels[parts[0].index(name)], values))
+            steps = np.cumsum([0.0, *(array.max() for array in arrays[:-1])])
+            arrays = [array + step for array, step in zip(arrays, steps, strict=True)]
+        columns.append((parts[0].channels[parts[0].index(name)], np.concatenate(arrays)))
     return Recording.from_columns(
         columns, parts[0].provenance, any(part.simulated for part in parts)
     )
-
-
-def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
-    thrust, error_and_kind = points.to_si("thrust_N"), thrust_error(points)
-    if error_and_kind is None:
-        return thrust, np.ones(len(points)), "none"
-    error, is_from_samples = error_and_kind
-    return thrust, error, "within" if is_whole_run or is_from_samples else "stated"
-
-
-def _parked_m(part: Recording) -> Array:
-    """Return the plate distance of the references of one run, for every point (n,): m."""
-    parked = part.column("kind") == word_to_code("kind", "reference")
-    return np.full(len(part), float(part.to_si("plate_z_m")[parked].mean()))
 
 
 def _select_points(

@@ -8,8 +8,9 @@ interval ends are the noise values at which chi2 equals its quantiles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -17,30 +18,26 @@ from scipy.special import chdtri
 
 from benchtool.core.choices import Loss
 from benchtool.core.error_source import Whitening, effective_dof
-from benchtool.core.errors import EstimationError, UnknownChoice
+from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.fit.interval import (
+from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
+from benchtool.fit.solve import Solution, estimate_covariance, row_jacobian, solve
+from benchtool.fit.statistics import (
+    MAD_EFFICIENCY,
     PROBABILITIES,
     chi2_limits,
     half_widths,
     interval_around,
     is_at_bound,
-)
-from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
-from benchtool.fit.robust import (
-    LOSSES,
-    MAD_EFFICIENCY,
     robust_chi2,
     robust_inflation,
     robust_scale,
 )
-from benchtool.fit.solve import Solution, estimate_covariance, solve
 
 MAX_STEPS = 60  # of a search for the noise; four or five are usual
-
-Refit = Callable[[float, Solution], Solution]  # refit(noise, near) -> solution with that noise
+MAX_SEARCH_SDS = 64.0  # search range of a profile's end in standard deviations; beyond: the bound
 
 
 def fit_least_squares(problem: Problem, *, loss: Loss = "linear") -> FitResult:
@@ -55,19 +52,12 @@ def fit_least_squares(problem: Problem, *, loss: Loss = "linear") -> FitResult:
         loss: "linear", or "soft_l1" and "huber", which give outliers less weight. They apply to the
             residuals without shared errors.
     """
-    if loss not in LOSSES:
-        raise UnknownChoice("loss", loss, LOSSES)
     if not np.all(problem.sigma() > 0.0):
         raise EstimationError("the initial noise parameter is 0; set it above 0")
     best = solve(problem, problem.whitening(), loss=loss)
     noise: Estimate | None = None
     if problem.noise_name is not None:
-
-        def refit(value: float, near: Solution) -> Solution:
-            whitening = problem.whitening(value)
-            return solve(problem, whitening, near.shape, loss=loss, method=near.method)
-
-        noise, best = fit_noise(problem, best, refit, robust=loss != "linear")
+        noise, best = _fit_noise(problem, best, loss)
     m, n_shape, value = len(problem), len(best.shape), None if noise is None else noise.value
     whitening, jacobian, points_dof, factor = problem.whitening(value), best.jacobian, 0.0, 1.0
     if loss != "linear":
@@ -90,12 +80,9 @@ def fit_least_squares(problem: Problem, *, loss: Loss = "linear") -> FitResult:
     }
     if noise is not None:
         by_name[noise.name] = noise
-        n = len(problem.free_names)
-        whole = np.zeros((n, n))
-        whole[np.ix_(problem.shape_index, problem.shape_index)] = covariance
         position = problem.free_names.index(noise.name)
-        whole[position, position] = noise.sd**2
-        covariance = whole
+        covariance = np.insert(np.insert(covariance, position, 0.0, axis=0), position, 0.0, axis=1)
+        covariance[position, position] = noise.sd**2
     estimates = tuple(by_name[name] for name in problem.free_names)
     values = np.array([estimate.value for estimate in estimates])
     chi2, log_likelihood = problem.quality(values)
@@ -192,9 +179,7 @@ def parameter_dof(
     return np.array(effective), np.sqrt(growth)
 
 
-def fit_noise(
-    problem: Problem, first: Solution, refit: Refit, robust: bool
-) -> tuple[Estimate, Solution]:
+def _fit_noise(problem: Problem, first: Solution, loss: Loss) -> tuple[Estimate, Solution]:
     """Return the fitted noise with its intervals, and the shape's solution at that noise.
 
     The search starts from `first`, the solution at the initial noise value.
@@ -210,17 +195,22 @@ def fit_noise(
     # At a scale of 0 only a fixed `noise.sd` is left of the errors.
     is_one_factor = all(source.scaled for source in problem.error_sources)
     is_one_factor = is_one_factor and not problem.sigma(0.0).any() and not len(problem.priors)
-    if name == NOISE_SCALE and (robust or is_one_factor):
-        return _fit_scale(problem, first, refit, robust)
+    if name == NOISE_SCALE and (loss != "linear" or is_one_factor):
+        return _fit_scale(problem, first, loss)
     if name == NOISE_PLACE:
-        return _fit_place(problem, first, refit)
-    return _fit_by_search(problem, name, first, refit)
+        return _fit_place(problem, first, loss)
+    return _fit_by_search(problem, name, first, loss)
+
+
+def _refit(problem: Problem, noise: float, near: Solution, loss: Loss) -> Solution:
+    """Return the solution at a noise value, from one at another value."""
+    return solve(problem, problem.whitening(noise), near.shape, loss=loss, method=near.method)
 
 
 PLACE_RANGE = (1e-3, 1e2)  # search range, multiples of the initial position scatter
 
 
-def _fit_place(problem: Problem, first: Solution, refit: Refit) -> tuple[Estimate, Solution]:
+def _fit_place(problem: Problem, first: Solution, loss: Loss) -> tuple[Estimate, Solution]:
     """Return the plate position scatter of maximum restricted likelihood, with its profile.
 
     chi2 = dof would give points within a stay, which contain no information on position scatter,
@@ -229,44 +219,47 @@ def _fit_place(problem: Problem, first: Solution, refit: Refit) -> tuple[Estimat
     parameter, latest = problem.parameters[NOISE_PLACE], first
     low, high = (float(np.log(parameter.value * factor)) for factor in PLACE_RANGE)
 
-    def loss(log_place: float) -> float:
+    def restricted_loss(log_place: float) -> float:
         nonlocal latest
-        latest = refit(float(np.exp(log_place)), latest)
+        latest = _refit(problem, float(np.exp(log_place)), latest, loss)
         determinant = np.linalg.slogdet(latest.jacobian.T @ latest.jacobian)[1]
         value = 0.5 * (latest.chi2 + float(determinant))
         if latest.jacobian.shape[1] > len(latest.shape):
             return value  # the determinant of shape and shared errors contains that of V
         return value + problem.whitening(float(np.exp(log_place))).log_root_excess
 
-    minimum = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
+    minimum = minimize_scalar(
+        restricted_loss, bounds=(low, high), method="bounded", options={"xatol": 1e-4}
+    )
     best_log, min_loss = float(minimum.x), float(minimum.fun)
 
+    def rise(log_place: float, limit: float) -> float:
+        return restricted_loss(log_place) - min_loss - 0.5 * limit
+
     def find_end(limit: float, side: float) -> float:
-        if loss(side) - min_loss < 0.5 * limit:
+        if rise(side, limit) < 0.0:
             return 0.0 if side == low else parameter.upper
         a, b = sorted((side, best_log))
-        return float(np.exp(brentq(lambda x: loss(x) - min_loss - 0.5 * limit, a, b, xtol=1e-4)))
+        return float(np.exp(brentq(rise, a, b, args=(limit,), xtol=1e-4)))
 
     value = float(np.exp(best_log))
-    solution = refit(value, latest)
+    solution = _refit(problem, value, latest, loss)
     limits = (float(chdtri(1, 1.0 - p)) for p in PROBABILITIES)
     interval_68, interval_95 = ((find_end(q, low), find_end(q, high)) for q in limits)
     sd = 0.5 * (interval_68[1] - interval_68[0])
     return Estimate(NOISE_PLACE, parameter.unit, value, sd, interval_68, interval_95), solution
 
 
-def _fit_scale(
-    problem: Problem, first: Solution, refit: Refit, robust: bool
-) -> tuple[Estimate, Solution]:
+def _fit_scale(problem: Problem, first: Solution, loss: Loss) -> tuple[Estimate, Solution]:
     """Return the scale in closed form, or by the median absolute residual under a robust loss."""
     parameter, dof = problem.parameters[NOISE_SCALE], float(problem.dof)
     value, solution = parameter.value, first
-    if robust:
+    if is_robust := loss != "linear":
         for _ in range(20):
             dof = solution.points_dof(len(problem))
             factor = max(robust_scale(solution.rows[: len(problem)], dof), 1e-300)
             value *= factor
-            solution = refit(value, solution)
+            solution = _refit(problem, value, solution, loss)
             if abs(factor - 1.0) < 1e-6:
                 break
     else:
@@ -278,7 +271,7 @@ def _fit_scale(
             jacobian=solution.jacobian * factor,
             cost=solution.cost * factor**2,
         )
-    dof *= MAD_EFFICIENCY if robust else 1.0
+    dof *= MAD_EFFICIENCY if is_robust else 1.0
     interval_68, interval_95 = (
         (value * float(np.sqrt(dof / high)), value * float(np.sqrt(dof / low)))
         for low, high in chi2_limits(dof)
@@ -288,7 +281,7 @@ def _fit_scale(
 
 
 def _fit_by_search(
-    problem: Problem, name: str, first: Solution, refit: Refit
+    problem: Problem, name: str, first: Solution, loss: Loss
 ) -> tuple[Estimate, Solution]:
     parameter = problem.parameters[name]
     typical = float(np.sqrt(np.mean(problem.standard_error**2)))
@@ -297,17 +290,14 @@ def _fit_by_search(
     x_min, x_max = lower**2, min(parameter.upper, 1e9 * unit) ** 2
     latest = first
 
-    def inverse(x: float) -> float:
-        """Return y = 1 / chi2 at x, the squared noise, for a secant search: concave in x."""
-        nonlocal latest
-        latest = refit(x**0.5, latest)
-        return 1.0 / max(latest.chi2, 1e-300)
-
     def solve_noise(target: float, guess: float, tolerance: float) -> float:
+        """Search by secants of y = 1 / chi2 at x, the squared noise: concave in x."""
+        nonlocal latest
         x, low, high = float(np.clip(guess**2, max(x_min, 1e-6 * unit**2), x_max)), x_min, x_max
         x_0, y_0 = 0.0, 0.0
         for _ in range(MAX_STEPS):
-            y = inverse(x)
+            latest = _refit(problem, x**0.5, latest, loss)
+            y = 1.0 / max(latest.chi2, 1e-300)
             excess = target * y - 1.0
             if (excess >= 0.0 and x == x_min) or (excess <= 0.0 and x == x_max):
                 break
@@ -320,7 +310,7 @@ def _fit_by_search(
         return float(np.sqrt(x))
 
     value = solve_noise(float(problem.dof), unit, 1e-9)
-    solution = refit(value, latest)
+    solution = _refit(problem, value, latest, loss)
 
     def find_end(limit: float) -> float:
         return solve_noise(limit, value * float(np.sqrt(problem.dof / limit)), 1e-6)
@@ -330,3 +320,66 @@ def _fit_by_search(
     sd = 0.5 * (interval_68[1] - interval_68[0])
     bound = is_at_bound(replace(parameter, lower=lower), value, sd)
     return Estimate(name, parameter.unit, value, sd, interval_68, interval_95, bound), solution
+
+
+def add_profile_intervals(problem: Problem, result: FitResult) -> FitResult:
+    """Return a least-squares result of linear loss with profile-likelihood intervals.
+
+    For models whose covariance at the minimum is misleading. At an interval end the minimum
+    chi-square over all other parameters has increased by the square of the half width in standard
+    deviations.
+    """
+    if result.method != "least_squares" or result.facts.get("loss") != "linear":
+        raise EstimationError(
+            "profile intervals need a least-squares result with linear loss; fit that first"
+        )
+    fitted = problem.at(result.values)
+    profiled = {name: _profile(fitted, result, result[name]) for name in problem.shape_names}
+    return replace(
+        result,
+        estimates=tuple(profiled.get(estimate.name, estimate) for estimate in result.estimates),
+        facts={**result.facts, "intervals": f"profile: {', '.join(profiled)}"},
+    )
+
+
+def _profile(problem: Problem, result: FitResult, estimate: Estimate) -> Estimate:
+    if not np.isfinite(estimate.sd) or estimate.sd <= 0.0:
+        return estimate
+    shape, noise = problem.split(result.values)
+    whitening = problem.whitening(noise)
+    min_chi2 = float(np.sum(problem.rows(shape, whitening) ** 2))
+    method: Any = result.facts["derivatives"]
+    position = problem.shape_names.index(estimate.name)
+    parameter = problem.parameters[estimate.name]
+
+    def find_end(side: float, width: float) -> float:
+        others = np.delete(shape, position)
+
+        def rise(value: float) -> float:
+            nonlocal others
+            if len(shape) == 1:
+                rows = problem.rows(np.array([value]), whitening)
+                return float(rows @ rows) - min_chi2 - width**2
+            solution = solve(problem.fixed(estimate.name, value), whitening, others, method=method)
+            others = solution.shape
+            return solution.chi2 - min_chi2 - width**2
+
+        bound = parameter.upper if side > 0 else parameter.lower
+        near, reach = estimate.value, 0.7 * width
+        while reach < MAX_SEARCH_SDS * width:
+            far = estimate.value + side * reach * estimate.sd
+            stopped = side * (far - bound) >= 0.0
+            far = bound if stopped else far
+            if rise(far) > 0.0:
+                return float(brentq(rise, near, far, xtol=1e-5 * estimate.sd))
+            if stopped:
+                break
+            near, reach = far, 1.6 * reach
+        return float(bound)
+
+    jacobian = row_jacobian(problem, method, shape, whitening)
+    covariance = estimate_covariance(jacobian, method).covariance
+    dof, growth = parameter_dof(problem, jacobian, covariance, whitening)
+    widths = [float(growth[position]) * width for width in half_widths(float(dof[position]))]
+    interval_68, interval_95 = ((find_end(-1.0, width), find_end(1.0, width)) for width in widths)
+    return replace(estimate, interval_68=interval_68, interval_95=interval_95)

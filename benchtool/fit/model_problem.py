@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.error_source import ErrorSource
-from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
 from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_SCALE, IntArray, Predict, Problem
@@ -32,9 +30,8 @@ def problem_from_model(
     standard_error: Array | None = None,
     *,
     basis: Basis = "joint",
-    groups: IntArray | None = None,
     reference: Conditions | None = None,
-    error_sources: tuple[ErrorSource, ...] = (),
+    **fields: Any,
 ) -> Problem:
     """Return the problem of a model's free parameters and points in steady state.
 
@@ -45,13 +42,10 @@ def problem_from_model(
         conditions: conditions of m points.
         observed: (m,) thrust of the whole vehicle in N for basis "joint", else T_IGE/T_OGE.
         standard_error: (m,) of the observations; None means equal and unknown.
-        groups: (m,) settings; by default from the plate's position.
         reference: (m,) reference conditions of each ratio; None means no plate. A parked plate
             still has a ground effect of some per mille, which would bias R and K_b.
-        error_sources: errors shared by the m points.
+        fields: further fields of the problem; `groups` are by default plate positions.
     """
-    if len(observed) != len(conditions):
-        raise InputError(f"{len(conditions)} conditions, but {len(observed)} points were observed")
     facts: dict[str, str | int | float | bool | None] = {"left_out_near": 0}  # key of result.json
     parameters = with_tolerances(model, "sweep")
     if standard_error is None:
@@ -75,19 +69,18 @@ def problem_from_model(
         "speed_rad_s": np.round(speed / step) * step,
         "time_s": conditions.time_s,
     }
-    return Problem(
-        model=model.name,
-        parameters=model.parameters,
-        predict=_prediction(model, conditions, far, basis),
-        observed=np.asarray(observed, float),
-        standard_error=np.asarray(standard_error, float),
-        error_sources=error_sources,
+    return function_problem(
+        model.name,
+        model.parameters,
+        _prediction(model, conditions, far, basis),
+        observed,
+        standard_error,
         basis=basis,
         labels=_labels(conditions, z_over_R),
-        groups=plate_settings(conditions) if groups is None else groups,
         covariates=_varying(columns),
         facts=facts,
         missing=partial(find_trend_effects, model, conditions),
+        **{"groups": plate_settings(conditions), **fields},
     )
 
 
@@ -166,10 +159,10 @@ def function_problem(
 
     Without standard errors they are equal and unknown: 1 times a free `noise.scale`.
     """
-    all_parameters = Parameters(parameters.items())
+    all_parameters = Parameters(parameters)
     if standard_error is None:
         standard_error = np.ones(len(observed))
-        all_parameters = Parameters((*all_parameters.items(), (NOISE_SCALE, noise_parameter())))
+        all_parameters = Parameters({**parameters, NOISE_SCALE: noise_parameter()})
     return Problem(
         model=name,
         parameters=all_parameters,

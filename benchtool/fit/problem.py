@@ -3,13 +3,6 @@
 An estimator is a function from a problem to a `FitResult`. It does not modify the problem, is
 deterministic for a seed, orders estimates as `Problem.free_names`, reports convergence in the
 outcome, and raises `EstimationError` only without any result.
-
-Free parameters are of two kinds. Shape parameters change the prediction. A noise parameter changes
-errors only: `noise.scale` multiplies the standard errors of points and of scaled error sources,
-`noise.sd...` adds in quadrature, `noise.place_m` is the sd of a separate error source.
-
-Independent and shared errors make the covariance V of the points. Estimators use residuals whitened
-by V (`Problem.whitening`), so chi-square, intervals and robust losses keep their meaning.
 """
 
 from __future__ import annotations
@@ -24,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.error_source import ErrorSource, Whitening, effective_dof
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, Parameters, Prior
+from benchtool.core.parameter import Parameters
 from benchtool.core.units import Array
 from benchtool.physics.effects.effect import Effect
 
@@ -34,9 +27,10 @@ IntArray = NDArray[np.intp]
 # of `Problem.shape_names`; prediction (m,) or (w, m).
 Predict = Callable[[Any], Any]
 
-NOISE_SCALE = "noise.scale"
-NOISE_SD = "noise.sd"
-NOISE_PLACE = "noise.place_m"
+# Noise parameters change errors only; all others are shape parameters.
+NOISE_SCALE = "noise.scale"  # multiplies standard errors of points and of scaled error sources
+NOISE_SD = "noise.sd"  # prefix; adds in quadrature
+NOISE_PLACE = "noise.place_m"  # standard deviation of a separate error source
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,8 +142,20 @@ class Problem:
 
     @cached_property
     def priors(self) -> PriorRows:
-        """All normal priors on the shape parameters."""
-        return _prior_rows(self.parameters, self.shape_names, self.prior_parts)
+        """All normal priors on the shape parameters; those of calibrations first."""
+        free, parameters = self.shape_names, self.parameters
+        names = [name for name in free if parameters[name].prior.kind == "normal"]
+        names.sort(key=lambda name: not name.startswith("calibration."))
+        matrix, mean, parts = np.zeros((len(names), len(free))), np.zeros(len(free)), []
+        for row, name in enumerate(names):
+            position, prior = free.index(name), parameters[name].prior
+            matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
+            source = ErrorSource(
+                name=name, kind="B", unit=parameters[name].unit, columns=np.eye(1),
+                sd=1.0 / float(matrix[row, position]), origin=prior.source or "prior of the model",
+            )  # fmt: skip
+            parts.append(self.prior_parts.get(name) or (source,))
+        return PriorRows(tuple(names), matrix, mean, tuple(parts))
 
     @cached_property
     def dof(self) -> int:
@@ -213,10 +219,6 @@ class Problem:
         """Return observed less predicted (m,) at all free values (n_free,)."""
         return self.observed - self.predicted(self.split(values)[0])
 
-    def stated_rows(self, values: Array) -> Array:
-        """Return residuals (m,) at all free values (n_free,), whitened by the stated errors."""
-        return self.whitening(self.stated_noise)(self.residuals(values))
-
     @property
     def stated_noise(self) -> float:
         """Value of the free noise parameter at which errors equal the stated ones."""
@@ -229,11 +231,11 @@ class Problem:
 
         Chi-square includes the priors, the likelihood the points only.
         """
-        shape, noise = self.split(values)
-        rows = self.stated_rows(values)
+        (shape, noise), residuals = self.split(values), self.residuals(values)
+        rows = self.whitening(self.stated_noise)(residuals)
         prior = self.priors.matrix @ (shape - self.priors.mean)
         fitted = self.whitening(noise)
-        density = normal_log_density(fitted(self.residuals(values)), fitted.sigma)
+        density = normal_log_density(fitted(residuals), fitted.sigma)
         return float(rows @ rows + prior @ prior), float(density.sum()) - fitted.log_root_excess
 
     def predicted(self, shape: Array) -> Array:
@@ -285,52 +287,6 @@ class Problem:
             covariates={name: column[rows] for name, column in self.covariates.items()},
         )
 
-    def with_calibration(
-        self,
-        scale_sd: float,
-        offset_sd_N: float,
-        source: str = "",
-        *,
-        rows: NDArray[np.bool_] | None = None,
-        name: str = "",
-        parts: tuple[ErrorSource, ...] = (),
-    ) -> Problem:
-        """Return the problem with the load cell's calibration as two nuisance parameters.
-
-        An observation is `calibration.scale` times the prediction plus `calibration.offset_N`. Both
-        are free, with the prior of the calibration around 1 and 0.
-
-        Args:
-            rows: (m,) True for points that used this calibration; None means all.
-            name: suffix of the parameters' names if there are several calibrations.
-            parts: error sources of the scale, see `prior_parts`.
-        """
-        weight = 1.0 if rows is None else rows.astype(float)
-        suffix = f"@{name}" if name else ""
-
-        def nuisance(kind: str, unit: str, value: float, sd: float) -> tuple[str, Parameter]:
-            prior = Prior("normal", value, sd, source)
-            parameter = Parameter(
-                f"{kind}{suffix}", unit, value, value,
-                prior=prior, free=True, tolerance=sd, source=source,
-            )  # fmt: skip
-            return f"calibration.{parameter.name}", parameter
-
-        scale = nuisance("scale", "1", 1.0, scale_sd)
-        offset = nuisance("offset_N", "N", 0.0, offset_sd_N)
-        predict_all = self.predict
-
-        def predict(values: Any) -> Any:
-            scale, offset = 1.0 + weight * (values[-2] - 1.0), weight * values[-1]
-            return scale * predict_all(values[:-2]) + offset
-
-        return replace(
-            self,
-            predict=predict,
-            parameters=Parameters((*self.parameters.items(), scale, offset)),
-            prior_parts={**self.prior_parts, scale[0]: parts},
-        )
-
 
 def normal_log_density(whitened: Array, sigma: Array) -> Array:
     """Return the log density (m,) of normal residuals of standard deviation sigma (m,)."""
@@ -372,26 +328,3 @@ class PriorRows:
 
     def __len__(self) -> int:
         return len(self.names)
-
-
-def _prior_rows(
-    parameters: Parameters, free: Sequence[str], parts: Mapping[str, tuple[ErrorSource, ...]]
-) -> PriorRows:
-    """Return the rows of all normal priors on the free parameters (n,).
-
-    Args:
-        parts: error sources of priors by parameter; see `Problem`.
-    """
-    names = [name for name in free if parameters[name].prior.kind == "normal"]
-    names.sort(key=lambda name: not name.startswith("calibration."))
-    matrix, mean = np.zeros((len(names), len(free))), np.zeros(len(free))
-    all_parts = []
-    for row, name in enumerate(names):
-        position, prior = free.index(name), parameters[name].prior
-        matrix[row, position], mean[position] = 1.0 / prior.sd, prior.mean
-        source = ErrorSource(
-            name=name, kind="B", unit=parameters[name].unit, sd=1.0 / float(matrix[row, position]),
-            columns=np.eye(1), origin=prior.source or "prior of the model",
-        )  # fmt: skip
-        all_parts.append(parts.get(name) or (source,))
-    return PriorRows(tuple(names), matrix, mean, tuple(all_parts))

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, fields, replace
+from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from benchtool.core.errors import EstimationError, FileFormatError, ModelRejected
-from benchtool.core.fit_result import Estimate, FitResult, Outcome
+from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import atomic_writer, json_ready, replace_json, replace_text
 from benchtool.data.run.entry import FIT_FILE, FIT_FORMAT, read_result
-from benchtool.fit.compare import Comparison, Score
-from benchtool.fit.compare_laws import LawComparison, LawScore
+from benchtool.fit.compare import Comparison
+from benchtool.fit.compare_laws import LawComparison
 from benchtool.fit.diagnose import find_error
 from benchtool.fit.run_recipe import FitOutput, FitSummary
 from benchtool.fit.uncertainty.budget import parse_budget, with_budget
@@ -23,6 +23,10 @@ from benchtool.physics.model_file import LoadedModel, model_to_toml
 
 T = TypeVar("T")
 Answer = Literal["given", "model rejected", "none"]  # status of the fit's estimates
+RESULT_KEYS = (
+    *("estimates", "derived", "order", "covariance", "chi2", "dof", "chi2_per_dof"),
+    *("log_likelihood", "outcome", "warnings", "facts"),
+)
 
 
 def result_tables(output: FitOutput) -> dict[str, Any]:
@@ -91,22 +95,12 @@ def write_result(folder: Path, output: FitOutput) -> None:
 
 def _result_table(result: FitResult) -> dict[str, Any]:
     tables = asdict(result)
-    estimates, derived = (
-        {item.pop("name"): item for item in tables[key]} for key in ("estimates", "derived")
-    )
-    return {
-        "estimates": estimates,
-        "derived": derived,
-        "order": [item.name for item in result.estimates],
-        "covariance": result.covariance.tolist(),
-        "chi2": result.chi2,
-        "dof": result.dof,
-        "chi2_per_dof": result.chi2_per_dof,
-        "log_likelihood": result.log_likelihood,
-        "outcome": asdict(result.outcome),
-        "warnings": list(result.warnings),
-        "facts": dict(result.facts),
-    }
+    for key in ("estimates", "derived"):
+        tables[key] = {item.pop("name"): item for item in tables[key]}
+    tables["order"] = [item.name for item in result.estimates]
+    tables["chi2_per_dof"] = result.chi2_per_dof
+    tables["covariance"] = result.covariance.tolist()
+    return {key: tables[key] for key in RESULT_KEYS}
 
 
 def read_fit(folder: Path) -> FitSummary:
@@ -117,25 +111,21 @@ def read_fit(folder: Path) -> FitSummary:
 def parse_fit(tables: Mapping[str, Any], where: str) -> FitSummary:
     """Parse the contents of a result.json; `where` is its location for error messages."""
     try:
-        points = tables["points"]
-        shared: dict[str, Any] = {"model": str(tables["model"]), "basis": str(tables["basis"])}
+        shared = {"model": tables["model"], "basis": tables["basis"]}
         results = tuple(
-            _parse_result(method, table, shared) for method, table in tables["results"].items()
+            _parse_result(method, {**table, **shared})
+            for method, table in tables["results"].items()
         )
         if not results:
             raise FileFormatError(where, "results are empty; fit again")
         budget = parse_budget(tables["budget"]) if tables.get("budget") else None
-        return FitSummary(
-            rig=str(tables.get("rig", "")),
-            simulated=bool(tables["simulated"]),
-            read=int(points["read"]),
-            used=int(points["used"]),
-            left_out=tuple(points["left_out"]),
+        return _build(
+            FitSummary,
+            {"rig": "", **tables, **tables["points"]},
             results=with_budget(results, budget),
-            comparison=_parse_scores(Comparison, Score, tables.get("comparison")),
+            comparison=_parse_scores(Comparison, tables.get("comparison")),
             budget=budget,
-            laws=_parse_scores(LawComparison, LawScore, tables.get("laws")),
-            **shared,
+            laws=_parse_scores(LawComparison, tables.get("laws")),
         )
     except KeyError as error:
         raise FileFormatError(where, f"key {error} is missing; fit again") from error
@@ -143,28 +133,23 @@ def parse_fit(tables: Mapping[str, Any], where: str) -> FitSummary:
         raise FileFormatError(where, f"invalid fit result ({error}); fit again") from error
 
 
-def _parse_result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> FitResult:
+def _parse_result(method: str, table: Mapping[str, Any]) -> FitResult:
     order, estimates, derived = table["order"], table["estimates"], table["derived"]
-    return FitResult(
+    return _build(
+        FitResult,
+        table,
         method=method,
         estimates=tuple(_build(Estimate, estimates[name], name=name) for name in order),
         derived=tuple(_build(Estimate, item, name=name) for name, item in derived.items()),
         covariance=np.array(table["covariance"], float),
-        chi2=_parse(table["chi2"], float),
-        dof=int(table["dof"]),
-        log_likelihood=_parse(table["log_likelihood"], float),
-        outcome=Outcome(**table["outcome"]),
         warnings=tuple(table["warnings"]),
         facts=table["facts"],
-        **shared,
     )
 
 
-def _parse_scores(cls: type[T], kind: type[Any], table: Mapping[str, Any] | None) -> T | None:
-    if not table:
-        return None
+def _parse_scores(cls: type[T], table: Mapping[str, Any] | None) -> T | None:
     counts = dict.fromkeys(("folds", "settings", "seed"), 0)  # optional in the file
-    return _build(cls, counts | dict(table), scores=tuple(_build(kind, x) for x in table["scores"]))
+    return _build(cls, counts | dict(table)) if table else None
 
 
 def _build(cls: type[T], table: Mapping[str, Any], **values: Any) -> T:
@@ -172,7 +157,8 @@ def _build(cls: type[T], table: Mapping[str, Any], **values: Any) -> T:
     record: Any = cls
     kinds = get_type_hints(cls)
     for item in fields(record):
-        if item.name not in values and (item.default is MISSING or item.name in table):
+        is_required = item.default is item.default_factory is MISSING
+        if item.name not in values and (is_required or item.name in table):
             values[item.name] = _parse(table[item.name], kinds[item.name])
     instance: T = cls(**values)
     return instance
@@ -180,8 +166,10 @@ def _build(cls: type[T], table: Mapping[str, Any], **values: Any) -> T:
 
 def _parse(value: Any, kind: Any) -> Any:
     """Convert a JSON value to its type; null means nan."""
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _build(kind, value)
     if get_origin(kind) is tuple:
         return tuple(_parse(item, get_args(kind)[0]) for item in value)
     if kind is float:
         return float("nan") if value is None else float(value)
-    return kind(value) if kind in (int, str) else value
+    return kind(value) if kind in (bool, int, str) else value

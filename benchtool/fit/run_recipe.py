@@ -20,11 +20,9 @@ from benchtool.fit.compare_laws import LawComparison, compare_laws
 from benchtool.fit.diagnose import with_diagnosis
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
-from benchtool.fit.interval import with_derived
-from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
-from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.solve import solve
 from benchtool.fit.uncertainty.budget import Budget, with_budget
@@ -42,6 +40,7 @@ from benchtool.fit.uncertainty.propagation import (
     make_budget,
     monte_carlo,
     propagate,
+    with_derived,
 )
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
@@ -92,24 +91,24 @@ class FitOutput(FitSummary):
     @property
     def fitted(self) -> Model:
         """The model at the first method's estimates, noise parameters unchanged."""
-        estimates = self.results[0].estimates
-        model = _at_values(self.loaded.model, {item.name: item.value for item in estimates})
-        items = dict(model.parameters)
-        for item in estimates:
-            if item.name in items and not item.name.startswith("noise."):
-                source = ", ".join(filter(None, (self.recipe.name, item.bound)))
-                items[item.name] = replace(items[item.name], source=f"fitted: {source}")
-        return model.with_values(Parameters(items.items()))
+        values, sources = {}, {}
+        for item in self.results[0].estimates:
+            values[item.name] = item.value
+            source = ", ".join(filter(None, (self.recipe.name, item.bound)))
+            sources[item.name] = f"fitted: {source}"
+        return _at_values(self.loaded.model, values, sources)
 
 
-def _at_values(model: Model, values: Mapping[str, float]) -> Model:
+def _at_values(
+    model: Model, values: Mapping[str, float], sources: Mapping[str, str] | None = None
+) -> Model:
     """Return a model at fitted values, noise parameters unchanged."""
     items = dict(model.parameters)
     for name, value in values.items():
-        if name in items and not name.startswith("noise."):
-            value = float(np.clip(value, items[name].lower, items[name].upper))
-            items[name] = items[name].with_value(value)
-    return model.with_values(Parameters(items.items()))
+        if (item := items.get(name)) is not None and not name.startswith("noise."):
+            value = float(np.clip(value, item.lower, item.upper))
+            items[name] = replace(item, value=value, source=(sources or {}).get(name, item.source))
+    return model.with_values(Parameters(items))
 
 
 @np.errstate(all="ignore")  # values that are not finite are excluded or raise by name
@@ -141,7 +140,7 @@ def run_recipe(
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
-    others = _load_models(recipe, loaded.model, permit)
+    others = _load_compared(recipe, loaded.model, permit)
     fit = FitOutput(
         model=loaded.model.name,
         rig=loaded.model.rig.name,
@@ -159,7 +158,6 @@ def run_recipe(
     results = tuple(_estimate(fit, method, progress, profile) for method in recipe.methods)
     fit = replace(fit, results=results)
     if set(recipe.compare) - {LAWS}:
-        others = [_prepare_comparison(other, loaded.model, recipe) for other in others]
         problems = [fit.problem, *(recipe_problem(other, recipe, data) for other in others)]
         fit = replace(fit, comparison=compare(problems, seed=recipe.seed))
     if LAWS in recipe.compare:
@@ -180,15 +178,25 @@ def run_recipe(
     return replace(fit, budget=made, results=with_budget(results, made))
 
 
-def _load_models(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
-    """Return the models to compare, on the same rig."""
+def _load_compared(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
+    """Return the models to compare, on the same rig, with the same noise and nuisances free."""
     names = [name for name in dict.fromkeys(recipe.compare) if name not in (LAWS, recipe.model)]
     try:
-        return [load_model(name, model.rig, permit=permit).model for name in names]
+        others = [load_model(name, model.rig, permit=permit).model for name in names]
     except UnknownChoice as unknown:
         if unknown.name in names:
             raise UnknownChoice(unknown.kind, unknown.name, (*unknown.choices, LAWS)) from None
         raise
+    compared = []
+    for other in others:
+        shared, own_names = {"noise.scale", "noise.sd_N"}, {effect.name for effect in other.effects}
+        for effect in model.effects:
+            if effect.name not in own_names and effect.subsystem in ("sensor", "plate"):
+                other = other.with_effect(effect)
+                shared |= {name for name in model.parameters if name.startswith(f"{effect.name}.")}
+        items = {**other.parameters, **{name: model.parameters[name] for name in shared}}
+        compared.append(other.with_values(Parameters(items)))
+    return compared
 
 
 def propagate_uncertainty(output: FitOutput) -> Propagation | None:
@@ -198,10 +206,10 @@ def propagate_uncertainty(output: FitOutput) -> Propagation | None:
     """
     model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
     propagation = propagate(problem, result, _quantities(model, result, output.density))
-    reference = None if data.reference is None else data.reference.select(data.rows)
-    sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     if propagation is None:
         return None
+    reference = None if data.reference is None else data.reference.select(data.rows)
+    sources = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     bounds = {source.name: source for source in bound_sources(propagation, sources)}
     sources = tuple(
         replace(bounds[held.name], columns=bounds[held.name].sd / held.sd * held.columns)
@@ -213,7 +221,7 @@ def propagate_uncertainty(output: FitOutput) -> Propagation | None:
     if output.density is None or STANDARD_K not in propagation.names:
         return propagation
     density_error = output.density.source(result[STANDARD_K].value)
-    return replace(propagation, quantity_errors=(density_error,))
+    return replace(propagation, quantity_errors={STANDARD_K: density_error})
 
 
 def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
@@ -229,7 +237,7 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     for name, start in (("noise.sd_N", 1e-3), (NOISE_PLACE, PLACE_START_M)):
         if items[name].free and items[name].value == 0.0:
             items[name] = items[name].with_value(start)
-    return model.with_values(Parameters(items.items()))
+    return model.with_values(Parameters(items))
 
 
 PLACE_START_M = 1e-4  # initial value of a free `noise.place_m` without rig data; assumed
@@ -248,16 +256,14 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         data.observed[rows],
         None if data.errors == "none" else data.standard_error[rows],
         basis=recipe.basis,
-        groups=None if data.groups is None else data.groups[rows],
         reference=None if data.reference is None else data.reference.select(rows),
         error_sources=data.shared_errors(model),
+        **({} if data.groups is None else {"groups": data.groups[rows]}),
     )
     if "thrust_N" not in data.points:
         problem = replace(problem, facts={**problem.facts, "data": "ratios"})
     elif recipe.basis == "joint":  # the calibration's scale cancels in a ratio of two thrusts
-        problem = with_scale_errors(
-            problem, [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]
-        )
+        problem = with_scale_errors(problem, data.load_cells.errors, rows)
     if not problem.error_sources:
         return problem
     try:
@@ -266,18 +272,6 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         return problem
     near = _at_values(model, dict(zip(problem.shape_names, shape, strict=True)))
     return replace(problem, error_sources=data.shared_errors(near))
-
-
-def _prepare_comparison(other: Model, model: Model, recipe: Recipe) -> Model:
-    """Return another model of the same rig with the same noise and nuisance parameters free."""
-    shared, own_names = {"noise.scale", "noise.sd_N"}, {effect.name for effect in other.effects}
-    for effect in model.effects:
-        if effect.name not in own_names and effect.subsystem in ("sensor", "plate"):
-            other = other.with_effect(effect)
-            shared |= {name for name in model.parameters if name.startswith(f"{effect.name}.")}
-    items = {**other.parameters, **{name: model.parameters[name] for name in shared}}
-    other = other.with_values(Parameters(items.items()))
-    return other if recipe.basis == "joint" else other.with_fixed("k")
 
 
 def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) -> FitResult:

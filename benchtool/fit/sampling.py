@@ -16,10 +16,8 @@ from benchtool.core.parameter import Parameter
 from benchtool.core.units import Array
 from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 
-LogProbability = Callable[[Array], Array]
 
-
-def log_probability(problem: Problem) -> LogProbability:
+def log_probability(problem: Problem) -> Callable[[Array], Array]:
     """Return the function walkers (w, n_free) -> log posterior (w,), up to a constant.
 
     -inf outside the bounds and without a finite prediction. Call it with NumPy's warnings off.

@@ -20,7 +20,7 @@ from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
 from benchtool.core.units import Array
 from benchtool.fit.problem import Problem
-from benchtool.fit.robust import point_losses
+from benchtool.fit.statistics import point_losses
 
 DerivativeMethod = Literal["complex_step", "central_differences"]
 
@@ -176,12 +176,16 @@ def derivative_method(problem: Problem, shape: Array) -> DerivativeMethod:
     return select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
 
 
+def prediction_jacobian(problem: Problem, method: DerivativeMethod, shape: Array) -> Array:
+    """Return d prediction / d shape (m, n_shape)."""
+    return derivatives(problem.predict, shape, len(problem), problem.shape_bounds, method)
+
+
 def row_jacobian(
     problem: Problem, method: DerivativeMethod, shape: Array, whitening: Whitening
 ) -> Array:
     """Return d rows / d shape (m + q, n_shape)."""
-    data = derivatives(problem.predict, shape, len(problem), problem.shape_bounds, method)
-    data = whitening(data)
+    data = whitening(prediction_jacobian(problem, method, shape))
     return np.concatenate([data, problem.priors.matrix]) if len(problem.priors) else data
 
 
@@ -206,7 +210,12 @@ def solve(
     initial = np.clip(problem.start if start is None else start, lower, upper)
     with np.errstate(all="ignore"):
         first = problem.rows(initial, whitening)
-        _check_finite(problem, first)
+        bad = np.flatnonzero(~np.isfinite(first[: len(problem)]))
+        if bad.size:
+            raise EstimationError(
+                f"the model has no finite prediction for {problem.label(int(bad[0]))} (and "
+                f"{bad.size - 1} more) at the initial values; change these or remove the point"
+            )
         if method is None:
             method = derivative_method(problem, initial)
         if start is not None and loss == "linear":
@@ -301,12 +310,3 @@ def _polish(problem: Problem, whitening: Whitening, solution: Solution) -> Solut
             evaluations=solution.evaluations + 2,
         )
     return solution
-
-
-def _check_finite(problem: Problem, rows: Array) -> None:
-    bad = np.flatnonzero(~np.isfinite(rows[: len(problem)]))
-    if bad.size:
-        raise EstimationError(
-            f"the model has no finite prediction for {problem.label(int(bad[0]))} (and "
-            f"{bad.size - 1} more) at the initial values; change these or remove the point"
-        )

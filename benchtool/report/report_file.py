@@ -12,8 +12,7 @@ from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE
 from benchtool.data.run.read import is_pitch_run, is_run
 from benchtool.data.run.recording_file import metadata_path
 from benchtool.explain.pitch.replay import ReplayInputs
-from benchtool.fit.data_rig import rig_for_data
-from benchtool.fit.nominal import nominal_model
+from benchtool.fit.nominal import nominal_model, rig_for_data
 from benchtool.report.compare.page import COMPARISON, RunComparison
 from benchtool.report.files import render_report, write_whole
 from benchtool.report.page import Report

@@ -11,15 +11,8 @@ from typing import Annotated, Any, get_type_hints
 from annotated_types import Ge, Gt
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.library import list_names, read_library_file
-from benchtool.core.toml_text import (
-    FiniteTable,
-    ValueSources,
-    build_dataclass,
-    parse_toml,
-    require_sources,
-    unwrap_quantities,
-)
+from benchtool.core.toml_text import FiniteTable, build_dataclass, parse_quantities
+from benchtool.core.user_file import list_names, read_library_file
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
@@ -164,9 +157,7 @@ def load_gains(name_or_path: str | Path) -> Gains:
 
 def parse_gains(text: str, where: str) -> Gains:
     """Return the gain set in TOML text; every number needs a source."""
-    value_sources = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), value_sources)
-    require_sources(value_sources, where)
+    data, value_sources = parse_quantities(text, where)
     gains = build_dataclass(Gains, data, where)
     if gains.control_rate_Hz > 1e5:
         raise FileFormatError(

@@ -126,7 +126,7 @@ def test_a_resumed_run_says_what_was_cut():
 
 
 def test_a_limit_stops_the_sweep_at_once(capsys):
-    from benchtool.core.library import read_library_file
+    from benchtool.core.user_file import read_library_file
 
     text = read_library_file("rig", "rigs", "pquad_single")[0]
     Path("tight.toml").write_text(

@@ -129,10 +129,10 @@ def build_radius_rig(first: str, radius_m: float | None, *, is_stand: bool) -> s
     """
     source, n_rotors = "given as the rotor radius of a table", 1
     if is_stand:
-        recording = import_file(first).recording
-        n_rotors = max(1, len(speed_columns(recording.names, "rpm")))
-        if radius_m is None and "diameter_m" in recording.provenance:
-            radius_m = 0.5 * float(recording.provenance["diameter_m"])
+        table = import_file(first)
+        n_rotors = max(1, len(speed_columns(table.recording.names, "rpm")))
+        if radius_m is None and table.propeller is not None:
+            radius_m = 0.5 * float(f"{table.propeller.diameter_m:.6g}")
             source = "the file's own diameter"
     if radius_m is None:
         return ""

@@ -12,6 +12,7 @@ from benchtool.core.recording import Recording, check_rotor_count
 from benchtool.core.rig import Rig, Sensor
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
+from benchtool.data.calibration import ZeroNoise
 from benchtool.data.columns import word_to_code
 from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.evidence import EARLY, LATE
@@ -68,8 +69,10 @@ class SweepLog:
         return numbers
 
 
-def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
-    """Return the sweep of a recording of points.
+def sweep_log(
+    recording: Recording, rig: Rig, name: str = "", zero: ZeroNoise | None = None
+) -> SweepLog:
+    """Return the sweep of a recording of points; the zero drift is by default the rig's.
 
     Raises:
         InputError: points without thrust or speed, or too few of them.
@@ -103,7 +106,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
         conditions=complete,
         thrust_N=thrust[is_complete],
         se_N=se[is_complete],
-        visits=Visits.of(recording.select(is_complete), complete, rig),
+        visits=Visits.of(recording.select(is_complete), complete, rig, zero),
         power=power,
         name=label,
         remarks=(

@@ -13,30 +13,35 @@ inflated (Birge ratio: Birge, Phys. Rev. 40 (1932) 207); intervals are Student's
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from benchtool.core.errors import EstimationError, InputError, check_number
 from benchtool.core.fit_result import Estimate
 from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
 from benchtool.core.text import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
-from benchtool.fit.motor.law import ThrustLaw, choose_law, level_numbers, solve_levels
-from benchtool.fit.motor.response import (
+from benchtool.fit.motor.law import (
     Solution,
     StepResponse,
+    ThrustLaw,
+    choose_law,
+    level_numbers,
+    solve_levels,
     solve_weighted,
     step_lags,
     t_estimate,
 )
-from benchtool.fit.motor.runs import ThrottlePoints, concatenate_points, read_motor_data
+from benchtool.fit.motor.runs import MotorData, ThrottlePoints, concatenate_points, read_motor_data
 
 MIN_LEVELS = 4  # throttle levels of a curve: one more than its parameters; assumed
 MAX_EXPONENT_SD = 0.25  # above it the voltage exponent is set to 1 with this sd; assumed
+MIN_THRUST_SHARE = 0.1  # lower end of the range of a single k, relative to max thrust; assumed
 MAX_OVER_VOLTAGE, MAX_OVER_COMMAND = 0.15, 0.10  # extrapolation without --extrapolate; assumed
 
 
@@ -172,11 +177,7 @@ def fit_motor(
     if rig.n_rotors not in (1, carriers):
         raise InputError(f"--rotors is {carriers}, but rig {rig.name!r} has {rig.n_rotors}")
     if levels >= MIN_LEVELS:
-        from scipy.linalg import block_diag
-
-        zero_N2 = block_diag(*[recording.zero_N2 for recording in recordings])
-        scale_sd = max(recording.scale_sd for recording in recordings)
-        estimates, law = _curves(points, rig, mass, carriers, scale_sd, zero_N2, full)
+        estimates, law = _curves(recordings, points, full, mass, carriers)
     estimates += step_lags(steps)
     if not estimates:
         raise EstimationError(
@@ -198,10 +199,15 @@ def fit_motor(
 
 
 def _curves(
-    p: ThrottlePoints, rig: Rig, mass_kg: float | None, rotors: int, scale_sd: float,
-    zero_N2: Array, full: FullThrottle,
-) -> tuple[list[Estimate], ThrustLaw | None]:  # fmt: skip
+    recordings: Sequence[MotorData],
+    p: ThrottlePoints,
+    full: FullThrottle,
+    mass_kg: float | None,
+    rotors: int,
+) -> tuple[list[Estimate], ThrustLaw | None]:
     """Return the constants of thrust and speed, and the law (None without measured speed)."""
+    rig, zero_N2 = recordings[0].rig, block_diag(*(recording.zero_N2 for recording in recordings))
+    scale_sd = max(recording.scale_sd for recording in recordings)
     estimates, law, level = [_measured_maximum(p, scale_sd)], None, level_numbers(p.pulse_us)
     error, exponent, power = _thrust_error(p), t_estimate("", "1", 1.0, MAX_EXPONENT_SD, 1), 2.0
     if np.isfinite(p.speed_rad_s).all() and (p.speed_rad_s > 0.0).all():
@@ -234,7 +240,7 @@ def _curves(
         """Add an estimate from its gradients by the coefficients and by thrust (`per_N`)."""
         variance = float(np.array(gradient) @ covariance @ np.array(gradient))
         sd = sqrt(variance + (residual_N * per_N) ** 2)
-        estimates.append(t_estimate(name, unit, float(value), sd, curve.dof, note=note))
+        estimates.append(t_estimate(name, unit, float(value), sd, curve.dof, note))
 
     note = full.note
     if np.isfinite(full.voltage_V):
@@ -274,17 +280,30 @@ def _measured_maximum(p: ThrottlePoints, scale_sd: float) -> Estimate:
     variance = float(np.mean(_thrust_error(p)[rows] ** 2) + thrust.var()) / count
     sd = sqrt(variance + (scale_sd * thrust.mean()) ** 2)
     note = f"at {p.pulse_us[rows][0]:g} us" + (f" and {volts:.4g} V" if volts > 0.0 else "")
-    return t_estimate("T_measured", "N", float(thrust.mean()), sd, max(count - 1, 3), note=note)
+    return t_estimate("T_measured", "N", float(thrust.mean()), sd, max(count - 1, 3), note)
 
 
 def _law_constants(law: ThrustLaw, free: ThrustLaw) -> list[Estimate]:
-    """Return the single k with its error, the free exponent, and T_0 if the law has one."""
-    k, sd, error, *ends = law.single_k
+    """Return the single k with its error, the free exponent, and T_0 if the law has one.
+
+    For another law than T = k w^2, k minimises the maximum relative error above `MIN_THRUST_SHARE`
+    of the highest thrust; that error adds to the uncertainty as a rectangular distribution.
+    """
+    used = law.level_thrust_N >= MIN_THRUST_SHARE * law.level_thrust_N.max()
+    speed, thrust = law.level_speed_rad_s[used], law.level_thrust_N[used]
+    ends = float(speed.min()), float(speed.max())
+    # T / w^2 is monotonic in every law: its extremes are at the ends.
+    k_low, k_high = (float(law.thrust_N(end)) / end**2 for end in ends)
+    is_exact = law.name == "k w^2"
+    k = law.coefficient if is_exact else 2.0 * k_low * k_high / (k_low + k_high)
+    error = float(np.abs(k * speed**2 / thrust - 1.0).max())
+    relative = sqrt(law.covariance[0, 0]) / law.values[0]
+    sd = k * float(np.hypot(relative, 0.0 if is_exact else error / sqrt(3.0)))
     low, high = (end * 30.0 / pi for end in ends)
-    note = f"{'' if law.name == 'k w^2' else 'the best '}from {low:.0f} to {high:.0f} rpm"
+    note = f"{'' if is_exact else 'the best '}from {low:.0f} to {high:.0f} rpm"
     estimates = [
-        t_estimate("k", "N/(rad/s)^2", k, sd, law.dof, note=note),
-        t_estimate("k_error", "1", error, 0.0, law.dof, note=note),
+        t_estimate("k", "N/(rad/s)^2", k, sd, law.dof, note),
+        t_estimate("k_error", "1", error, 0.0, law.dof, note),
         t_estimate("n", "1", free.values[2], sqrt(free.covariance[2, 2]), free.dof),
     ]
     if law.name == "k w^2 + T_0":
@@ -322,12 +341,14 @@ def _speed_law(p: ThrottlePoints, rig: Rig) -> list[Estimate]:
     voltage_range = float(np.ptp(relative))
     is_determined = voltage_range > 0.0 and sd < MAX_EXPONENT_SD
     solved = free if is_determined else solve_weighted(lambda values: residuals(values, 1.0), start)
-    open_reason = "" if is_determined else (
-        f"voltage range {100.0 * voltage_range:.2g} % is too small; sweep on a discharging battery"
-    )  # fmt: skip
+    exponent = t_estimate("voltage_exponent", "1", float(free.values[2]), sd, free.dof)
+    if not is_determined:
+        percent = f"{100.0 * voltage_range:.2g} %"
+        reason = f"voltage range {percent} is too small; sweep on a discharging battery"
+        exponent = replace(exponent, open=reason)
     sds = np.sqrt(np.diag(solved.covariance))
     return [
         t_estimate("speed_per_us", "rad/s/us", float(solved.values[0]), sds[0], solved.dof),
         t_estimate("pulse_zero", "us", float(solved.values[1]), sds[1], solved.dof),
-        t_estimate("voltage_exponent", "1", float(free.values[2]), sd, free.dof, open_reason),
+        exponent,
     ]

@@ -25,7 +25,7 @@ from benchtool.data.derived import MeasurementContext, load_run_context
 from benchtool.data.levels import read_levels
 from benchtool.data.run.read import is_run, read_points, read_samples, run_rig
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.fit.motor.response import StepResponse, column_or_nan, step_responses
+from benchtool.fit.motor.law import StepResponse, column_or_nan, step_responses
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 
@@ -53,7 +53,7 @@ class ThrottlePoints:
     def recording(self) -> Recording:
         """The points as a recording with one column per field."""
         names = type(self).__slots__
-        channels = tuple(Channel(name, unit_from_name(name) or "1") for name in names)
+        channels = tuple(Channel(name, unit_from_name(name)) for name in names)
         return Recording(channels, np.column_stack([getattr(self, name) for name in names]))
 
     @property
@@ -147,6 +147,7 @@ class _Log(NamedTuple):
     path: Path
     levels: Recording
     context: MeasurementContext
+    turning: NDArray[np.bool_]  # True for levels with a turning rotor
 
     @classmethod
     def read(cls, path: Path) -> _Log:
@@ -159,37 +160,34 @@ class _Log(NamedTuple):
             )
         if "rpm2" in levels:
             raise InputError(f"{path} is a log of several rotors; give one of a single rotor")
-        log = cls(path, levels, context)
-        if not log.turning.any() or np.nanmedian(levels.column("thrust_N")[log.turning]) <= 0.0:
+        thrust, speed = levels.column("thrust_N"), column_or_nan(levels, "rpm1")
+        signal = np.where(np.isfinite(speed), speed, 0.0)
+        signal = signal if signal.any() else thrust
+        turning = np.asarray(signal > STANDSTILL_SHARE * np.nanmax(signal), bool)
+        if not turning.any() or np.nanmedian(thrust[turning]) <= 0.0:
             raise InputError(
                 f"{path} has no positive thrust while the rotor turns; benchtool import {path} "
                 f"--flip thrust_N reverses the sign of a pusher mount, --tare thrust_N subtracts "
                 f"the load cell reading at standstill"
             )
-        return log
-
-    @property
-    def turning(self) -> NDArray[np.bool_]:
-        thrust, speed = self.levels.column("thrust_N"), column_or_nan(self.levels, "rpm1")
-        signal = np.where(np.isfinite(speed), speed, 0.0)
-        if not signal.any():
-            signal = thrust
-        return np.asarray(signal > STANDSTILL_SHARE * np.nanmax(signal), bool)
+        return cls(path, levels, context, turning)
 
     def data(self, number: int, rig: Rig) -> MotorData:
         """Return the levels with a turning rotor; the tare error is from levels at standstill."""
-        turning = self.turning
-        standstill_N = self.levels.column("thrust_N")[~turning]
+        standstill_N = self.levels.column("thrust_N")[~self.turning]
         zero_error_N = float(np.abs(standstill_N).max()) if standstill_N.size else 0.0
-        points = throttle_points(self.levels.select(turning), rig, number)
+        points = throttle_points(self.levels.select(self.turning), rig, number)
         if not np.isfinite(points.thrust_se_N).any():  # fits of laws inflate it by the scatter
             error_N = THRUST_ERROR * np.hypot(points.thrust_N, points.thrust_N.max())
             points = replace(points, thrust_se_N=error_N)
-        scale = self.context.scales.get("thrust_N")
-        return MotorData(
-            rig, points, (), np.full((len(points.run),) * 2, zero_error_N**2),
-            0.0 if scale is None else scale.sd, self.levels.simulated,
-        )  # fmt: skip
+        zero_N2 = np.full((len(points.run),) * 2, zero_error_N**2)
+        scale_sd = _scale_sd(self.context)
+        return MotorData(rig, points, (), zero_N2, scale_sd, self.levels.simulated)
+
+
+def _scale_sd(context: MeasurementContext) -> float:
+    """Return the relative standard uncertainty of the load cell's scale."""
+    return context.scales["thrust_N"].sd if "thrust_N" in context.scales else 0.0
 
 
 def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
@@ -198,10 +196,9 @@ def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
     Throttle 0 is the pulse width at which the line through the two slowest levels has speed 0.
     """
     first = logs[0].path
-    stated_diameter = logs[0].context.known_values.get("diameter_m")
-    diameter_m = stated_diameter.value if stated_diameter is not None else None
-    if propeller is not None:
-        diameter_m = propeller.diameter_m
+    known_values = logs[0].context.known_values
+    diameter_m = known_values["diameter_m"].value if "diameter_m" in known_values else None
+    diameter_m = diameter_m if propeller is None else propeller.diameter_m
     if diameter_m is None:
         raise InputError(
             f"{first} names no propeller; name it when the log is imported, or set --propeller to "
@@ -253,15 +250,14 @@ def _read_run(path: Path, number: int) -> MotorData:
     )
     if suspect.sum() < 0.5 * len(parked):
         parked = parked.select(~suspect)
-    scale = load_run_context(path).scales.get("thrust_N")
     steps: tuple[StepResponse, ...] = ()
     if any((path / f"samples{suffix}").is_file() for suffix in (".csv", ".parquet")):
         steps = step_responses(read_samples(path), rig)
-    scale_sd = 0.0 if scale is None else scale.sd
     means = throttle_points(parked, rig, number)
     ratio = _thrust_over_oge(parked, rig)
     means = replace(means, thrust_N=means.thrust_N / ratio, thrust_se_N=means.thrust_se_N / ratio)
     zero_N2 = _zero_covariance(path, parked, rig)
+    scale_sd = _scale_sd(load_run_context(path))
     return MotorData(rig, means, steps, zero_N2, scale_sd, points.simulated)
 
 
@@ -293,7 +289,7 @@ def _zero_covariance(path: Path, points: Recording, rig: Rig) -> Array:
     drift_N2: Array = np.zeros((len(points), len(points)))
     if "elapsed_s" in points:
         time_since_tare_s = np.nan_to_num(points.column("elapsed_s"))
-        drift_N2 = zero_covariance(time_since_tare_s, zero_noise(points, rig))
+        drift_N2 = zero_covariance(time_since_tare_s, zero_noise(rig))
     pulses = [points.column(name) for name in speed_columns(points.names, "pwm")]
     turning = np.maximum((np.array(pulses) > rig.propulsion.pwm_stop_us).sum(axis=0), 1)
     return (drift_N2 + tare_error_N2) / np.outer(turning, turning)

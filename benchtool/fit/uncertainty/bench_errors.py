@@ -44,8 +44,10 @@ class Visits:
     zero: ZeroNoise
 
     @classmethod
-    def of(cls, points: Recording, conditions: Conditions, rig: Rig) -> Visits:
-        """Return the grouping of the points of one run or table."""
+    def of(
+        cls, points: Recording, conditions: Conditions, rig: Rig, zero: ZeroNoise | None = None
+    ) -> Visits:
+        """Return the grouping of the points of one run or table; `zero` is by default the rig's."""
         kinds = points.column("kind") if "kind" in points else np.zeros(len(points))
         tare = kinds == word_to_code("kind", "tare")
         elapsed_s = conditions.elapsed_s
@@ -65,13 +67,8 @@ class Visits:
             rounded=~(np.abs(read_m - stage_m) <= grid_m),
             one_sided=points.provenance.get("approach", "") == "one side",
             calibrated=bool(points.provenance.get("calibration", "")),
-            zero=zero_noise(points, rig),
+            zero=zero or zero_noise(rig),
         )
-
-    def select(self, rows: Mask | NDArray[np.intp]) -> Visits:
-        """Return the grouping of a subset of points."""
-        names = ("stay", "zero_s", "tared", "tare", "rounded")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def concatenate_visits(parts: list[Visits]) -> Visits:

@@ -196,16 +196,14 @@ def with_budget(results: Sequence[FitResult], budget: Budget | None) -> tuple[Fi
     """Return the results of a fit with the budget's combined uncertainties."""
     if budget is None:
         return tuple(results)
-    return tuple(
-        replace(
-            result,
-            estimates=tuple(
-                budget.add_combined(estimate, index == 0) for estimate in result.estimates
-            ),
-            derived=tuple(budget.add_combined(estimate, index == 0) for estimate in result.derived),
+    combined = []
+    for result in results:
+        estimates, derived = (
+            tuple(budget.add_combined(item, result is results[0]) for item in items)
+            for items in (result.estimates, result.derived)
         )
-        for index, result in enumerate(results)
-    )
+        combined.append(replace(result, estimates=estimates, derived=derived))
+    return tuple(combined)
 
 
 _BY_QUANTITY = ("contribution", "sensitivity")

@@ -136,13 +136,12 @@ class Density:
         factor = STANDARD_DENSITY_KG_M3 / self.kg_m3
         return Derived(STANDARD_K, "N/(rad/s)2", lambda values: factor * values["k"])
 
-    def source(self, standard_k: float) -> tuple[ErrorSource, str]:
-        """Return the error source of the standard k due to density, and the quantity's name."""
-        source = ErrorSource(
+    def source(self, standard_k: float) -> ErrorSource:
+        """Return the error source of the standard k due to density."""
+        return ErrorSource(
             name="air density", kind="B", unit="kg/m3", sd=self.sd, origin=self.origin,
             columns=np.array([[-standard_k * self.sd / self.kg_m3]]),
         )  # fmt: skip
-        return source, STANDARD_K
 
 
 def air_density(air: Air, paths: Sequence[str]) -> Density | None:

@@ -1,4 +1,4 @@
-"""Budget of a fit: error sources of its covariance, and of fixed parameters and laws.
+"""Propagation of a fit's errors to derived quantities and to its budget.
 
 With whitened Jacobian J and covariance C of a fit, the gain C J^T propagates each source's columns
 to the estimates. Sources within the fit reproduce its covariance; fixed parameters of uncertain
@@ -8,22 +8,28 @@ draw adds errors to the prediction of the fitted model and to the priors and ref
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from benchtool.core.error_source import ErrorSource, Whitening
+from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
+from benchtool.core.parameter import Parameter
 from benchtool.core.units import Array
-from benchtool.fit.interval import delta_gradient
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import (
     DerivativeMethod,
     derivative_method,
+    derivatives,
     estimate_covariance,
     row_jacobian,
+    select_method,
 )
+from benchtool.fit.statistics import from_draws, half_widths, interval_around
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget, BudgetLine, MonteCarlo
 from benchtool.physics.effects.effect import Derived
 
@@ -34,6 +40,78 @@ MIN_CONTRIBUTION = 1e-4  # of a source, relative to every combined uncertainty
 DRAWS = 2000  # ends of the 95 % interval then scatter by some 4 % of its half width
 CLOSE = 1e-4  # step of a converged refit, in standard deviations
 MAX_STEPS = 20  # Gauss-Newton steps of a refit; two or three are typical
+
+
+def with_derived(result: FitResult, quantities: Sequence[Derived]) -> FitResult:
+    """Return the result with derived quantities.
+
+    Least squares uses the delta method with exact derivatives; emcee evaluates every draw. A
+    quantity has notes on inputs at a bound or not determined.
+    """
+    derived = []
+    for quantity in quantities:
+        is_sampled = len(result.samples) > 0
+        estimate = (_from_draws if is_sampled else _from_covariance)(quantity, result)
+        values = _AccessRecorder({item.name: item.value for item in result.estimates})
+        quantity.function(values)
+        inputs = [item for item in result.estimates if item.name in values.names]
+        bound = "; ".join(f"{item.name} {item.bound}" for item in inputs if item.bound)
+        open_ = "; ".join(f"{item.name} is not" for item in inputs if item.open) or estimate.open
+        derived.append(replace(estimate, bound=bound, open=open_))
+    return replace(result, derived=(*result.derived, *derived))
+
+
+class _AccessRecorder(dict[str, float]):
+    """Mapping that records the names of the values that are read."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        super().__init__(values)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        self.names.add(name)
+        return super().__getitem__(name)
+
+
+def _from_draws(quantity: Derived, result: FitResult) -> Estimate:
+    draws = _evaluate(quantity, result, result.samples.T)
+    finite = np.broadcast_to(np.asarray(draws, float), (len(result.samples),))
+    if not np.all(np.isfinite(finite)):
+        raise EstimationError(
+            f"{quantity.name} has no finite value for {np.sum(~np.isfinite(finite))} of "
+            f"{len(finite)} draws; narrow the bounds of its parameters"
+        )
+    return from_draws(quantity.name, Parameter(quantity.name, quantity.unit, 0.0), finite)
+
+
+def _evaluate(quantity: Derived, result: FitResult, values: Any) -> Any:
+    """Return a quantity at values (n_free, ...) of the estimates."""
+    names = (estimate.name for estimate in result.estimates)
+    return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
+
+
+def delta_gradient(quantity: Derived, result: FitResult) -> Array:
+    """Return the gradient (n_free,) of a quantity with respect to the estimates."""
+    values, predict = result.values, partial(_evaluate, quantity, result)
+    unbounded = np.full(len(values), np.inf)
+    method = select_method(predict, values, 1, -unbounded, unbounded)
+    gradient: Array = derivatives(predict, values, 1, (-unbounded, unbounded), method)[0]
+    return gradient
+
+
+def _from_covariance(quantity: Derived, result: FitResult) -> Estimate:
+    gradient = delta_gradient(quantity, result)
+    used = gradient != 0.0
+    covariance = result.covariance[np.ix_(used, used)]
+    sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))
+    has_noise = any(estimate.name.startswith("noise.") for estimate in result.estimates)
+    return interval_around(
+        quantity.name,
+        Parameter(quantity.name, quantity.unit, 0.0),
+        float(_evaluate(quantity, result, result.values)),
+        sd,
+        half_widths(result.dof if has_noise else np.inf),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,8 +128,8 @@ class Propagation:
     method: DerivativeMethod  # of derivatives
     gain: Array  # (n, m + q) change of the quantities by whitened rows: points, then priors
     outside: tuple[ErrorSource, ...] = ()  # of the observations, not in the fit's covariance
-    # Errors of one quantity with its name; columns (1, 1) in its unit.
-    quantity_errors: tuple[tuple[ErrorSource, str], ...] = ()
+    # Errors by their only quantity; columns (1, 1) in its unit.
+    quantity_errors: Mapping[str, ErrorSource] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -135,7 +213,7 @@ def make_budget(linear: Propagation, traceability: Sequence[str] = ()) -> Budget
     """Return the budget of a fit."""
     parts = [*_fit_sources(linear)]
     parts += [_line(source, linear.changes(source.columns), False) for source in linear.outside]
-    for source, name in linear.quantity_errors:
+    for name, source in linear.quantity_errors.items():
         selection = np.array([[1.0 if name == other else 0.0] for other in linear.names])
         parts.append(_line(source, selection @ source.columns, False))
     covariance = sum(changes @ changes.T for _, changes in parts)
@@ -238,7 +316,7 @@ def monte_carlo(
         progress("Monte Carlo", row, draws)
         shapes[row] = _refit(linear, error)
     deviations = linear.quantities(shapes) - linear.quantities(linear.shape[None])
-    for source, name in linear.quantity_errors:
+    for name, source in linear.quantity_errors.items():
         deviations[:, linear.names.index(name)] += [
             (source.columns @ draw_source(source, rng)).item() for _ in range(draws)
         ]

@@ -18,7 +18,6 @@ from benchtool.core.parameter import Parameter
 from benchtool.core.units import from_si
 from benchtool.data.run.read import load_rig_for_data
 from benchtool.fit.fit_data import REFERENCE_Z_OVER_R, FitData, read_fit_data, recipe_model
-from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import function_problem, noise_parameter
 from benchtool.fit.recipe import Recipe
@@ -26,7 +25,12 @@ from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.fixed_parameters import LAW, fixed_parameter_sources
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
-from benchtool.fit.uncertainty.propagation import bound_sources, make_budget, propagate
+from benchtool.fit.uncertainty.propagation import (
+    bound_sources,
+    make_budget,
+    propagate,
+    with_derived,
+)
 from benchtool.physics.effects.effect import Derived
 
 
@@ -64,9 +68,7 @@ def _budget(path: Path) -> Budget:
         "settings", parameters, means, errors.observed, errors.standard_error,
         error_sources=errors.error_sources,
     )  # fmt: skip
-    load_cells = data.load_cells
-    scales = [replace(error, rows=error.rows[data.rows]) for error in load_cells.errors]
-    problem = with_scale_errors(problem, scales)
+    problem = with_scale_errors(problem, data.load_cells.errors, data.rows)
     near, *_, far = selection = _fastest(data, setting_index, names)
     if near == far:
         raise EstimationError("only 1 plate distance at the highest speed; minimum for a ratio: 2")
@@ -88,7 +90,7 @@ def _budget(path: Path) -> Budget:
         gain=linear.gain[rows],
         outside=bound_sources(linear, outside),
     )
-    return make_budget(selected, load_cells.traceability)
+    return make_budget(selected, data.load_cells.traceability)
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:

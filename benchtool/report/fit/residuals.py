@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.fit.diagnose import expected_runs
 from benchtool.fit.run_recipe import FitOutput
+from benchtool.fit.statistics import expected_runs
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION

@@ -17,7 +17,7 @@ from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
-from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.nominal import rig_for_data
 from benchtool.report.figure import Page, figure
 from benchtool.report.numbers import format_number
 from benchtool.report.page import Paragraph, Report, Table, Warnings

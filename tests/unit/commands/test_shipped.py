@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.core.library import read_library_file
+from benchtool.core.user_file import read_library_file
 from tests.unit.commands.command_line import said as run
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.library import read_library_file
 from benchtool.core.schedule import load_schedule
 from benchtool.core.toml_text import read_strict
+from benchtool.core.user_file import read_library_file
 from benchtool.data.column_map import read_column_map
 from benchtool.fit.recipe import read_recipe
 from benchtool.physics.model_file import model_from_toml

@@ -8,7 +8,6 @@ import pytest
 
 from benchtool.acquire.inputs import BENCH_KEYS, resolve_rig
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.library import read_library_file
 from benchtool.core.rig import Motor
 from benchtool.core.rig_file import (
     load_rig_by_name,
@@ -17,6 +16,7 @@ from benchtool.core.rig_file import (
     rig_names,
     rig_to_toml,
 )
+from benchtool.core.user_file import read_library_file
 from tests.unit.physics.blades import MOTOR, bladed
 
 

@@ -8,14 +8,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from benchtool.core.errors import FileFormatError, UnknownChoice
-from benchtool.core.toml_text import (
-    FileTable,
-    ValueSources,
-    parse_toml,
-    read_strict,
-    require_sources,
-    unwrap_quantities,
-)
+from benchtool.core.toml_text import FileTable, parse_quantities, read_strict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,22 +56,17 @@ def test_a_wrong_value_is_said_with_its_key(text, words):
 
 
 def test_sources_are_found_at_the_number_or_its_table():
-    found = ValueSources()
-    data = unwrap_quantities(
-        parse_toml(
-            "[a]\nsource = 'assumed: all of it'\nx = 1\ny = { value = 2, source = 'measured' }\n"
-            "[a.b]\nz = 3\n[c]\nw = 4",
-            "a.toml",
-        ),
-        found,
+    text = (
+        "[a]\nsource = 'assumed: all of it'\nx = 1\ny = { value = 2, source = 'measured' }\n"
+        "[a.b]\nz = 3\n"
     )
-    assert data == {"a": {"x": 1, "y": 2, "b": {"z": 3}}, "c": {"w": 4}}
+    data, found = parse_quantities(text, "a.toml")
+    assert data == {"a": {"x": 1, "y": 2, "b": {"z": 3}}}
     assert found.by_key == {
         "a.x": "assumed: all of it",
         "a.y": "measured",
         "a.b.z": "assumed: all of it",
-        "c.w": "",
     }
     assert found.assumed == ["a.x", "a.b.z"]
     with pytest.raises(FileFormatError, match=r"c\.w has no source"):
-        require_sources(found, "a.toml")
+        parse_quantities(f"{text}[c]\nw = 4", "a.toml")

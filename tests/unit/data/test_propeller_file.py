@@ -7,8 +7,8 @@ import shutil
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.library import LIBRARY, user_library_folder
 from benchtool.core.rig_file import load_rig_by_name, rig_to_toml
+from benchtool.core.user_file import LIBRARY, user_library_folder
 from benchtool.data.propeller_file import load_propeller, propeller_names, read_propeller
 
 

@@ -12,6 +12,7 @@ from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
 from benchtool.fit.problem import Problem
+from benchtool.fit.uncertainty.load_cell import ScaleError, with_scale_errors
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
@@ -90,7 +91,9 @@ def decay_problem(seed: int = 2) -> Problem:
 
 def calibrated_line(seed: int = 3) -> Problem:
     """State a line read through a load cell with an uncertain calibration."""
-    return line_problem(seed).with_calibration(0.01, 0.02)
+    scale = {"name": "mass", "kind": "B", "unit": "1", "sd": 0.01, "relative_sd": 0.01, "dof": None}
+    cell = {"id": "cell", "date": "2026-01-01", "relative_sd": 0.01, "components": [scale]}
+    return with_scale_errors(line_problem(seed), [ScaleError(calibration=cell, rows=X < 2.0)])
 
 
 def quad_model(*more: str) -> Model:

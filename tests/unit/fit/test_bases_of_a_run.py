@@ -10,7 +10,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Motor, Rig
 from benchtool.core.rig_file import rig_to_toml
 from benchtool.data.run.read import fill_missing_parts, find_differences
-from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.nominal import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.model_file import load_model

@@ -21,7 +21,7 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.fit.uncertainty.bench_errors import Visits, bench_errors, concatenate_visits
-from benchtool.fit.uncertainty.zero_drift import estimate_zero_drift, standstill_means
+from benchtool.fit.uncertainty.load_cell import estimate_zero_drift, standstill_means
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 

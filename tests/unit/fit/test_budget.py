@@ -12,7 +12,6 @@ from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.parameter import Prior
 from benchtool.core.units import Array
-from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import function_problem
 from benchtool.fit.problem import Problem
@@ -26,6 +25,7 @@ from benchtool.fit.uncertainty.propagation import (
     draw_source,
     make_budget,
     propagate,
+    with_derived,
 )
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived

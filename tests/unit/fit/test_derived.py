@@ -9,10 +9,9 @@ import pytest
 
 from benchtool.core.errors import EstimationError
 from benchtool.fit.ensemble import fit_ensemble
-from benchtool.fit.interval import with_derived
-from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import function_problem
-from benchtool.fit.profile import add_profile_intervals
+from benchtool.fit.uncertainty.propagation import with_derived
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.effects.partial_coverage import derived, factors
 from tests.unit.fit.cases import X, free, line_problem, noise

@@ -8,17 +8,11 @@ import numpy as np
 import pytest
 from scipy.special import fdtrc, stdtr
 
-from benchtool.fit.diagnose import (
-    bend_along,
-    diagnose,
-    lack_of_fit,
-    runs_along,
-    trend_along,
-    with_diagnosis,
-)
+from benchtool.fit.diagnose import diagnose, lack_of_fit, with_diagnosis
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
 from benchtool.fit.problem import Problem
+from benchtool.fit.statistics import bend_along, runs_along, trend_along
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     free,
@@ -55,10 +49,10 @@ def test_a_good_fit_is_left_in_peace():
 def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart():
     model = quad_model().with_effect("plate_offset").with_free("plate_offset.dz_m")
     problem = sweep(model, (1.0,))
-    found = diagnose(problem, fit_least_squares(problem)).confusions
-    assert len(found) == 1
-    assert set(found[0].names) == {"k", "R_m", "body_lift.K_b", "plate_offset.dz_m"}
-    assert found[0].open_directions == 3
+    said = sentences(problem)
+    names = said.partition(" cannot be separated by these data")[0].replace(" and ", ", ")
+    assert set(names.split(", ")) == {"k", "R_m", "body_lift.K_b", "plate_offset.dz_m"}
+    assert said.count("determine only 1 combination of these 4; fix 3") == 1
 
 
 def test_a_parameter_that_does_nothing_is_named():

@@ -11,10 +11,9 @@ from scipy.stats import multivariate_normal
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
 from benchtool.fit.compare import compare, predictive_density
-from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import function_problem
 from benchtool.fit.problem import Problem
-from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.sampling import log_probability
 from benchtool.fit.uncertainty.propagation import propagate
 from tests.unit.fit.cases import (

@@ -14,10 +14,9 @@ from benchtool.acquire.calibration import fit_calibration
 from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
 from benchtool.core.parameter import Parameter
 from benchtool.fit.ensemble import fit_ensemble
-from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import function_problem
 from benchtool.fit.problem import Problem
-from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.load_cell import ScaleError, pool_calibrations, with_scale_errors

@@ -17,7 +17,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.user_code import check_code_allowed
 from benchtool.fit.motor.constants import fit_motor
-from benchtool.fit.motor.response import step_responses
+from benchtool.fit.motor.law import step_responses
 
 RIG = load_rig_by_name("pquad_single")
 TRUTH = {

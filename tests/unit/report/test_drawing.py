@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.fit.diagnose import expected_runs
+from benchtool.fit.statistics import expected_runs
 from benchtool.report.figure import render_figures
 from benchtool.report.files import figure_bytes, save_figure
 from benchtool.report.fit.residuals import judge_runs, runs_of_sign

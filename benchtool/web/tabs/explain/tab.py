@@ -14,7 +14,7 @@ from nicegui import run, ui
 from benchtool.core.errors import InputError
 from benchtool.data.run.run import free_path
 from benchtool.explain.inputs import ExplainInputs
-from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.nominal import rig_for_data
 from benchtool.web.choices import RecordingSources, check_rig_choice, rig_choices
 from benchtool.web.command_jobs import ExplainJob, Explanation
 from benchtool.web.command_tab import CommandTab

@@ -19,8 +19,8 @@ from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
 from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.run.state import list_state_files
-from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.fit_data import RATIO_BASIS
+from benchtool.fit.nominal import rig_for_data
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.physics.model_file import load_model
 from benchtool.web.choices import check_rig_choice, model_path
