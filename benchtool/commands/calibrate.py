@@ -13,7 +13,6 @@ from annotated_types import Ge, Gt, Le
 from benchtool.acquire.inputs import WeighingInputs
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.commands.terminal.sweep_operator import POLL_INTERVAL_S, TERMINAL
 from benchtool.core.errors import CalibrationError, InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs, items
 
@@ -179,7 +178,9 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
 
     from benchtool.acquire.calibration import mean_counts, require_raw_counts
     from benchtool.acquire.inputs import resolve_rig
+    from benchtool.acquire.operator import POLL_INTERVAL_S
     from benchtool.bench.drivers import open_bench
+    from benchtool.commands.terminal.operator import TERMINAL
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
     address, kilograms = inputs.address, np.array(inputs.masses)

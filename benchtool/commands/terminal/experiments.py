@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.commands.terminal.sweep_operator import TERMINAL
+from benchtool.commands.terminal.operator import TERMINAL
 from benchtool.core.errors import InputError
 from benchtool.core.text import pluralize
 from benchtool.explain.next_steps import next_file, next_sentence
