@@ -8,12 +8,11 @@ from math import nan
 import numpy as np
 
 from benchtool.acquire.average import Average, average, estimate_quantum
-from benchtool.acquire.tare import TareResult
+from benchtool.acquire.motors import TareResult
 from benchtool.acquire.visit_order import Visit
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
 from benchtool.core.units import Array
-from benchtool.data.calibration import Calibration
 from benchtool.data.run.points import Point, averaged_channels
 
 MIN_BEAT_CYCLES = 1.0  # of a vibration within a point, to separate it from thrust; assumed
@@ -44,27 +43,25 @@ def measure(
     visit: Visit,
     plate_stage_z_m: float,
     tare: TareResult,
-    calibration: Calibration | None,
     sensors: Mapping[str, Sensor],
     is_settled: bool,
-    now_s: float = nan,
 ) -> tuple[Point, list[tuple[str, str]]]:
     """Return the point of a visit's samples, and its events by kind and text.
 
     Args:
         plate_stage_z_m: plate distance reported by the stage; used if the stream has none.
-        now_s: time of a point without samples.
     """
     n_rotors = len(visit.pwm_us)
     names = [name for name in averaged_channels(n_rotors) if name in samples]
     columns = {name: samples.column(name) for name in names}
-    if calibration is not None:
-        columns["thrust_N"] = calibration.newtons(samples.column("thrust_raw"), tare.zero_counts)
+    if tare.calibration is not None:
+        raw = samples.column("thrust_raw")
+        columns["thrust_N"] = tare.calibration.newtons(raw, tare.zero_counts)
     means = {
         name: average(column, estimate_quantum(name, sensors)) for name, column in columns.items()
     }
     times_s = samples.column("time_s")
-    time_s = float(times_s.mean()) if len(times_s) else now_s
+    time_s = float(times_s.mean()) if len(times_s) else nan
     none = Average(nan, nan, nan, 0)
 
     def mean(name: str, default: float = nan) -> float:
