@@ -7,14 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from benchtool.acquire.inputs import RecordInputs, SweepInputs, resolve_rig
+from benchtool.acquire.inputs import RecordInputs, SweepInputs, check_stage, resolve_rig
 from benchtool.acquire.operator import Operator, Unattended
 from benchtool.acquire.pitch import PitchRecording
 from benchtool.acquire.plan import Plan, read_plan
 from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.session import Experiment, run_session
-from benchtool.acquire.stage_selection import check_stage
 from benchtool.acquire.sweep import Sweep
 from benchtool.core.errors import InputError, check_name
 from benchtool.core.inputs import Source, build_inputs, items
