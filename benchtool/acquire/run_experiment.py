@@ -92,27 +92,24 @@ def build_experiment(
         InputError: incomplete inputs, or an unknown stage or calibration.
         WouldOverwrite: the run folder exists.
     """
+    resume_state = None
     if isinstance(inputs, SweepInputs) and inputs.resume is not None:
         resume_state = load_resume_state(Run.open(inputs.resume))
         address = inputs.address or str(resume_state.run.metadata.get("address", ""))
         stage = inputs.stage or resume_state.stage
         inputs = replace(inputs, address=address, stage=stage, plan=resume_state.plan)
-        return _checked(Sweep(inputs, resume_state.rig, resume_state))
-    if not inputs.address:
-        raise InputError("no bench address; give one, for example sim:pquad")
-    rig = rig or resolve_rig(inputs.address, inputs.rig)
-    if inputs.out is not None:
-        check_not_existing(inputs.out)
-    if isinstance(inputs, RecordInputs):
-        return PitchRecording(inputs, rig, progress)
-    inputs = replace(inputs, plan=inputs.plan.resolved(rig))
-    check_name("run", inputs.plan.name, ascii_only=True)
-    return _checked(Sweep(inputs, rig))
-
-
-def _checked(sweep: Sweep) -> Sweep:
-    """Return a sweep whose stage and calibration file are valid."""
-    check_stage(sweep.inputs.stage, plate=sweep.plan.plate.used)
-    if sweep.inputs.calibration not in (None, "none"):
-        read_calibration(Path(str(sweep.inputs.calibration)))
-    return sweep
+        rig = resume_state.rig
+    else:
+        if not inputs.address:
+            raise InputError("no bench address; give one, for example sim:pquad")
+        rig = rig or resolve_rig(inputs.address, inputs.rig)
+        if inputs.out is not None:
+            check_not_existing(inputs.out)
+        if isinstance(inputs, RecordInputs):
+            return PitchRecording(inputs, rig, progress)
+        inputs = replace(inputs, plan=inputs.plan.resolved(rig))
+        check_name("run", inputs.plan.name, ascii_only=True)
+    check_stage(inputs.stage, plate=inputs.plan.plate.used)
+    if inputs.calibration not in (None, "none"):
+        read_calibration(Path(inputs.calibration))
+    return Sweep(inputs, rig, resume_state)

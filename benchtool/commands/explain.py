@@ -311,7 +311,7 @@ def _with_schedule(address: str, schedule: Path) -> str:
 
 def _explain_each(inputs: ExplainArguments) -> None:
     """Explain several recordings separately; print and write the answers."""
-    from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
+    from benchtool.commands.terminal.batch import index_by_name, raise_first, run_each
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.report.page import Table
     from benchtool.results import build_request
@@ -334,7 +334,7 @@ def _explain_each(inputs: ExplainArguments) -> None:
     description = replace(inputs, out=None, cluster=None)
     is_permitted = inputs.cluster is None  # user code runs on this machine only
     outcomes = run_each(
-        partial(outcome, partial(_explain_one, inputs.out, typed_command(), is_permitted)),
+        partial(_explain_one, inputs.out, typed_command(), is_permitted),
         {name: (name, task) for name, task in tasks.items()},
         out=inputs.out,
         about={"explain": str(description)},

@@ -143,7 +143,7 @@ def _permit(inputs: FitInputs) -> CodePermit:
 
 def _fit_each(inputs: FitArguments) -> None:
     """Fit several runs separately; print and write the fits."""
-    from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
+    from benchtool.commands.terminal.batch import index_by_name, raise_first, run_each
     from benchtool.fit.diagnose import find_error
     from benchtool.fit.fit_data import recipe_model
     from benchtool.fit.result_file import parse_fit
@@ -170,7 +170,7 @@ def _fit_each(inputs: FitArguments) -> None:
         folder=inputs.folder, recipe=recipe, profile=inputs.profile, budget=inputs.budget
     )
     outcomes = run_each(
-        partial(outcome, partial(_fit_one, fit_inputs, inputs.out, (typed_command(),))),
+        partial(_fit_one, fit_inputs, inputs.out, (typed_command(),)),
         recipes,
         out=inputs.out,
         about={"fit": str(fit_inputs)},
