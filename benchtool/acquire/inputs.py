@@ -270,9 +270,11 @@ def select_stage(
     from benchtool.bench.stage.grbl import GrblStage
     from benchtool.bench.transport.serial_port import SerialPort
 
+    def discard_samples(duration_s: float) -> None:
+        bench.read(duration_s)
+
     port = SerialPort(stage.port, stage.baud)
-    # Samples before the start of the run are discarded.
-    return GrblStage(port, stage, rig.plate, bench, lambda pause_s: bench.read(pause_s))
+    return GrblStage(port, stage, rig.plate, bench, discard_samples)
 
 
 def user_name() -> str:
