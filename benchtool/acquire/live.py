@@ -13,14 +13,13 @@ import numpy as np
 
 from benchtool.acquire.average import average
 from benchtool.acquire.calibration import find_calibration
+from benchtool.acquire.experiment import Experiment, new_run
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.measure import measure
+from benchtool.acquire.measure import has_settled, measure
 from benchtool.acquire.motors import TareResult
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.plan import Plan, PlatePart, plan_to_toml
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.session import Experiment, new_run
-from benchtool.acquire.visit_checks import has_settled
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench

@@ -9,10 +9,10 @@ from math import degrees, nan, pi
 import numpy as np
 
 from benchtool.acquire.check_plan import PlanExtremes
+from benchtool.acquire.experiment import Experiment, new_run
 from benchtool.acquire.inputs import RecordInputs
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.record import Recorder, RunProgress
-from benchtool.acquire.session import Experiment, new_run
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import InputError, LimitExceeded, PlanError

@@ -11,15 +11,14 @@ import numpy as np
 
 from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import check_plan
+from benchtool.acquire.experiment import Experiment, new_run
 from benchtool.acquire.inputs import SweepInputs, select_stage
-from benchtool.acquire.measure import measure
+from benchtool.acquire.measure import VisitChecks, VisitWatch, has_settled, measure
 from benchtool.acquire.motors import TareResult, format_drift
 from benchtool.acquire.operator import POLL_INTERVAL_S, Operator, arming_prompt, plan_text
 from benchtool.acquire.plan import plan_to_toml
 from benchtool.acquire.record import STEP_S, Recorder, RunProgress
 from benchtool.acquire.resume import ResumeState, SweepStart, prepare_resume, require_same_device
-from benchtool.acquire.session import Experiment, new_run
-from benchtool.acquire.visit_checks import VisitChecks, VisitWatch, has_settled
 from benchtool.acquire.visit_order import Visit, expected_duration_s, plan_visits
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench

@@ -81,7 +81,7 @@ def calibrate(inputs: CalibrateInputs) -> None:
 
 
 def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
-    from benchtool.acquire.recalibrate import recalibrate
+    from benchtool.acquire.calibration import recalibrate
     from benchtool.data.calibration import parse_calibration, read_calibration
     from benchtool.data.run.run import Run
     from benchtool.data.run.state import load_state

@@ -270,7 +270,7 @@ def _record(
     """
     from benchtool.acquire.inputs import RecordInputs, SweepInputs
     from benchtool.acquire.plan import plan_from_toml
-    from benchtool.acquire.run_experiment import run_experiment
+    from benchtool.acquire.session import run_experiment
     from benchtool.commands.terminal.operator import TERMINAL
     from benchtool.explain.next_steps import next_file
 

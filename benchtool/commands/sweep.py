@@ -13,7 +13,7 @@ from benchtool.core.inputs import Input, Inputs
 
 
 def _base_inputs(options: dict[str, Any]) -> SweepInputs:
-    from benchtool.acquire.run_experiment import base_inputs
+    from benchtool.acquire.session import base_inputs
 
     return base_inputs(options, "option")
 
@@ -31,7 +31,7 @@ def record(inputs: RecordInputs) -> None:
 
 
 def _run(inputs: SweepInputs | RecordInputs) -> None:
-    from benchtool.acquire.run_experiment import run_experiment
+    from benchtool.acquire.session import run_experiment
     from benchtool.commands.terminal.operator import TERMINAL
 
     run_experiment(inputs, TERMINAL, announce_code)

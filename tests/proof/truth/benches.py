@@ -188,7 +188,7 @@ def visited(bench: Drawn, path: Path) -> None:
             samples(plant, SETTLE_S)
             here_m = visit.target_z_m
             read = samples(plant, plan.sample_s, bench.supply_exponent, off_m)
-            point, _ = measure(read, visit, here_m, tared, rig.sensors, is_settled=True)
+            point, _ = measure(read, visit, here_m, tared, rig.sensors, settled=True)
             writer.append(point)
     finally:
         writer.close()
