@@ -46,12 +46,13 @@ class Experiment:
         self.progress = progress or RunProgress()
         self.run: Run | None = None
 
-    def prepare(self, operator: Operator) -> None:
-        """Check the inputs against the rig and show the plan, before a bench is opened.
+    def prepare(self) -> Iterator[str]:
+        """Check the inputs against the rig and yield the plan, before a bench is opened.
 
         Raises:
             InputError, PlanError: the value, the limit and the remedy.
         """
+        raise NotImplementedError
 
     def check(self, bench: GuardedBench, operator: Operator) -> str:
         """Check the inputs against rig and device; return the text to arm, "" if armed before.

@@ -141,7 +141,8 @@ def run_experiment(
     experiment = build_experiment(inputs, rig)
     inputs = experiment.inputs
     device = open_bench(inputs.address, permit)
-    experiment.prepare(operator)
+    for line in experiment.prepare():
+        operator.inform(line)
     if inputs.dry_run:
         return None
     # An open bench is read without a pause, so libraries are imported before.

@@ -70,16 +70,16 @@ class Sweep(Experiment):
         self._last_values: dict[str, float] = {}
         self._reported_channels: set[str] = set()
 
-    def prepare(self, operator: Operator) -> None:
+    def prepare(self) -> Iterator[str]:
         state, inputs = self.resume_state, self.inputs
         if state is not None and not (state.remaining or inputs.dry_run):
             prepare_resume(state)  # closes a complete run and raises
         done = state.done if state is not None else ()
         text = plan_text(self.plan, self.rig, check_plan(self.plan, self.rig), done)
         is_virtual = inputs.address.startswith("sim:")
-        operator.inform(f"{text} bench time; a simulation runs faster" if is_virtual else text)
+        yield f"{text} bench time; a simulation runs faster" if is_virtual else text
         if inputs.dry_run:
-            operator.inform("dry run: no bench was opened")
+            yield "dry run: no bench was opened"
         elif state is not None:
             self.start = prepare_resume(state)
 

@@ -109,7 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit the process with its exit code."""
     argument_list = list(sys.argv[1:] if arguments is None else arguments)
     if COMPLETION_VARIABLE in os.environ:
-        argument_list = _parse_completion_line()
+        line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+        argument_list = _find_command(line.split()[1:]).split()
     for stream in (sys.stdout, sys.stderr):
         # Characters that the console cannot encode are replaced, without a traceback.
         if reconfigure := getattr(stream, "reconfigure", None):
@@ -157,12 +158,6 @@ def _run(arguments: list[str]) -> None:
             sys.exit(cause.exit_code)
         print_error(_report_internal_error(error))
         sys.exit(UNEXPECTED_ERROR_CODE)
-
-
-def _parse_completion_line() -> list[str]:
-    """Return the command in the completion line of a shell."""
-    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
-    return _find_command(line.split()[1:]).split()
 
 
 def _find_command(arguments: Sequence[str]) -> str:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from annotated_types import Ge, Gt, Le
 
@@ -112,7 +111,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
     from benchtool.data.run.state import store_state
-    from benchtool.report.files import check_not_existing
+    from benchtool.report.files import check_not_existing, save_figure
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):
@@ -147,18 +146,14 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     data = asdict(calibration)
     stored = store_state("calibration", device_id, data)
     if out is not None:
+        from benchtool.report.figure import render_figures
+
         replace_json(out, data)
-        _write_figure(data, out, simulated=inputs.address.startswith("sim:"))
+        subject = {**data, "simulated": inputs.address.startswith("sim:")}
+        figure = render_figures("sweep.calibration", subject)["calibration"].figure
+        for path in save_figure(figure, out.with_suffix(""), FIGURES):
+            print(f"written: {path}")
     print(f"stored in {out or stored}; every run on {device_id} uses it from now on")
-
-
-def _write_figure(data: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
-    from benchtool.report.figure import render_figures
-    from benchtool.report.files import save_figure
-
-    figures = render_figures("sweep.calibration", {**data, "simulated": simulated})
-    for path in save_figure(figures["calibration"].figure, out.with_suffix(""), FIGURES):
-        print(f"written: {path}")
 
 
 def _from_csv(source: Path) -> tuple[Array, Array, list[str]]:

@@ -210,11 +210,7 @@ def _print_next(answer: Explanation, out: Path | None, json_file: Path | None) -
 
 
 def _check_bench(address: str, request: Request, out: Path | None) -> Rig:
-    """Return the rig of a bench after a check against the recordings; does not connect.
-
-    Raises:
-        InputError: no folder for the runs, an unknown address, or another rig.
-    """
+    """Return the rig of a bench after a check against the recordings; does not connect."""
     from benchtool.acquire.inputs import resolve_rig
     from benchtool.bench.drivers import open_bench
     from benchtool.data.run.read import find_differences
@@ -262,12 +258,7 @@ def _stop_reason(
 def _record(
     answer: Explanation, experiment: NextExperiment, inputs: ExplainInputs, rig: Rig
 ) -> Run:
-    """Print an experiment, wait for the arming confirmation and record it.
-
-    Raises:
-        RunInterrupted: not armed, or stopped.
-        BenchError: the bench failed; throttle is zero.
-    """
+    """Record an experiment after the arming confirmation."""
     from benchtool.acquire.inputs import RecordInputs, SweepInputs
     from benchtool.acquire.plan import plan_from_toml
     from benchtool.acquire.session import run_experiment

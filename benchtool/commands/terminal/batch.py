@@ -19,8 +19,6 @@ from benchtool.tasks import TaskStore, run_tasks
 
 T = TypeVar("T")
 
-WriteFolder = Callable[[Path], Any]  # writes all files of a folder
-
 
 def index_by_name(data: Sequence[str]) -> dict[str, str]:
     """Return data paths by folder name or file stem.
@@ -82,7 +80,7 @@ def run_each(
     return {name: results[name] for name in tasks}
 
 
-def write_folder_once(folder: Path | None, write: WriteFolder) -> None:
+def write_folder_once(folder: Path | None, write: Callable[[Path], Any]) -> None:
     """Write a folder atomically; skip one that an interrupted run has already written."""
     if folder is not None and not folder.exists():
         partial_folder(folder).parent.mkdir(parents=True, exist_ok=True)
