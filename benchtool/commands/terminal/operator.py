@@ -7,14 +7,13 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
-from benchtool.acquire.operator import POLL_INTERVAL_S
+from benchtool.acquire.operator import POLL_INTERVAL_S, Unattended
 from benchtool.acquire.record import NO_PROGRESS, ProgressLines, RunProgress
 from benchtool.acquire.visit_order import Visit, format_duration
 from benchtool.commands.terminal.messages import print_error
@@ -26,11 +25,8 @@ from benchtool.data.run.points import Point
 TABLE_ROWS = 8  # latest points in the live table
 
 
-class TerminalOperator:
-    """Print messages; read answers from standard input."""
-
-    def inform(self, text: str) -> None:
-        print(text, flush=True)
+class TerminalOperator(Unattended):
+    """Operator who answers on standard input, with a live display on a terminal."""
 
     def warn(self, text: str) -> None:
         print_error(text)
@@ -49,10 +45,9 @@ class TerminalOperator:
 
     @contextmanager
     def display(self, radius_m: float | None) -> Iterator[RunProgress]:
-        """Yield a live display on a terminal, or plain lines otherwise."""
         console = EscapedConsole()
         if not console.is_terminal:
-            yield ProgressLines(radius_m, partial(print, flush=True))
+            yield ProgressLines(radius_m, self.inform)
             return
         display = LiveDisplay(radius_m, console)
         with Live(console=console, refresh_per_second=4, get_renderable=display.render):
