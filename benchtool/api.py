@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchtool.acquire.operator import Operator
-from benchtool.acquire.run_experiment import run_keywords
+from benchtool.acquire.session import run_keywords
 from benchtool.core.choices import Over
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs

@@ -1,9 +1,10 @@
-"""Load cell calibration: raw counts of known masses, line fit, stored calibration."""
+"""Load cell calibration: counts of known masses, line fit, and recalibration of runs."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from math import sqrt
 from pathlib import Path
@@ -12,15 +13,23 @@ import numpy as np
 
 from benchtool.acquire.average import Average, average, read_span
 from benchtool.acquire.inputs import WeighingInputs, user_name
+from benchtool.acquire.plan import plan_from_toml
 from benchtool.bench.bench import Bench, DeviceInfo
-from benchtool.core.errors import CalibrationError
+from benchtool.core.errors import CalibrationError, FileFormatError
+from benchtool.core.recording import Recording
 from benchtool.core.units import Array
+from benchtool.data.atomic import data_hash
 from benchtool.data.calibration import (
     Calibration,
     CalibrationComponent,
     parse_calibration,
     read_calibration,
 )
+from benchtool.data.columns import REJECTED, VALID_KINDS, word_to_code
+from benchtool.data.run.points import write_table
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run
+from benchtool.data.run.settings import load_settings
 from benchtool.data.run.state import load_state, state_file
 
 MAX_NONLINEARITY = 0.02  # residual over full scale; cells are rated 0.0005; assumed
@@ -84,9 +93,8 @@ def fit_calibration(
     residual_N = np.empty(len(force))
     for line, rows in zip(lines, by_day.values(), strict=True):
         residual_N[rows] = line.residual_counts / line.gain
-    full_scale_N = float(np.ptp(force))
-    straightness = float(np.abs(residual_N).max()) / full_scale_N
     worst = int(np.abs(residual_N).argmax())
+    straightness = float(np.abs(residual_N[worst]) / np.ptp(force))
     if straightness > MAX_NONLINEARITY:
         raise CalibrationError(
             f"{masses_kg[worst]:g} kg is {residual_N[worst]:+.3g} N off the line, "
@@ -94,16 +102,17 @@ def fit_calibration(
             f"check that mass and its suspension, then calibrate again"
         )
     slope, last = 1.0 / gain, lines[-1]
-    repeat = CalibrationComponent(
-        name="repeat",
-        kind="A",
-        unit="count",
-        sd=sd_counts,
-        relative_sd=0.0 if len(lines) > 1 else gain_sd / abs(gain),
-        distribution="student_t",
-        dof=dof,
-    )
-    components = [repeat]
+    components = [
+        CalibrationComponent(
+            name="repeat",
+            kind="A",
+            unit="count",
+            sd=sd_counts,
+            relative_sd=0.0 if len(lines) > 1 else gain_sd / abs(gain),
+            distribution="student_t",
+            dof=dof,
+        )
+    ]
     if len(lines) > 1:
         # The scatter between days includes that of readings. A run is on another day.
         scatter = float(gains.var(ddof=1))
@@ -126,7 +135,7 @@ def fit_calibration(
     last_force = force[list(by_day.values())[-1]]
     design = np.column_stack([last_force, np.ones_like(last_force)])
     covariance = by_gain @ (sd_counts**2 * np.linalg.inv(design.T @ design)) @ by_gain.T
-    hysteresis = [_hysteresis(force[rows], residual_N[rows]) for rows in by_day.values()]
+    gaps = [_hysteresis(force[rows], residual_N[rows]) for rows in by_day.values()]
     return Calibration(
         id=f"{date}-{device_id}",
         date=date,
@@ -136,7 +145,7 @@ def fit_calibration(
         covariance=tuple(tuple(row) for row in covariance.tolist()),  # type: ignore[arg-type]
         relative_sd=sqrt(sum(component.relative_sd**2 for component in components)),
         straightness=straightness,
-        hysteresis=max((gap for gap in hysteresis if gap is not None), default=None),
+        hysteresis=max((gap for gap in gaps if gap is not None), default=None),
         residual_sd_N=abs(slope) * sd_counts,
         masses_kg=tuple(masses_kg.tolist()),
         counts=tuple(counts.tolist()),
@@ -188,11 +197,7 @@ def _slope_per_kg(days_kg: Sequence[Array], dof: int) -> float:
 def _uncertainty_components(
     weighing: WeighingInputs, per_kg: float
 ) -> Iterator[CalibrationComponent]:
-    """Yield the components of the slope's uncertainty from the stated ones.
-
-    Args:
-        per_kg: relative change of the slope by errors of 1 kg of each mass.
-    """
+    """Yield the components of the slope's uncertainty; `per_kg` is that of `_slope_per_kg`."""
     u = weighing.uncertainty
     for name, unit, sd, relative_sd in (
         ("masses", "kg", u.mass_u_kg, u.mass_u_kg * per_kg),
@@ -236,12 +241,7 @@ def with_drift_interval(
 def require_device(
     calibration: Calibration, name: str, target: str, device_id: str, override: str
 ) -> None:
-    """Raise CalibrationError if a calibration belongs to another device than the target.
-
-    Args:
-        target: bench or run.
-        override: option that skips this check.
-    """
+    """Raise CalibrationError for a calibration of another device than that of a bench or run."""
     if calibration.device_id != device_id:
         raise CalibrationError(
             f"{name} was made on device {calibration.device_id!r}, but {target} is {device_id!r}; "
@@ -319,3 +319,82 @@ def mean_counts(bench: Bench, seconds: float) -> Average:
     if mean.n == 0:
         raise CalibrationError(f"no raw counts within {seconds:g} s; check the load cell's wiring")
     return mean
+
+
+def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = False) -> Path:
+    """Write recalibrated points and settings to RUN/recalibrated-ID; return that folder.
+
+    The folder is read like a run: `benchtool fit RUN/recalibrated-ID`.
+
+    Args:
+        other_device: allow a calibration of another device; recorded in the metadata.
+
+    Raises:
+        CalibrationError: calibration of another device, or run without raw counts or tare.
+        WouldOverwrite: the folder exists.
+    """
+    metadata = run.metadata
+    device_id = str(metadata.get("device_id", ""))
+    if not other_device:
+        name = f"calibration {calibration.id}"
+        require_device(calibration, name, f"run {run.path}", device_id, "--other-device")
+    samples = read_samples(run.path, ["time_s", "point", "phase", "thrust_raw"])
+    if "thrust_raw" not in samples or np.isnan(samples.column("thrust_raw")).all():
+        raise CalibrationError(
+            f"{run.path} has no raw counts (thrust_raw), which a recalibration needs"
+        )
+    points = read_points(run.path, VALID_KINDS)
+    plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
+    quantum_N = float(metadata["rig"].get("sensors", {}).get("thrust_N", {}).get("quantum", 0.0))
+    recalibrated = _recompute(points, samples, calibration, plan.tare.seconds, quantum_N)
+    metadata |= {
+        "calibration": asdict(calibration),
+        "calibration_of_other_device": calibration.device_id != device_id,
+        "recalibrated_from": {"run": run.path.name, "sha256": data_hash(run.path)},
+        "samples": {},
+        "points": {},
+    }
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", calibration.id)
+    new_run = Run.create(run.path / f"recalibrated-{name}", run.plan_text, metadata)
+    new_run.write_points(recalibrated)
+    write_table(new_run.path / "settings.csv", load_settings(new_run.path, recalibrated))
+    return new_run.path
+
+
+def _recompute(
+    points: Recording, samples: Recording, calibration: Calibration, tare_s: float, quantum_N: float
+) -> Recording:
+    raw = samples.column("thrust_raw")
+    time_s, phase = samples.column("time_s"), samples.column("phase")
+    number = samples.column("point")
+    kinds = points.column("kind")
+    values = points.values.copy()
+    names = ["thrust_N", "thrust_sd_N", "thrust_se_N", "n_samples"]
+    # Runs of older versions have no such column.
+    names += [name for name in [f"thrust_N{REJECTED}"] if name in points]
+    columns = [points.index(name) for name in names]
+    zero = np.nan
+    for row in range(len(points)):
+        if kinds[row] == word_to_code("kind", "tare"):
+            is_near = np.abs(time_s - points.column("time_s")[row]) <= 0.5 * tare_s
+            selected = is_near & (phase == word_to_code("phase", "tare"))
+            zero = average(raw[selected]).mean
+        else:
+            in_point = number == points.column("point")[row]
+            # Repeated attempts settle again; the last attempt counts.
+            settling = in_point & (phase == word_to_code("phase", "settle"))
+            start_s = time_s[settling].max(initial=-np.inf)
+            selected = in_point & (phase == word_to_code("phase", "sample")) & (time_s > start_s)
+        if np.isnan(zero):
+            raise CalibrationError(
+                "no raw counts of a tare before the first point, needed for the counts of the "
+                "unloaded cell"
+            )
+        if not selected.any():
+            raise FileFormatError(
+                "samples.csv", f"no samples of point {points.column('point')[row]:.0f}"
+            )
+        thrust = average(calibration.newtons(raw[selected], zero), quantum_N)
+        statistics = [thrust.mean, thrust.sd, thrust.se, thrust.n, thrust.n_rejected]
+        values[row, columns] = statistics[: len(columns)]
+    return replace(points, values=values)

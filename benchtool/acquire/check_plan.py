@@ -75,7 +75,7 @@ def check_plan(
 ) -> PlanExtremes:
     """Return the maxima of a resolved plan; raise PlanError if they exceed the limits."""
     _check_lists(plan, rig)
-    duration_s = min_duration_s(plan, rig)
+    duration_s = min_duration_s(plan)
     if duration_s > MAX_DURATION_S:
         raise PlanError(
             f"the plan takes at least {duration_s / 3600.0:,.0f} h, limit "

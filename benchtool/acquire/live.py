@@ -13,14 +13,13 @@ import numpy as np
 
 from benchtool.acquire.average import average
 from benchtool.acquire.calibration import find_calibration
+from benchtool.acquire.experiment import Experiment, new_run
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.measure import measure
+from benchtool.acquire.measure import has_settled, measure
+from benchtool.acquire.motors import TareResult
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.plan import Plan, PlatePart, plan_to_toml
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.session import Experiment, new_run
-from benchtool.acquire.tare import TareResult, tare
-from benchtool.acquire.visit_checks import has_settled
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
@@ -78,7 +77,7 @@ class LiveRecording(Experiment):
         )
 
     def measure(self) -> None:
-        self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
+        self._tare = self.motors.tare(self.plan.tare, self.calibration)
         self._begin("settle")
         while self._turn():
             self._read()
@@ -141,9 +140,8 @@ class LiveRecording(Experiment):
             repeat=self._visits[key],
         )
         point, events = measure(
-            samples, visit, visit.target_z_m, self._tare, self.calibration, self.rig.sensors,
-            self._settled,
-        )  # fmt: skip
+            samples, visit, visit.target_z_m, self._tare, self.rig.sensors, self._settled
+        )
         for event, text in events:
             self.recorder.record_event(event, text, visit.point)
         self.recorder.append_point(point)

@@ -1,12 +1,12 @@
-"""Operator interface, and arming: texts, confirmation, and conditions for unattended runs."""
+"""Operator interface, and arming: texts, and conditions for unattended runs."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
-from datetime import date, datetime
+from datetime import date
 from hashlib import sha256
 from typing import Any, Protocol
 
@@ -20,13 +20,11 @@ from benchtool.acquire.visit_order import (
     plan_visits,
 )
 from benchtool.bench.bench import DeviceInfo
-from benchtool.bench.guard import GuardedBench
 from benchtool.bench.limit_check import format_unmonitored_limits
 from benchtool.bench.standstill import format_unmeasured_rotors
-from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
+from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.text import pluralize
-from benchtool.data.run.run import Run
 from benchtool.data.run.state import load_state, store_state
 
 CONFIRMATION = "ARM"  # typed by the operator
@@ -71,70 +69,6 @@ class Unattended:
 
     def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
         return nullcontext(ProgressLines(radius_m, self.inform))
-
-
-def describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
-    """Show the warnings of a bench before arming."""
-    for warning in arming_warnings(identity, rig):
-        operator.inform(f"warning: {warning}")
-    if identity.speed != 1.0:
-        operator.inform(f"bench at {identity.speed:g} times real time; all times are bench time")
-
-
-def describe_end(operator: Operator, bench: GuardedBench) -> None:
-    """Show rotors without confirmed standstill at a normal end."""
-    if (state := bench.standstill) is not None and not state.is_confirmed:
-        operator.inform(f"warning: {state.text}")
-
-
-def arm(operator: Operator, text: str, bench: GuardedBench, rig: Rig, *, unattended: bool) -> None:
-    """Ask for confirmation before motors spin; skip it for an unattended bench.
-
-    Raises:
-        InputError: no terminal to confirm, or the bench may not run unattended.
-        RunInterrupted: not confirmed.
-    """
-    if not unattended:
-        confirm_arming(operator, text, bench)
-        return
-    require_unattended(bench.identity, rig, datetime.now().astimezone().date())
-    operator.inform(text)
-
-
-def confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
-    """Ask for a typed confirmation before motors spin.
-
-    Raises:
-        InputError: no terminal to confirm.
-        RunInterrupted: not confirmed.
-    """
-    operator.inform(text)
-    is_virtual = bench.identity.address.startswith("sim:")
-    meanwhile = None if is_virtual else lambda: bench.read(POLL_INTERVAL_S)
-    with bench.interruptible():
-        answer = operator.answer(ARMING_QUESTION, meanwhile)
-    if answer.strip() != CONFIRMATION:
-        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; no motor was started")
-
-
-def close_stopped(operator: Operator, run: Run, advice: str = "") -> None:
-    """Write the tables of a stopped run and show its path, or the error.
-
-    Args:
-        advice: next step for an incomplete run.
-    """
-    try:
-        run.close()
-        if advice and run.metadata["state"] == "ended":
-            advice = (
-                f"every visit is measured and stored; check the reason of the stop, then continue "
-                f"with: benchtool fit {run.path}"
-            )
-    except (BenchtoolError, OSError, MemoryError) as error:
-        operator.warn(f"{run.path} was not closed: {error}")
-        return
-    with suppress(OSError):
-        operator.inform("; ".join(filter(None, (f"recorded data are in {run.path}", advice))))
 
 
 def plan_text(plan: Plan, rig: Rig, expected: PlanExtremes, done: Collection[int] = ()) -> str:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from math import degrees, nan, pi
 
 import numpy as np
 
 from benchtool.acquire.check_plan import PlanExtremes
+from benchtool.acquire.experiment import Experiment, new_run
 from benchtool.acquire.inputs import RecordInputs
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.record import Recorder, RunProgress
-from benchtool.acquire.session import Experiment, new_run
 from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import InputError, LimitExceeded, PlanError
@@ -38,7 +38,12 @@ def check_experiment(
     device_limits: Mapping[str, float] = {}
     idle_us = 0.0
     if device is not None:
-        require_pitch(device)
+        names = {channel.name for channel in device.channels}
+        if missing := [name for name in REQUIRED_CHANNELS if name not in names]:
+            raise InputError(
+                f"{device.address} is not a pitch bench: channel {missing[0]} is missing; use a "
+                f"pitch bench (virtual: sim:RIG?mode=pitch, or benchtool bench serve --mode pitch)"
+            )
         device_limits, idle_us = device.limits, device.pwm_idle_us or 0.0
     pulse_us = inputs.collective_us(rig)
     p, limits = rig.propulsion, rig.limits
@@ -70,17 +75,6 @@ def check_experiment(
             f"{rig.name!r}"
         )
     return PlanExtremes(pulse_us, rpm, thrust_N, thrust_N)
-
-
-def require_pitch(identity: DeviceInfo) -> None:
-    """Raise InputError for a bench without pitch channels."""
-    names = {channel.name for channel in identity.channels}
-    missing = [name for name in REQUIRED_CHANNELS if name not in names]
-    if missing:
-        raise InputError(
-            f"{identity.address} is not a pitch bench: channel {missing[0]} is missing; use a "
-            f"pitch bench (virtual: sim:RIG?mode=pitch, or benchtool bench serve --mode pitch)"
-        )
 
 
 def arming_text(inputs: RecordInputs, rig: Rig, expected: PlanExtremes) -> str:
@@ -145,11 +139,11 @@ class PitchRecording(Experiment):
     inputs: RecordInputs
     recorder: PitchRecorder
 
-    def prepare(self, operator: Operator) -> None:
+    def prepare(self) -> Iterator[str]:
         expected = check_experiment(self.inputs, self.rig)
         if self.inputs.dry_run:
-            operator.inform(arming_text(self.inputs, self.rig, expected))
-            operator.inform("dry run: nothing was opened, nothing spins")
+            yield arming_text(self.inputs, self.rig, expected)
+            yield "dry run: nothing was opened, nothing spins"
 
     def check(self, bench: GuardedBench, operator: Operator) -> str:
         expected = check_experiment(self.inputs, self.rig, bench.identity)

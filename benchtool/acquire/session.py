@@ -1,234 +1,168 @@
-"""One acquisition session for sweep, pitch recording and live recording.
+"""Session of an experiment, from the inputs of command line, page or Python.
 
 `acquire` is the order of operations on an open bench, for command line, page and Python, which
-differ in their operator only. `run_session` opens the bench before and closes the run after it.
+differ in their operator only. `run_experiment` opens the bench before and closes the run after it.
 """
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import replace
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, version
-from typing import Any, ClassVar, Literal
+from pathlib import Path
+from typing import Any, Literal
 
-from benchtool import __version__
-from benchtool.acquire.inputs import RecordInputs, SweepInputs, user_name
-from benchtool.acquire.motors import Motors
+from benchtool.acquire.experiment import Experiment
+from benchtool.acquire.inputs import RecordInputs, SweepInputs, check_stage, resolve_rig
 from benchtool.acquire.operator import (
+    ARMING_QUESTION,
+    CONFIRMATION,
+    POLL_INTERVAL_S,
     Operator,
-    arm,
-    close_stopped,
-    confirm_arming,
-    describe_bench,
-    describe_end,
+    Unattended,
+    arming_warnings,
+    require_unattended,
 )
-from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
+from benchtool.acquire.pitch import PitchRecording
+from benchtool.acquire.plan import Plan, read_plan
+from benchtool.acquire.record import RunProgress
+from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.stop_listener import accept_stops
+from benchtool.acquire.sweep import Sweep
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stop_requests import ClosingSignals
-from benchtool.core.air import Air
-from benchtool.core.errors import InputError, StandstillNotConfirmed
+from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted, check_name
+from benchtool.core.inputs import Source, build_inputs, items
 from benchtool.core.rig import Rig
-from benchtool.core.user_code import CodePermit
-from benchtool.data.run.run import Run, free_run_path
-
-RAMP_DOWN_S = 0.8  # ramp at a normal end; at most 1 s is allowed
-POST_STOP_RECORDING_S = 0.5  # recording of the deceleration after an early stop; assumed
+from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.data.calibration import read_calibration
+from benchtool.data.run.run import Run, check_not_existing
 
 
-class Experiment:
-    """Experiment of one run: sweep, pitch experiment or manual throttle.
-
-    Attributes:
-        progress: receives the progress of a recording; a sweep has the operator's display.
-        run: set before the first pulse; it must be closed.
-        recorder, motors: of the run, set by `record`.
-    """
-
-    kind: ClassVar[Literal["sweep", "pitch", "live"]]
-    recorder: Recorder
-    motors: Motors
-
-    def __init__(
-        self, inputs: SweepInputs | RecordInputs, rig: Rig, progress: RunProgress | None = None
-    ) -> None:
-        self.inputs, self.rig = inputs, rig
-        self.progress = progress or RunProgress()
-        self.run: Run | None = None
-
-    def prepare(self, operator: Operator) -> None:
-        """Check the inputs against the rig and show the plan, before a bench is opened.
-
-        Raises:
-            InputError, PlanError: the value, the limit and the remedy.
-        """
-
-    def check(self, bench: GuardedBench, operator: Operator) -> str:
-        """Check the inputs against rig and device; return the text to arm, "" if armed before.
-
-        Raises:
-            InputError, PlanError: the value, the limit and the remedy; no motor was started.
-        """
-        raise NotImplementedError
-
-    @contextmanager
-    def open_stage(self, bench: GuardedBench) -> Iterator[None]:
-        """Open the plate stage for the recording."""
-        yield
-
-    def create_run(self, identity: DeviceInfo) -> Run:
-        """Return the run folder: a new one, or that of the resumed run."""
-        raise NotImplementedError
-
-    def display(self, operator: Operator) -> AbstractContextManager[RunProgress]:
-        """Return the receiver of the progress."""
-        return nullcontext(self.progress)
-
-    def build_recorder(self, bench: GuardedBench, run: Run) -> Recorder:
-        """Return the recorder of the run."""
-        return Recorder(bench, run, self.progress)
-
-    def measure(self) -> None:
-        """Command the motors and record."""
-        raise NotImplementedError
-
-    def summarise(self) -> str:
-        """Return the text of the last event of a complete run, at standstill."""
-        raise NotImplementedError
-
-    def hold(self) -> None:
-        """Stop what moves other than motors; called after zero was commanded at an early end."""
-
-    def summary(self, simulated: str = "") -> str:
-        """Return the complete run in one line; `simulated` follows the number of points."""
-        raise NotImplementedError
-
-    @property
-    def advice(self) -> str:
-        """Next step for an incomplete run."""
-        return ""
-
-    def record(self, bench: GuardedBench, run: Run, progress: RunProgress | None = None) -> None:
-        """Measure, ramp down, confirm standstill and close the run's files.
-
-        At an early end zero is commanded first, then the reason is recorded and raised again; only
-        a normal end ramps down. The caller closes the link.
-
-        Raises:
-            StandstillNotConfirmed: motors may still turn. Closing the guarded bench raises it too.
-            BenchError, RunInterrupted: the reason of an early end.
-        """
-        self.progress = SafeProgress(progress)
-        self.recorder = recorder = self.build_recorder(bench, run)
-        self.motors = Motors(recorder, self.rig)
-        try:
-            try:
-                self.measure()
-                self.motors.ramp_to(self.motors.stop_us, RAMP_DOWN_S, "end")
-                bench.stop()
-                recorder.see_standstill()
-                bench.require_standstill(ends_normally=True)
-                recorder.record_event("ended", self.summarise())
-                recorder.finish("ended")
-            except BaseException as error:
-                reported = _stop_immediately(recorder, error, self.hold)
-                if reported is not error:
-                    raise reported from error
-                raise
-        finally:
-            recorder.close()
+def base_inputs(values: Mapping[str, Any], source: Source) -> SweepInputs:
+    """Return the base inputs with the plan of a file, or the default plan."""
+    if values.get("resume") is not None:
+        options = [*items(Plan), *(item for item in items(SweepInputs) if item.key == "plan_file")]
+        clash = [item.display_name(source) for item in options if item.name in values]
+        if clash:
+            resume = "--resume" if source == "option" else "resume"
+            raise InputError(
+                f"{clash[0]} and {resume} are both given; a resumed run keeps its plan"
+            )
+    return SweepInputs(plan=read_plan(values["plan"]) if "plan" in values else Plan())
 
 
-def _stop_immediately(
-    recorder: Recorder, error: BaseException, hold: Callable[[], None]
-) -> BaseException:
-    """Command zero before anything else and return the error that ends the run.
-
-    Errors of the later steps do not replace that error.
-    """
-    bench = recorder.bench
-    with suppress(Exception):
-        bench.stop()
-    with suppress(Exception):
-        hold()
-    is_interrupt = isinstance(error, KeyboardInterrupt)
-    reason = "stopped by Ctrl-C" if is_interrupt else str(error) or type(error).__name__
-    with suppress(Exception):
-        if unread := bench.pop_unread():
-            recorder.store(unread, "end")
-    with suppress(Exception):
-        # Record the deceleration and the samples buffered in the link.
-        if not isinstance(error, StandstillNotConfirmed):
-            recorder.see_standstill(POST_STOP_RECORDING_S)
-    if not isinstance(error, StandstillNotConfirmed):
-        reason = bench.add_standstill_text(reason)
-    with suppress(Exception):
-        recorder.finish("stopped", reason)
-    with suppress(Exception):
-        recorder.record_event("stopped", reason)
-    return recorder.rescue(error)
+def run_keywords(
+    command: Literal["sweep", "record"],
+    values: dict[str, Any],
+    rig: Rig | str | Path | None,
+    operator: Operator | None,
+    permit: CodePermit,
+) -> Path:
+    """Run an experiment from keyword arguments; return its run folder."""
+    if not values["yes"] and operator is None:
+        raise InputError(
+            f"not armed: bt.{command} turns motors and needs a confirmation; use yes=True (for a "
+            f"simulated bench, or one whose bench check passed today), or benchtool {command} in "
+            f"a terminal"
+        )
+    if values.pop("dry_run", False):
+        raise InputError(f"dry_run needs the command line: benchtool {command} ADDRESS --dry-run")
+    if not isinstance(rig, Rig):
+        values, rig = {"rig": None if rig is None else str(rig)} | values, None
+    inputs: SweepInputs | RecordInputs
+    if command == "sweep":
+        inputs = build_inputs(SweepInputs, values, base=base_inputs(values, "keyword"))
+    else:
+        inputs = build_inputs(RecordInputs, values)
+    run = run_experiment(inputs, operator or Unattended(), permit, rig)
+    assert run is not None
+    return run.path
 
 
-def new_run(
-    inputs: SweepInputs | RecordInputs,
-    name: str,
-    plan_text: str,
-    rig: Rig,
-    identity: DeviceInfo,
-    facts: dict[str, Any],
-) -> Run:
-    """Create a run folder with its plan and metadata; `facts` are those of the experiment.
+def build_experiment(
+    inputs: SweepInputs | RecordInputs, rig: Rig | None = None, progress: RunProgress | None = None
+) -> Experiment:
+    """Return the experiment of inputs: sweep, remaining sweep of a run, or pitch experiment.
 
-    Without a path in the inputs, the folder is named by date and name.
+    Args:
+        progress: of a pitch experiment.
 
     Raises:
-        WouldOverwrite: the folder exists.
+        InputError: incomplete inputs, or an unknown stage or calibration.
+        WouldOverwrite: the run folder exists.
     """
-    now = datetime.now().astimezone()
-    path = inputs.out or free_run_path(inputs.runs, f"{now:%Y-%m-%d}", name)
-    metadata = {
-        "state": "running",
-        "simulated": identity.simulated,
-        "started": now.isoformat(timespec="seconds"),
-        "operator": inputs.operator or user_name(),
-        "address": identity.address,
-        "device_id": identity.device_id,
-        "device": {
-            "firmware": identity.firmware,
-            "protocol": identity.protocol,
-            "rate_Hz": identity.rate_Hz,
-            "watchdog_s": identity.watchdog_s,
-            "limits": dict(identity.limits),
-            "channels": {channel.name: channel.unit for channel in identity.channels},
-            "channel_hash": identity.channel_hash,
-            "orders_protected": identity.rejects_late_commands,
-            "facts": dict(identity.facts),
-        },
-        "rig": asdict(rig),
-        "calibration": None,
-        "air": Air().facts(),
-        "versions": {
-            "benchtool": __version__,
-            "python": platform.python_version(),
-            "system": platform.platform(),
-            **{
-                package: _version(package) for package in ("numpy", "pandas", "pyarrow", "pyserial")
-            },
-        },
-    }
-    return Run.create(path, plan_text, metadata | facts)
+    resume_state = None
+    if isinstance(inputs, SweepInputs) and inputs.resume is not None:
+        resume_state = load_resume_state(Run.open(inputs.resume))
+        address = inputs.address or str(resume_state.run.metadata.get("address", ""))
+        stage = inputs.stage or resume_state.stage
+        inputs = replace(inputs, address=address, stage=stage, plan=resume_state.plan)
+        rig = resume_state.rig
+    else:
+        if not inputs.address:
+            raise InputError("no bench address; give one, for example sim:pquad")
+        rig = rig or resolve_rig(inputs.address, inputs.rig)
+        if inputs.out is not None:
+            check_not_existing(inputs.out)
+        if isinstance(inputs, RecordInputs):
+            return PitchRecording(inputs, rig, progress)
+        inputs = replace(inputs, plan=inputs.plan.resolved(rig))
+        check_name("run", inputs.plan.name, ascii_only=True)
+    check_stage(inputs.stage, plate=inputs.plan.plate.used)
+    if inputs.calibration not in (None, "none"):
+        read_calibration(Path(inputs.calibration))
+    return Sweep(inputs, rig, resume_state)
 
 
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
+def run_experiment(
+    inputs: SweepInputs | RecordInputs,
+    operator: Operator,
+    permit: CodePermit,
+    rig: Rig | None = None,
+) -> Run | None:
+    """Sweep, resume a run or record a pitch experiment, and close the run; None for a dry run.
+
+    Args:
+        rig: default: that of the inputs or of a `sim:` address.
+
+    Raises:
+        InputError: incomplete inputs, or not confirmed; no motor was started.
+        PlanError: the limits of rig or device are exceeded.
+        BenchError, RunInterrupted: reason of an early end; motors are at zero.
+    """
+    from benchtool.data.parquet import load_library
+
+    # The address in a run's metadata may name user code.
+    permit = permit if inputs.address else check_code_allowed
+    experiment = build_experiment(inputs, rig)
+    inputs = experiment.inputs
+    device = open_bench(inputs.address, permit)
+    for line in experiment.prepare():
+        operator.inform(line)
+    if inputs.dry_run:
+        return None
+    # An open bench is read without a pause, so libraries are imported before.
+    load_library()
+    display = experiment.display(operator)
+    with ClosingSignals() as closing:
+        try:
+            with accept_stops(GuardedBench(device, experiment.rig), inputs.address) as bench:
+                run = acquire(
+                    bench, experiment, operator, display, lambda run: closing.ignore_signals()
+                )
+            _describe_end(operator, bench)
+        except BaseException:
+            if experiment.run is not None:
+                _close_stopped(operator, experiment.run, experiment.advice)
+            raise
+        run.close()
+    simulated = " (simulated)" if run.metadata.get("simulated") else ""
+    operator.inform(f"{experiment.summary(simulated)}; in {run.path}")
+    return run
 
 
 def acquire(
@@ -247,9 +181,13 @@ def acquire(
         BenchtoolError: the run could not begin, or ended early.
     """
     rig = experiment.rig
-    describe_bench(operator, bench.identity, rig)
+    _describe_bench(operator, bench.identity, rig)
     if text := experiment.check(bench, operator):
-        arm(operator, text, bench, rig, unattended=experiment.inputs.yes)
+        if experiment.inputs.yes:
+            require_unattended(bench.identity, rig, datetime.now().astimezone().date())
+            operator.inform(text)
+        else:
+            _confirm_arming(operator, text, bench)
     with experiment.open_stage(bench):
         run = experiment.create_run(bench.identity)
         operator.inform(f"run {run.path}")
@@ -257,41 +195,6 @@ def acquire(
         begin(run)
         with display as progress:
             experiment.record(bench, run, progress)
-    return run
-
-
-def run_session(experiment: Experiment, operator: Operator, permit: CodePermit) -> Run | None:
-    """Open a bench, arm, record, and close the run in every case; None for a dry run.
-
-    Raises:
-        InputError: incomplete inputs, or not confirmed; no motor was started.
-        PlanError: the limits of rig or device are exceeded.
-        BenchError, RunInterrupted: reason of an early end; motors are at zero.
-    """
-    from benchtool.data.parquet import load_library
-
-    inputs = experiment.inputs
-    device = open_bench(inputs.address, permit)
-    experiment.prepare(operator)
-    if inputs.dry_run:
-        return None
-    # An open bench is read without a pause, so libraries are imported before.
-    load_library()
-    display = experiment.display(operator)
-    with ClosingSignals() as closing:
-        try:
-            with accept_stops(GuardedBench(device, experiment.rig), inputs.address) as bench:
-                run = acquire(
-                    bench, experiment, operator, display, lambda run: closing.ignore_signals()
-                )
-            describe_end(operator, bench)
-        except BaseException:
-            if experiment.run is not None:
-                close_stopped(operator, experiment.run, experiment.advice)
-            raise
-        run.close()
-    simulated = " (simulated)" if run.metadata.get("simulated") else ""
-    operator.inform(f"{experiment.summary(simulated)}; in {run.path}")
     return run
 
 
@@ -305,10 +208,56 @@ def open_motor_test(
         yes: skip the confirmation; simulated benches only.
     """
     with accept_stops(GuardedBench(open_bench(address, permit), rig), address) as bench:
-        describe_bench(operator, bench.identity, rig)
+        _describe_bench(operator, bench.identity, rig)
         if not yes:
-            confirm_arming(operator, text, bench)
+            _confirm_arming(operator, text, bench)
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; remove it and type ARM")
         yield bench
-    describe_end(operator, bench)
+    _describe_end(operator, bench)
+
+
+def _describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
+    """Show the warnings of a bench before arming."""
+    for warning in arming_warnings(identity, rig):
+        operator.inform(f"warning: {warning}")
+    if identity.speed != 1.0:
+        operator.inform(f"bench at {identity.speed:g} times real time; all times are bench time")
+
+
+def _describe_end(operator: Operator, bench: GuardedBench) -> None:
+    """Show rotors without confirmed standstill at a normal end."""
+    if (state := bench.standstill) is not None and not state.is_confirmed:
+        operator.inform(f"warning: {state.text}")
+
+
+def _confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
+    """Ask for a typed confirmation before motors spin.
+
+    Raises:
+        InputError: no terminal to confirm.
+        RunInterrupted: not confirmed.
+    """
+    operator.inform(text)
+    is_virtual = bench.identity.address.startswith("sim:")
+    meanwhile = None if is_virtual else lambda: bench.read(POLL_INTERVAL_S)
+    with bench.interruptible():
+        answer = operator.answer(ARMING_QUESTION, meanwhile)
+    if answer.strip() != CONFIRMATION:
+        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; no motor was started")
+
+
+def _close_stopped(operator: Operator, run: Run, advice: str) -> None:
+    """Write the tables of a stopped run and show its path and the advice, or the error."""
+    try:
+        run.close()
+        if advice and run.metadata["state"] == "ended":
+            advice = (
+                f"every visit is measured and stored; check the reason of the stop, then continue "
+                f"with: benchtool fit {run.path}"
+            )
+    except (BenchtoolError, OSError, MemoryError) as error:
+        operator.warn(f"{run.path} was not closed: {error}")
+        return
+    with suppress(OSError):
+        operator.inform("; ".join(filter(None, (f"recorded data are in {run.path}", advice))))

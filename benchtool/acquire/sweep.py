@@ -11,17 +11,14 @@ import numpy as np
 
 from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.measure import measure
-from benchtool.acquire.motors import cool_down_if_needed
+from benchtool.acquire.experiment import Experiment, new_run
+from benchtool.acquire.inputs import SweepInputs, select_stage
+from benchtool.acquire.measure import VisitChecks, VisitWatch, has_settled, measure
+from benchtool.acquire.motors import TareResult, format_drift
 from benchtool.acquire.operator import POLL_INTERVAL_S, Operator, arming_prompt, plan_text
 from benchtool.acquire.plan import plan_to_toml
 from benchtool.acquire.record import STEP_S, Recorder, RunProgress
 from benchtool.acquire.resume import ResumeState, SweepStart, prepare_resume, require_same_device
-from benchtool.acquire.session import Experiment, new_run
-from benchtool.acquire.stage_selection import select_stage
-from benchtool.acquire.tare import TareResult, format_drift, tare
-from benchtool.acquire.visit_checks import VisitChecks, VisitWatch, has_settled
 from benchtool.acquire.visit_order import Visit, expected_duration_s, plan_visits
 from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
@@ -73,16 +70,16 @@ class Sweep(Experiment):
         self._last_values: dict[str, float] = {}
         self._reported_channels: set[str] = set()
 
-    def prepare(self, operator: Operator) -> None:
+    def prepare(self) -> Iterator[str]:
         state, inputs = self.resume_state, self.inputs
         if state is not None and not (state.remaining or inputs.dry_run):
             prepare_resume(state)  # closes a complete run and raises
         done = state.done if state is not None else ()
         text = plan_text(self.plan, self.rig, check_plan(self.plan, self.rig), done)
         is_virtual = inputs.address.startswith("sim:")
-        operator.inform(f"{text} bench time; a simulation runs faster" if is_virtual else text)
+        yield f"{text} bench time; a simulation runs faster" if is_virtual else text
         if inputs.dry_run:
-            operator.inform("dry run: no bench was opened")
+            yield "dry run: no bench was opened"
         elif state is not None:
             self.start = prepare_resume(state)
 
@@ -199,7 +196,7 @@ class Sweep(Experiment):
     def _measure_point(self, visit: Visit) -> Point:
         """Return the point of a visit; kind "failed" if no attempt had good samples."""
         self._tare_if_due()
-        cool_down_if_needed(self.recorder, self.motors, self.plan.rest, self._last_point)
+        self.motors.cool_down_if_needed(self.plan.rest, self._last_point)
         self._move_plate(visit)
         command_pwm_us = np.array(visit.pwm_us)
         self.motors.ramp_to(command_pwm_us, self.plan.throttle.ramp_s, "ramp", visit.point)
@@ -232,18 +229,13 @@ class Sweep(Experiment):
                 event, f"point {visit.point}: {reason}; {outcome}", visit.point
             )
         point, events = measure(
-            samples,
-            visit,
-            self._plate_stage_z_m,
-            self._tare,
-            self.calibration,
-            self.rig.sensors,
-            settled,
-            self.recorder.now_s,
+            samples, visit, self._plate_stage_z_m, self._tare, self.rig.sensors, settled
         )
         if problem is not None:
             self.n_failed += 1
-            return replace(point, kind="failed", settled=False)
+            time_s = point.time_s if len(samples) else self.recorder.now_s
+            elapsed_s = time_s - self._tare.time_s
+            return replace(point, kind="failed", settled=False, time_s=time_s, elapsed_s=elapsed_s)
         for event, text in events:
             self.recorder.record_event(event, text, visit.point)
         self._last_values = _find_last_values(samples, checks.rates_Hz)
@@ -293,7 +285,7 @@ class Sweep(Experiment):
             age_s = self.recorder.now_s - self._tare.time_s
             if not interval_s or age_s < interval_s:
                 return
-        self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
+        self._tare = self.motors.tare(self.plan.tare, self.calibration)
         self.n_tares += 1
 
     def _move_plate(self, visit: Visit) -> None:

@@ -145,7 +145,7 @@ def visit_s(plan: Plan) -> float:
     return plan.throttle.ramp_s + settle_s + plan.sample_s
 
 
-def min_duration_s(plan: Plan, rig: Rig) -> float:
+def min_duration_s(plan: Plan) -> float:
     """Return the minimum duration of a resolved plan in any order: s.
 
     Computed from counts, so that it is fast for a plan of a billion visits.

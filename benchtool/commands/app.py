@@ -37,17 +37,17 @@ COMMANDS: dict[str, tuple[str, str]] = {  # by name, in the order of the help:
     # "module:function" in this package ("" for a group), and the first line of its docstring
     "ports": ("ports:ports", "List serial ports and diagnose connection problems"),
     "bench": ("", "Check a bench, map its motors, or serve a virtual bench"),
-    "bench check": ("bench_check:check",
+    "bench check": ("bench:check",
         "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle"),
-    "bench map": ("bench_check:map_motors",
+    "bench map": ("bench:map_motors",
         "Turn each motor of a flight controller at low throttle and write the motor map"),
     "bench serve": ("bench:serve",
         "Serve a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C"),
     "firmware": ("firmware:firmware", "Generate bench firmware for an Arduino"),
     "calibrate": ("calibrate:calibrate", "Calibrate a load cell, or apply a calibration to a run"),
-    "stop": ("stop:stop", "Stop the motors of every bench that this user runs"),
+    "stop": ("sweep:stop", "Stop the motors of every bench that this user runs"),
     "sweep": ("sweep:sweep", "Sweep plate distance and throttle"),
-    "record": ("record:record", "Record a pitch experiment"),
+    "record": ("sweep:record", "Record a pitch experiment"),
     "import": ("import_file:import_", "Import flight logs and files of other test stands"),
     "runs": ("", "List, query, tag, merge, close and verify runs"),
     "runs list": ("runs:list_", "List runs, fits and recordings"),
@@ -64,18 +64,19 @@ COMMANDS: dict[str, tuple[str, str]] = {  # by name, in the order of the help:
     "runs close": ("runs:close", "Repair interrupted runs and write their tables; can be repeated"),
     "fit": ("fit:fit", "Fit a ground-effect model to runs or CSV files"),
     "motor": ("motor:motor", "Fit thrust curve and motor constants to runs without a plate"),
-    "pool": ("pool:pool", "Combine fits of several rigs in a hierarchical model"),
+    "pool": ("fit:pool", "Combine fits of several rigs in a hierarchical model"),
     "explain": ("explain:explain", "Identify effects that a model lacks"),
     "report": ("report:report", "Write an HTML report of a run, fit or recording"),
     "simulate": ("", "Simulate pitch benches and flights in closed loop"),
     "simulate pitch": ("simulate:pitch", "Simulate a pitch bench with each controller"),
     "simulate flight": ("simulate:flight",
         "Simulate flights over an obstacle with each controller"),
-    "export": ("export:export", "Export a model for simulators, autopilots and firmware"),
+    "export": ("motor:export", "Export a model for simulators, autopilots and firmware"),
     "demo": ("demo:demo", "Sweep a virtual bench, fit and write a report"),
     "library": ("", "List or show rigs, propellers, models and effects"),
     "library rigs": ("library_commands:rigs", "List rigs, or show one with all values and sources"),
-    "library rigs new": ("rig_new:new_rig", "Create a rig file, with prompts for missing values"),
+    "library rigs new": ("library_commands:new_rig",
+        "Create a rig file, with prompts for missing values"),
     "library propellers": ("library_commands:propellers",
         "List propellers, or show one with all values and sources"),
     "library models": ("library_commands:models",
@@ -108,7 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit the process with its exit code."""
     argument_list = list(sys.argv[1:] if arguments is None else arguments)
     if COMPLETION_VARIABLE in os.environ:
-        argument_list = _parse_completion_line()
+        line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+        argument_list = _find_command(line.split()[1:]).split()
     for stream in (sys.stdout, sys.stderr):
         # Characters that the console cannot encode are replaced, without a traceback.
         if reconfigure := getattr(stream, "reconfigure", None):
@@ -156,12 +158,6 @@ def _run(arguments: list[str]) -> None:
             sys.exit(cause.exit_code)
         print_error(_report_internal_error(error))
         sys.exit(UNEXPECTED_ERROR_CODE)
-
-
-def _parse_completion_line() -> list[str]:
-    """Return the command in the completion line of a shell."""
-    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
-    return _find_command(line.split()[1:]).split()
 
 
 def _find_command(arguments: Sequence[str]) -> str:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from annotated_types import Ge, Gt, Le
 
 from benchtool.acquire.inputs import WeighingInputs
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.commands.terminal.sweep_operator import POLL_INTERVAL_S, TERMINAL
 from benchtool.core.errors import CalibrationError, InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs, items
 
@@ -82,7 +80,7 @@ def calibrate(inputs: CalibrateInputs) -> None:
 
 
 def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
-    from benchtool.acquire.recalibrate import recalibrate
+    from benchtool.acquire.calibration import recalibrate
     from benchtool.data.calibration import parse_calibration, read_calibration
     from benchtool.data.run.run import Run
     from benchtool.data.run.state import load_state
@@ -113,7 +111,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
     from benchtool.data.run.state import store_state
-    from benchtool.report.files import check_not_existing
+    from benchtool.report.files import check_not_existing, save_figure
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):
@@ -148,18 +146,14 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     data = asdict(calibration)
     stored = store_state("calibration", device_id, data)
     if out is not None:
+        from benchtool.report.figure import render_figures
+
         replace_json(out, data)
-        _write_figure(data, out, simulated=inputs.address.startswith("sim:"))
+        subject = {**data, "simulated": inputs.address.startswith("sim:")}
+        figure = render_figures("sweep.calibration", subject)["calibration"].figure
+        for path in save_figure(figure, out.with_suffix(""), FIGURES):
+            print(f"written: {path}")
     print(f"stored in {out or stored}; every run on {device_id} uses it from now on")
-
-
-def _write_figure(data: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
-    from benchtool.report.figure import render_figures
-    from benchtool.report.files import save_figure
-
-    figures = render_figures("sweep.calibration", {**data, "simulated": simulated})
-    for path in save_figure(figures["calibration"].figure, out.with_suffix(""), FIGURES):
-        print(f"written: {path}")
 
 
 def _from_csv(source: Path) -> tuple[Array, Array, list[str]]:
@@ -179,7 +173,9 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
 
     from benchtool.acquire.calibration import mean_counts, require_raw_counts
     from benchtool.acquire.inputs import resolve_rig
+    from benchtool.acquire.operator import POLL_INTERVAL_S
     from benchtool.bench.drivers import open_bench
+    from benchtool.commands.terminal.operator import TERMINAL
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
     address, kilograms = inputs.address, np.array(inputs.masses)

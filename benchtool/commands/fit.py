@@ -1,22 +1,53 @@
-"""Command `benchtool fit`: parameters with uncertainties from run folders or CSV files."""
+"""Commands `benchtool fit` and `benchtool pool`: parameters of one model, or of several rigs."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
-from benchtool.commands.recipe_options import TableInputs, recipe_from_options
-from benchtool.commands.terminal.messages import announce_code
+from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import Input, items
+from benchtool.core.inputs import Input, Inputs, build_inputs, items
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.fit.recipe import FitInputs, Recipe
+from benchtool.data.atomic import data_hash
+from benchtool.fit.recipe import FitInputs, Recipe, read_recipe
 from benchtool.tasks import Cluster
+
+if TYPE_CHECKING:
+    from benchtool.fit.run_recipe import FitSummary
+
+MAX_COLUMNS = 5  # of a table on a terminal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableInputs(Inputs):
+    """Columns of a table; by default found by their names."""
+
+    TITLE = "User tables"
+
+    z: Annotated[str, Input("Column of the plate distance; none without a plate.")] = ""
+    thrust: Annotated[str, Input("Column of the thrust.")] = ""
+    ratio: Annotated[str, Input("Column of T/T_OGE, if there is no thrust.")] = ""
+    rpm: Annotated[str, Input("Column of the rotor speed, or one value in rpm.")] = ""
+    unit: Annotated[str, Input("Unit of the thrust, if its column name has none: gf.")] = ""
+    z_unit: Annotated[str, Input("Unit of the distance, if its column name has none: mm, R.")] = ""
+    error: Annotated[str, Input("Column of the error of thrust or ratio, or none.")] = ""
+    error_is: Annotated[
+        Literal["sd", "se"] | None,
+        Input("Kind of error: standard deviation (sd) or standard error (se)."),
+    ] = None
+    reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
+    runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""
+    radius: Annotated[
+        Annotated[float, Gt(0.0), Le(100.0)] | None, Input("Rotor radius, instead of --rig.", "m")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,36 +69,67 @@ class FitArguments(FitInputs):
 
 def _base_inputs(options: dict[str, Any]) -> FitArguments:
     run_filters: tuple[str, ...] = ()
+    given = {item.name: options[item.name] for item in items(TableInputs) if item.name in options}
     if "data" in options and "recipe" not in options:
         from benchtool.commands.terminal.table_fit import prepare_table
 
-        run_filters = prepare_table(options)
-    inputs = FitArguments(recipe=recipe_from_options(options), run_filters=run_filters)
-    for item in items(TableInputs):
-        options.pop(item.name, None)  # already in the column map
+        run_filters = prepare_table(options, build_inputs(TableInputs, given, source="option"))
+    inputs = FitArguments(recipe=_base_recipe(options), run_filters=run_filters)
+    for name in given:
+        del options[name]  # already in the column map
     return inputs
+
+
+def _base_recipe(options: dict[str, Any]) -> Recipe:
+    """Return the base recipe of the options: from a recipe folder, or of data and model."""
+    if fixed := options.pop("fix", []):
+        # A name without a value is fixed at the value of the model.
+        options["hold"] = [*options.get("hold", []), *(text for text in fixed if "=" not in text)]
+        options["fix"] = [text for text in fixed if "=" in text]
+    if (folder := options.get("recipe")) is not None:
+        if "data" in options or "model" in options:
+            raise InputError("--recipe contains data and model; remove DATA and --model")
+        return read_recipe(folder)
+    if "data" not in options:
+        raise InputError(
+            "no data to fit; give run folders or CSV files, for example "
+            "benchtool fit runs/NAME --model quad_body_lift"
+        )
+    if "model" not in options:
+        from benchtool.physics.model_file import model_names
+
+        for path in options["data"]:
+            data_hash(path)  # raises for a missing file
+        raise InputError(f"model is missing; add --model with one of: {', '.join(model_names())}")
+    data = tuple(options["data"])
+    return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
 
 
 @command_from_inputs(FitArguments, _base_inputs)
 def fit(inputs: FitArguments) -> None:
     """Fit a ground-effect model to runs or CSV files."""
-    import sys
+    from rich.progress import TextColumn, TimeRemainingColumn
 
-    from benchtool.commands.terminal.show_fit import print_fit, progress_status
+    from benchtool.commands.terminal.tables import progress_bar
     from benchtool.fit.diagnose import find_error
     from benchtool.results import fit_result
 
-    command = shlex.join(["benchtool", *sys.argv[1:]])
     if inputs.each or inputs.run_filters:
-        _fit_each(inputs, command)
+        _fit_each(inputs)
         return
     if inputs.cluster is not None:
         raise InputError("--cluster is for several fits; add --each, or remove it")
-    with progress_status() as report:
+    counts = TextColumn("{task.completed:.0f}/{task.total:.0f}")
+    with progress_bar(counts, TimeRemainingColumn()) as bar:
+        task = bar.add_task("reading", total=1)
+
+        def report(stage: str, done: int, expected: int) -> None:
+            bar.update(task, description=stage, completed=done, total=max(expected, 1))
+
         result = fit_result(inputs, report, _permit(inputs))
-    print_fit(result.found)
+    _print_fit(result.found)
     if inputs.out is not None:
-        (page,) = result.save(inputs.out, [command])
+        (page,) = result.save(inputs.out, [typed_command()])
         has_model = (inputs.out / "model.toml").is_file()
         model = "model.toml" if has_model else "no model (the fit failed)"
         print(f"written: {page}, result.json, {model} and figures in the same folder")
@@ -79,10 +141,9 @@ def _permit(inputs: FitInputs) -> CodePermit:
     return announce_code if inputs.folder is None else check_code_allowed
 
 
-def _fit_each(inputs: FitArguments, command: str) -> None:
+def _fit_each(inputs: FitArguments) -> None:
     """Fit several runs separately; print and write the fits."""
-    from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
-    from benchtool.commands.terminal.show_fit import print_fit, print_runs
+    from benchtool.commands.terminal.batch import index_by_name, raise_first, run_each
     from benchtool.fit.diagnose import find_error
     from benchtool.fit.fit_data import recipe_model
     from benchtool.fit.result_file import parse_fit
@@ -109,7 +170,7 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
         folder=inputs.folder, recipe=recipe, profile=inputs.profile, budget=inputs.budget
     )
     outcomes = run_each(
-        partial(outcome, partial(_fit_one, fit_inputs, inputs.out, (command,))),
+        partial(_fit_one, fit_inputs, inputs.out, (typed_command(),)),
         recipes,
         out=inputs.out,
         about={"fit": str(fit_inputs)},
@@ -119,9 +180,9 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
     fits = {name: parse_fit(row["result"], name) for name, row in outcomes.items() if row["result"]}
     for name, summary in fits.items() if inputs.run_filters else ():
         print(f"\n{name}")
-        print_fit(summary)
+        _print_fit(summary)
     if fits:
-        print_runs(fits)
+        _print_runs(fits)
     if inputs.out is not None:
         folders = [str(inputs.out / name) for name in fits]
         print(f"written: {inputs.out}, with one folder each")
@@ -148,3 +209,74 @@ def _fit_one(
     folder = None if out is None else out / Path(recipe.name).name
     write_folder_once(folder, lambda part: result.save(part, commands))
     return result_tables(result.found)
+
+
+def _print_fit(fit: FitSummary) -> None:
+    """Print the sections of a fit report."""
+    from benchtool.commands.terminal.tables import Output, print_table
+    from benchtool.report.fit.page import terminal_blocks
+    from benchtool.report.page import Paragraph, Table, Warnings
+
+    console = Output()
+    for section in terminal_blocks(fit):
+        if isinstance(section, Table):
+            width = max(MAX_COLUMNS, section.text_columns + 3)
+            print_table(console, section.select_columns(range(min(width, len(section.header)))))
+        elif isinstance(section, Warnings):
+            console.print_lines(*(f"! {line}" for line in section.sentences))
+        elif isinstance(section, Paragraph):
+            console.print_lines(section.text)
+
+
+def _print_runs(fits: Mapping[str, FitSummary]) -> None:
+    """Print a table with one row per run."""
+    from benchtool.commands.terminal.tables import Output, print_table
+    from benchtool.report.fit.tables import value_cells, wanted_rank
+    from benchtool.report.page import Table
+
+    first = next(iter(fits.values())).results[0]
+    names = [item.name for item in (*first.estimates, *first.derived)]
+    names.sort(key=lambda name: (wanted_rank(name), name.startswith("noise.")))
+    names = names[: MAX_COLUMNS - 2]
+    rows = [
+        (run, *value_cells(fit.results[0], names), f"{fit.results[0].chi2_per_dof:.3g}")
+        for run, fit in fits.items()
+    ]
+    head = ("run", *names, "chi2/dof")
+    print_table(Output(), Table("Separate fits: value ± standard uncertainty.", head, rows))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoolInputs(Inputs):
+    """Options of `benchtool pool`."""
+
+    fits: Annotated[
+        tuple[Path, ...], Input("Fit folders (benchtool fit --out), one per rig.", argument="FIT")
+    ] = ()
+    of: Annotated[
+        tuple[str, ...],
+        Input(
+            "Parameter that may differ between rigs; repeatable.", default_text="all without a unit"
+        ),
+    ] = ()
+    shared: Annotated[tuple[str, ...], Input("Parameter equal in all rigs; repeatable.")] = ()
+    seed: Annotated[int, Ge(0), Input("Random seed.")] = 1
+    out: Annotated[Path | None, Input("New folder for report, figure and pool.json.")] = None
+
+
+@command_from_inputs(PoolInputs)
+def pool(inputs: PoolInputs) -> None:
+    """Combine fits of several rigs in a hierarchical model."""
+    from benchtool.commands.terminal.tables import Output, print_table
+    from benchtool.report.compare.pooled import rigs_table
+    from benchtool.report.fit.page import refuse_full
+    from benchtool.results import pool_result
+
+    if inputs.out is not None:
+        refuse_full(inputs.out)
+    result = pool_result(inputs.fits, inputs.of, inputs.shared, inputs.seed)
+    print_table(Output(), rigs_table(result.found))
+    print(result.summary())
+    if inputs.out is not None:
+        for path in result.save(inputs.out, [typed_command()]):
+            print(f"written: {path}")

@@ -13,8 +13,6 @@ from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 
 
@@ -55,11 +53,7 @@ class ImportInputs(Inputs):
     dry_run: Annotated[bool, Input("Print the findings only.")] = False
 
     def options(self) -> ImportOptions:
-        """Return the options of the importer.
-
-        Raises:
-            InputError: invalid window or propeller.
-        """
+        """Return the options of the importer, with windows and propeller parsed."""
         from benchtool.data.propeller_file import load_propeller
         from benchtool.data.repairs.flight_windows import parse_window
         from benchtool.data.repairs.import_result import ImportOptions
@@ -120,6 +114,10 @@ def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[P
 
 def _print_import(result: ImportResult, target: Path | None) -> None:
     """Print summary and findings of one import."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
     from benchtool.commands.terminal.tables import Output
 
     console = Output()
@@ -138,23 +136,15 @@ def _print_import(result: ImportResult, target: Path | None) -> None:
             f"(source: {window.source})"
         )
     if result.findings:
-        console.print(_table(result))
+        table = Table(box=SIMPLE_HEAD)
+        table.add_column("kind", no_wrap=True)
+        table.add_column("finding", overflow="fold", max_width=18)
+        table.add_column("channel", overflow="fold", max_width=16)
+        table.add_column("details", overflow="fold")
+        for finding in result.findings:
+            lines = finding.lines if len(finding.lines) <= 40 else f"{finding.lines[:36]} ..."
+            details = f"{finding.words} (line {lines})" if finding.lines else finding.words
+            table.add_row(*map(Text, (finding.kind, finding.what, finding.channel, details)))
+        console.print(table)
     if target is not None:
         console.print_lines(f"written: {target} and {target.name}.json")
-
-
-def _table(result: ImportResult) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("kind", no_wrap=True)
-    table.add_column("finding", overflow="fold", max_width=18)
-    table.add_column("channel", overflow="fold", max_width=16)
-    table.add_column("details", overflow="fold")
-    for finding in result.findings:
-        lines = finding.lines if len(finding.lines) <= 40 else f"{finding.lines[:36]} ..."
-        details = f"{finding.words} (line {lines})" if finding.lines else finding.words
-        table.add_row(*map(Text, (finding.kind, finding.what, finding.channel, details)))
-    return table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -55,6 +55,10 @@ def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter
     if item.kind is Mapping or (item.is_sequence and item.kind in (str, Path)):
         kind = list[str]
     options: dict[str, Any] = {"help": option_help(item), "show_default": False}
+
+    def find_choices(incomplete: str) -> list[str]:
+        return [choice for choice in item.choices if choice.startswith(incomplete)]
+
     if numeric:
         options["metavar"] = f"<{item.kind.__name__}>"
     if item.metadata.argument:
@@ -68,7 +72,7 @@ def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter
             *names,
             hidden=item.metadata.hidden,
             rich_help_panel=item.group or None,
-            autocompletion=_completions(item.choices) if item.choices else None,
+            autocompletion=find_choices if item.choices else None,
             **options,
         )
     return inspect.Parameter(
@@ -77,13 +81,6 @@ def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter
         default=inspect.Parameter.empty if required else None,
         annotation=Annotated[kind if required else kind | None, option],
     )
-
-
-def _completions(choices: Sequence[str]) -> Callable[[str], list[str]]:
-    def find_matches(incomplete: str) -> list[str]:
-        return [choice for choice in choices if choice.startswith(incomplete)]
-
-    return find_matches
 
 
 class GroupedCommand(TyperCommand):

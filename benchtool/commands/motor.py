@@ -1,4 +1,4 @@
-"""Command `benchtool motor`: thrust curve and motor constants from runs without a plate."""
+"""Commands `benchtool motor` and `benchtool export`: motor constants, and files of a model."""
 
 from __future__ import annotations
 
@@ -7,10 +7,36 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+from annotated_types import Ge, Gt, Le
+
 from benchtool.commands.input_commands import command_from_inputs
-from benchtool.commands.recipe_options import MotorTestInputs
+from benchtool.commands.terminal.messages import announce_code, typed_command
+from benchtool.core.choices import ExportTarget
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, input_values, to_arguments, with_changes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorTestInputs(Inputs):
+    """Options of a motor fit: rig of the logs, vehicle mass and extrapolation of thrust."""
+
+    TITLE = "Motor fit"
+
+    propeller: Annotated[
+        str | None, Input("Propeller, if missing in a log: name, file or inches: 5x4.5.")
+    ] = None
+    rig: Annotated[str | None, Input("Rig name or file.", default_text="from the logs")] = None
+    mass_kg: Annotated[
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Vehicle mass for the hover point.", "kg", default_text="rig value"),
+    ] = None
+    rotors: Annotated[
+        Annotated[int, Ge(1), Le(64)] | None,
+        Input("Rotors that carry the mass.", default_text="rig value"),
+    ] = None
+    extrapolate: Annotated[
+        bool, Input("Extrapolate thrust beyond 10 % of command and 15 % of voltage.")
+    ] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,8 +54,6 @@ class MotorInputs(Inputs):
 @command_from_inputs(MotorInputs)
 def motor(inputs: MotorInputs) -> None:
     """Fit thrust curve and motor constants to runs without a plate."""
-    import sys
-
     from benchtool.api import motor as fit_motor_runs
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
@@ -42,5 +66,42 @@ def motor(inputs: MotorInputs) -> None:
     command = shlex.join(["benchtool", "export", first, *arguments, "--to", "all"])
     print(f"\nexport for autopilots, simulators and firmware: {command}")
     if inputs.out is not None:
-        command = shlex.join(["benchtool", *sys.argv[1:]])
-        print(f"report: {result.report(inputs.out, commands=[command])}")
+        print(f"report: {result.report(inputs.out, commands=[typed_command()])}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportInputs(Inputs):
+    """Options of `benchtool export`."""
+
+    model: Annotated[
+        str,
+        Input(
+            "Fit folder, run without a plate, test stand log, model file or model name.",
+            argument="MODEL",
+        ),
+    ]
+    to: Annotated[ExportTarget, Input("Target; all writes a folder with a file for each.")]
+    motor: Annotated[
+        tuple[Path, ...],
+        Input("Run without a plate or test stand log for motor constants; repeatable."),
+    ] = ()
+    stand: MotorTestInputs = field(default_factory=MotorTestInputs)
+    out: Annotated[
+        Path | None, Input("New file, or new folder for all.", default_text="named after the rig")
+    ] = None
+
+
+@command_from_inputs(ExportInputs)
+def export(inputs: ExportInputs) -> None:
+    """Export a model for simulators, autopilots and firmware."""
+    from benchtool.api import export as export_model
+
+    for path in export_model(
+        inputs.model,
+        inputs.to,
+        inputs.out,
+        motor=inputs.motor,
+        permit=announce_code,
+        **input_values(inputs.stand),
+    ):
+        print(f"written: {path}")

@@ -32,15 +32,11 @@ def ports(inputs: PortsInputs) -> None:
 
     Without PORT, all serial ports are listed. With PORT, the exit code is 3 if there is a problem.
     """
-    if not inputs.port:
-        _list_ports(inputs)
-    elif inputs.probe or inputs.baud != DEFAULT_BAUD:
+    if inputs.port and (inputs.probe or inputs.baud != DEFAULT_BAUD):
         raise InputError("--probe and --baud are for the list of all ports; remove them or PORT")
-    else:
+    if inputs.port:
         _diagnose_port(inputs.port)
-
-
-def _list_ports(inputs: PortsInputs) -> None:
+        return
     from benchtool.bench.ports import identify_port, serial_ports
     from benchtool.bench.transport.ports import SerialPort
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +9,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
-from benchtool.commands.terminal.messages import announce_code
+from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.choices import Over
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
@@ -58,8 +57,6 @@ class ReportInputs(Inputs):
 @command_from_inputs(ReportInputs)
 def report(inputs: ReportInputs) -> None:
     """Write an HTML report of a run, fit or recording."""
-    import sys
-
     from benchtool.explain.pitch.replay import ReplayInputs
     from benchtool.report.compare.page import compare_runs, comparison_sentence, short_table
     from benchtool.report.report_file import is_mixed, write_report
@@ -92,7 +89,7 @@ def report(inputs: ReportInputs) -> None:
         out,
         comparison=comparison,
         replay_inputs=overlay,
-        commands=[shlex.join(["benchtool", *sys.argv[1:]])],
+        commands=[typed_command()],
         replace=inputs.overwrite,
     )
     if comparison is not None:

@@ -17,9 +17,8 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.toml_text import FileTable, FiniteTable, build_dataclass, parse_toml
 from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.core.user_file import list_names, read_library_file
 from benchtool.physics.baseline import DiscrepancyTolerances
-from benchtool.core.user_file import list_names
-from benchtool.core.user_file import read_library_file
 from benchtool.physics.bases import blade_tables, with_blades, with_rig_blades
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import find_effect, user_effects

@@ -48,15 +48,15 @@ CARRIERS = (
 WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
     "A sweep": (
         ("commands/sweep.py", "sweep", "reads the options into `SweepInputs`"),
-        ("acquire/run_experiment.py", "run_experiment", "resolves plan and rig"),
-        ("acquire/session.py", "run_session", "opens the bench; closes the run in every case"),
+        ("acquire/session.py", "build_experiment", "resolves plan and rig"),
+        ("acquire/session.py", "run_experiment", "opens the bench; closes the run in every case"),
         ("bench/drivers.py", "open_bench", "selects the driver by the address"),
         ("bench/guard.py", "GuardedBench", "checks limits, age and order of all readings"),
         ("acquire/session.py", "acquire", "checks, arms, creates the run folder, records"),
         ("acquire/check_plan.py", "check_plan", "compares the plan with rig and device limits"),
         ("acquire/sweep.py", "Sweep", "tares, moves the plate, ramps, waits, measures"),
         ("bench/stage/stage.py", "PlateStage", "moves the plate, after a confirmed standstill"),
-        ("acquire/visit_checks.py", "VisitWatch", "checks the samples of a point"),
+        ("acquire/measure.py", "VisitWatch", "checks the samples of a point"),
         ("acquire/measure.py", "measure", "averages the samples into a `Point`"),
         ("acquire/record.py", "Recorder", "reads the bench and writes all files of the run"),
         ("data/run/run_writer.py", "RunWriter", "appends to samples.csv, points.csv and events"),
@@ -66,7 +66,7 @@ WALKS: dict[str, tuple[tuple[str, str, str], ...]] = {
             "confirms from readings that the rotors stand",
         ),
         (
-            "acquire/session.py",
+            "acquire/experiment.py",
             "Experiment",
             "ramps down; after an error or Ctrl-C commands zero first",
         ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,11 +15,9 @@ from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.errors import BenchtoolError, EstimationError, InputError
 from benchtool.data.atomic import partial_folder, write_atomically
 from benchtool.report.fit.page import refuse_full
-from benchtool.tasks import TaskStore, Work, run_tasks
+from benchtool.tasks import TaskStore, run_tasks
 
 T = TypeVar("T")
-
-WriteFolder = Callable[[Path], Any]  # writes all files of a folder
 
 
 def index_by_name(data: Sequence[str]) -> dict[str, str]:
@@ -36,7 +35,7 @@ def index_by_name(data: Sequence[str]) -> dict[str, str]:
 
 
 def run_each(
-    work: Work[T],
+    work: Callable[[T], Any],
     tasks: Mapping[str, T],
     *,
     out: Path | None,
@@ -44,10 +43,13 @@ def run_each(
     cluster: str | None,
     processes: int | None = None,
 ) -> dict[str, Any]:
-    """Return the result of each task by name, in order, with a progress bar.
+    """Return the outcome of each task by name, in order, with a progress bar.
+
+    An outcome has the result or None, the error or "", and its exit code.
 
     Args:
-        work: `outcome` of a function that writes its folder with `write_folder_once`.
+        work: writes its folder with `write_folder_once`; an error of one task does not stop the
+            others.
         out: parent of the task folders; an interrupted batch resumes there.
         about: description that identifies the work.
 
@@ -66,7 +68,7 @@ def run_each(
         task_id = bar.add_task("done", total=len(tasks))
         options: dict[str, Any] = {"store": store, "cluster": cluster, "processes": processes}
         try:
-            for name, result in run_tasks(work, tasks, **options):
+            for name, result in run_tasks(partial(_outcome, work), tasks, **options):
                 results[name] = result
                 bar.update(task_id, completed=len(results))
         except KeyboardInterrupt:
@@ -78,7 +80,7 @@ def run_each(
     return {name: results[name] for name in tasks}
 
 
-def write_folder_once(folder: Path | None, write: WriteFolder) -> None:
+def write_folder_once(folder: Path | None, write: Callable[[Path], Any]) -> None:
     """Write a folder atomically; skip one that an interrupted run has already written."""
     if folder is not None and not folder.exists():
         partial_folder(folder).parent.mkdir(parents=True, exist_ok=True)
@@ -86,11 +88,7 @@ def write_folder_once(folder: Path | None, write: WriteFolder) -> None:
             write(temporary)
 
 
-def outcome(work: Callable[[T], Any], item: T) -> dict[str, Any]:
-    """Return the result of work, or its error as message and exit code.
-
-    An error of one task does not stop the others.
-    """
+def _outcome(work: Callable[[T], Any], item: T) -> dict[str, Any]:
     try:
         return {"result": work(item), "error": "", "exit_code": 0}
     except BenchtoolError as error:

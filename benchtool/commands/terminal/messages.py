@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -91,6 +92,11 @@ def _output_error(text: str = "") -> OSError | None:
     except (ValueError, AttributeError):  # closed before the call
         return None
     return None
+
+
+def typed_command() -> str:
+    """Return the command line of this process."""
+    return shlex.join(["benchtool", *sys.argv[1:]])
 
 
 def announce_code(file: str) -> None:

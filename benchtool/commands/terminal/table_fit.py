@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from itertools import count
 from math import isfinite, isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
-from benchtool.commands.recipe_options import TableInputs
+from benchtool.commands.terminal.messages import typed_command
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import build_inputs, items, with_changes
+from benchtool.core.inputs import with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
 from benchtool.data.column_map import (
     RADII_PER_UNIT,
@@ -32,6 +31,9 @@ from benchtool.data.run.read import is_run, load_rig_for_data
 from benchtool.data.table import RowFilter, filter_rows, read_table
 from benchtool.physics.model_file import model_names, read_model_head
 
+if TYPE_CHECKING:
+    from benchtool.commands.fit import TableInputs
+
 MODEL = "single"  # one rotor over a plate
 NONE = "none"
 OGE_WORDS = ("inf", "infinity", "∞", "far", "oge", "ref", "reference", "park", "parked")
@@ -43,17 +45,13 @@ _ERROR = re.compile(
 PLACEHOLDER = ColumnSource(column="COLUMN", unit="UNIT")  # for the user to complete
 
 
-def prepare_table(options: dict[str, Any]) -> tuple[str, ...]:
+def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...]:
     """Add column map, rig, model and basis of a table to the options of `benchtool fit`.
 
     Return row filters COLUMN=VALUE, one for each run of the table to fit separately. No-op for
     runs, and for tables with a column map or a model file that describes the columns. The error for
     missing items contains the command to complete and the map so far.
     """
-    names = {item.name for item in items(TableInputs)}
-    table = build_inputs(
-        TableInputs, {name: options[name] for name in names & options.keys()}, source="option"
-    )
     paths = [path for path in options.get("data", ()) if Path(path).is_file()]
     if not all(Path(path).exists() for path in options.get("data", ())):
         return ()  # the reader reports the missing file
@@ -194,7 +192,7 @@ class _Columns:
         if not self.missing:
             return
         options = [option.partition(" or ")[0] for _, option in self.missing]
-        command = " ".join([shlex.join(["benchtool", *sys.argv[1:]]), *options])
+        command = " ".join([typed_command(), *options])
         lines = [f"{self.path}: {problem}; add {option}" for problem, option in self.missing]
         lines += [f"complete the command: {command}"]
         if self.map:

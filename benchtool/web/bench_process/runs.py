@@ -12,13 +12,13 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
+from benchtool.acquire.experiment import Experiment
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.live import LiveRecording, live_plan
 from benchtool.acquire.operator import ARMING_QUESTION
 from benchtool.acquire.record import RunProgress
 from benchtool.acquire.resume import SweepStart, load_resume_state, prepare_resume
-from benchtool.acquire.run_experiment import build_experiment
-from benchtool.acquire.session import Experiment, acquire
+from benchtool.acquire.session import acquire, build_experiment
 from benchtool.acquire.sweep import Sweep
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.guard import GuardedBench

@@ -13,6 +13,7 @@ import numpy as np
 
 from benchtool.acquire.average import average
 from benchtool.acquire.measure import measure
+from benchtool.acquire.motors import TareResult, tare_point
 from benchtool.acquire.plan import (
     OrderPart,
     Plan,
@@ -22,7 +23,6 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     plan_to_toml,
 )
-from benchtool.acquire.tare import TareResult, tare_point
 from benchtool.acquire.visit_order import plan_visits
 from benchtool.api import sweep
 from benchtool.bench.stage.stage import Pause, PlateStage
@@ -188,7 +188,7 @@ def visited(bench: Drawn, path: Path) -> None:
             samples(plant, SETTLE_S)
             here_m = visit.target_z_m
             read = samples(plant, plan.sample_s, bench.supply_exponent, off_m)
-            point, _ = measure(read, visit, here_m, tared, None, rig.sensors, is_settled=True)
+            point, _ = measure(read, visit, here_m, tared, rig.sensors, settled=True)
             writer.append(point)
     finally:
         writer.close()

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchtool.acquire.experiment import new_run
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
 from benchtool.acquire.record import LinkQuality
@@ -19,7 +20,6 @@ from benchtool.acquire.resume import (
     prepare_resume,
     require_same_device,
 )
-from benchtool.acquire.session import new_run
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import word_to_code

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.acquire.calibration import fit_calibration
+from benchtool.acquire.calibration import fit_calibration, recalibrate
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import Plan, plan_from_toml
-from benchtool.acquire.recalibrate import recalibrate
 from benchtool.acquire.record import RunProgress
 from benchtool.acquire.sweep import Sweep
 from benchtool.acquire.visit_order import plan_visits

@@ -18,7 +18,7 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     read_plan,
 )
-from benchtool.acquire.run_experiment import run_experiment
+from benchtool.acquire.session import run_experiment
 from benchtool.acquire.visit_order import expected_duration_s, plan_visits
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import load_rig_by_name, rig_names

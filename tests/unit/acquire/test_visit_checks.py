@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.acquire.visit_checks import VisitChecks
+from benchtool.acquire.measure import VisitChecks
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor

@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
-from benchtool.acquire.run_experiment import run_experiment
+from benchtool.acquire.session import run_experiment
 from benchtool.bench.drivers import (
     LOOPBACK,
     GrblAddress,

@@ -19,8 +19,7 @@ from pymavlink.mavparm import MAVParmDict
 
 import benchtool as bt
 from benchtool.core.errors import InputError, WouldOverwrite
-from benchtool.export.autopilots import DEFAULT_IDLE_SHARE
-from benchtool.export.targets import TARGETS
+from benchtool.export.targets import DEFAULT_IDLE_SHARE, TARGETS
 from benchtool.export.vehicle import Vehicle, build_vehicle
 from tests.unit.commands.command_line import run
 

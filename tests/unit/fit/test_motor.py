@@ -11,7 +11,7 @@ import pytest
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
 from benchtool.acquire.plan import read_plan
-from benchtool.acquire.run_experiment import run_experiment
+from benchtool.acquire.session import run_experiment
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name

@@ -1,24 +1,70 @@
-"""Live terminal output of a sweep: progress bar and table, or plain lines without a terminal."""
+"""Operator at a terminal, and live output of a sweep."""
 
 from __future__ import annotations
 
+import sys
+import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
+from benchtool.acquire.operator import POLL_INTERVAL_S, Unattended
 from benchtool.acquire.record import NO_PROGRESS, ProgressLines, RunProgress
 from benchtool.acquire.visit_order import Visit, format_duration
+from benchtool.commands.terminal.messages import print_error
 from benchtool.commands.terminal.tables import EscapedConsole
+from benchtool.core.errors import InputError
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
 TABLE_ROWS = 8  # latest points in the live table
+
+
+class TerminalOperator(Unattended):
+    """Operator who answers on standard input, with a live display on a terminal."""
+
+    def warn(self, text: str) -> None:
+        print_error(text)
+
+    def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
+        print(question, end="", flush=True)
+        if meanwhile is None:
+            return _check_line(sys.stdin.readline())
+        lines: list[str] = []
+        reader = threading.Thread(target=lambda: lines.append(sys.stdin.readline()), daemon=True)
+        reader.start()
+        while reader.is_alive():
+            meanwhile()
+            reader.join(POLL_INTERVAL_S)
+        return _check_line(lines[0] if lines else "")
+
+    @contextmanager
+    def display(self, radius_m: float | None) -> Iterator[RunProgress]:
+        console = EscapedConsole()
+        if not console.is_terminal:
+            yield ProgressLines(radius_m, self.inform)
+            return
+        display = LiveDisplay(radius_m, console)
+        with Live(console=console, refresh_per_second=4, get_renderable=display.render):
+            yield display
+
+
+TERMINAL = TerminalOperator()
+
+
+def _check_line(line: str) -> str:
+    if not line:
+        print()
+        raise InputError(
+            "no answer: end of input; run the command in a terminal, or use --yes (sweep, record) "
+            "if the bench allows it"
+        )
+    return line.rstrip("\n")
 
 
 class LiveDisplay(RunProgress):
@@ -69,15 +115,3 @@ class LiveDisplay(RunProgress):
                 "" if point.settled else "not settled",
             )
         return Group(table, self._event, self._bar)
-
-
-@contextmanager
-def open_display(radius_m: float | None) -> Iterator[RunProgress]:
-    """Yield a live display on a terminal, or plain lines otherwise."""
-    console = EscapedConsole()
-    if not console.is_terminal:
-        yield ProgressLines(radius_m, partial(print, flush=True))
-        return
-    display = LiveDisplay(radius_m, console)
-    with Live(console=console, refresh_per_second=4, get_renderable=display.render):
-        yield display
