@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,8 @@ from benchtool.data.atomic import complete_folder, partial_folder, write_atomica
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.recipe import FitInputs
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
-from benchtool.web.jobs import Job, PageSection, ReportProgress
+from benchtool.tasks import Job, ReportProgress
+from benchtool.web.drawing import PageSection
 from benchtool.web.tabs.runs.view import view_fit
 
 if TYPE_CHECKING:
@@ -24,6 +25,26 @@ if TYPE_CHECKING:
 Simulation = PitchInputs | FlightInputs
 
 FIGURE_START_SHARE = 0.85  # of the progress; assumed
+NICENESS = 5  # of a job; assumed
+
+
+class CommandJob(Job):
+    """Job that writes a folder; function(report, out, command, *arguments).
+
+    `command` is the arguments of the equivalent `benchtool` command.
+    """
+
+    def __init__(
+        self, out: Path, command: Sequence[str], function: Callable[..., Any], *arguments: Any
+    ) -> None:
+        self.out, self.command = out, tuple(command)
+        super().__init__(function, out, self.command, *arguments, niceness=NICENESS)
+
+    def cancel(self) -> bool:
+        """End the process if it is running and delete the partial folder."""
+        is_cancelled = super().cancel()
+        shutil.rmtree(partial_folder(self.out), ignore_errors=True)
+        return is_cancelled
 
 
 def fit_to_folder(
@@ -79,7 +100,7 @@ class Explanation:
     seconds: float
 
 
-class ExplainJob(Job):
+class ExplainJob(CommandJob):
     """Explanation job, whose folder has a hidden name until the user accepts the result.
 
     `accepted_model` is None until accepted, then the name of the new model or "".
@@ -92,7 +113,7 @@ class ExplainJob(Job):
         from benchtool.explain.updated_model import MODEL
         from benchtool.physics.model_file import load_model
 
-        if self.state.status != "done":
+        if not self.succeeded:
             raise InputError("there is no result to accept; press Explain first")
         if self.accepted_model is not None:
             raise InputError(f"{self.out.name} is accepted already; open it under Runs")
@@ -142,11 +163,11 @@ def explain(
     )
 
 
-JOBS: dict[type[Inputs], tuple[list[str], type[Job], Callable[..., Any]]] = {
-    FitInputs: (["fit"], Job, fit_to_folder),
+JOBS: dict[type[Inputs], tuple[list[str], type[CommandJob], Callable[..., Any]]] = {
+    FitInputs: (["fit"], CommandJob, fit_to_folder),
     ExplainInputs: (["explain"], ExplainJob, explain),
-    PitchInputs: (["simulate", "pitch"], Job, simulate_to_folder),
-    FlightInputs: (["simulate", "flight"], Job, simulate_to_folder),
+    PitchInputs: (["simulate", "pitch"], CommandJob, simulate_to_folder),
+    FlightInputs: (["simulate", "flight"], CommandJob, simulate_to_folder),
 }
 
 
@@ -155,7 +176,7 @@ def command_arguments(inputs: Inputs) -> list[str]:
     return JOBS[type(inputs)][0] + to_arguments(type(inputs), with_changes(inputs))
 
 
-def start_command(out: Path, inputs: Inputs) -> Job:
+def start_command(out: Path, inputs: Inputs) -> CommandJob:
     """Start the job of a command."""
     _, job_type, function = JOBS[type(inputs)]
     return job_type(out, command_arguments(inputs), function, inputs)

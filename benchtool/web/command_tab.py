@@ -13,12 +13,11 @@ from nicegui import ui
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.inputs import Inputs
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.command_jobs import command_arguments, start_command
+from benchtool.web.command_jobs import CommandJob, command_arguments, start_command
 from benchtool.web.context import PageContext
-from benchtool.web.jobs import Job
 from benchtool.web.widgets import STYLE, CommandRow, show_errors
 
-J = TypeVar("J", bound=Job)
+J = TypeVar("J", bound=CommandJob)
 
 REFRESH_INTERVAL_S = 0.2
 
@@ -76,9 +75,9 @@ class CommandTab(ABC, Generic[J]):
         self.report = ui.column().classes("w-full gap-3 scroll-place")
         self.is_ready = True
         job = self.latest_job
-        if job is not None and job.state.running:
+        if job is not None and not job.done():
             self._watch(job)
-        elif job is not None and job.state.status == "done":
+        elif job is not None and job.succeeded:
             self._replace_report(job)
         self.change()
         ui.timer(REFRESH_INTERVAL_S, self._refresh)
@@ -131,26 +130,24 @@ class CommandTab(ABC, Generic[J]):
         if (job := self._job) is None:
             return
         self._show_progress(job)
-        state = job.state
-        if state.running:
+        if not job.done():
             return
         self._job = None
         self._panel.set_visibility(False)
         self.change()
-        if state.status == "done":
+        if job.succeeded:
             await self.done(job)
             return
         cancelled_text = f"{job.out.name} was cancelled; nothing was written"
-        self._failed.set_text(cancelled_text if state.status == "cancelled" else state.error)
+        self._failed.set_text(cancelled_text if job.cancelled() else str(job.exception()))
         self._failed.set_visibility(True)
 
     def _show_progress(self, job: J) -> None:
-        state = job.state
         self._panel.set_visibility(True)
-        self._stage.set_text(f"{job.out.name}: {state.stage}, {100.0 * state.share:.0f} %")
-        self._bar.set_value(state.share)
-        items = [f"<li>✓ {escape(stage)}</li>" for stage in state.stages[:-1]]
-        items += [f"<li><b>… {escape(stage)}</b></li>" for stage in state.stages[-1:]]
+        self._stage.set_text(f"{job.out.name}: {job.stage}, {100.0 * job.share:.0f} %")
+        self._bar.set_value(job.share)
+        items = [f"<li>✓ {escape(stage)}</li>" for stage in job.stages[:-1]]
+        items += [f"<li><b>… {escape(stage)}</b></li>" for stage in job.stages[-1:]]
         self._stages.set_content(f'<ol class="stages">{"".join(items)}</ol>')
 
     @show_errors

@@ -8,22 +8,26 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
 from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import load_state, store_state
+from benchtool.tasks import WorkerProcesses, to_user_error
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
 from benchtool.web.bench_process.spawn import StopEndpoint
-from benchtool.web.jobs import Job, WorkerProcess
+
+if TYPE_CHECKING:
+    from benchtool.web.command_jobs import CommandJob
 
 RECONNECT_TIMEOUT_S = 2.0  # a page disconnected for longer can lose the lock; assumed
 
@@ -175,7 +179,8 @@ class ServerState:
 
     Attributes:
         runs: the only folder that pages read and write.
-        workers: by purpose; created on first use.
+        workers: processes for short functions by purpose; started on first use.
+        jobs: latest job by kind; survives a page reload.
     """
 
     runs: Path
@@ -183,8 +188,8 @@ class ServerState:
     control: ControlLock = field(default_factory=ControlLock)
     watch: PageWatch = field(default_factory=PageWatch)
     stop_endpoint: StopEndpoint | None = None
-    workers: dict[str, WorkerProcess] = field(default_factory=dict)
-    jobs: dict[str, Job] = field(default_factory=dict)
+    workers: dict[str, WorkerProcesses] = field(default_factory=dict)
+    jobs: dict[str, CommandJob] = field(default_factory=dict)
     log: MessageHistory = field(default_factory=MessageHistory)
     forms: FormState = field(init=False)
 
@@ -196,18 +201,38 @@ class ServerState:
         """End the processes and delete incomplete job folders."""
         self.forms.write()
         for worker in self.workers.values():
-            worker.close()
+            worker.shutdown()
         self.bench.close()  # stops the motors, so before jobs, which may take seconds
         for job in self.jobs.values():
             job.cancel()
 
-    def start_job(self, kind: str, create: Callable[[], Job]) -> Job:
+    async def run(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of a short function in the worker process of a purpose ("figures").
+
+        Raises:
+            BenchtoolError: raised by the function, or an unexpected error of it.
+            RunInterrupted: the process ended unexpectedly.
+        """
+        if worker not in self.workers:
+            self.workers[worker] = WorkerProcesses(1)
+        process = self.workers[worker]
+        try:
+            return await asyncio.wrap_future(process.submit(function, *arguments))
+        except BrokenProcessPool:
+            if self.workers.get(worker) is process:
+                self.workers.pop(worker).shutdown()
+            raise RunInterrupted(
+                f"the process for {worker} ended unexpectedly; try again"
+            ) from None
+        except Exception as error:  # noqa: BLE001 -- the page shows every error
+            raise to_user_error(error) from None
+
+    def start_job(self, kind: str, create: Callable[[], CommandJob]) -> CommandJob:
         """Start a job, one per kind; delete the incomplete folder of the previous job."""
         if (previous := self.jobs.get(kind)) is not None:
-            if previous.state.running:
+            if not previous.done():
                 raise InputError(
-                    f"{previous.out.name} is still running ({previous.state.stage}); wait or "
-                    f"cancel it"
+                    f"{previous.out.name} is still running ({previous.stage}); wait or cancel it"
                 )
             previous.cancel()
         job = self.jobs[kind] = create()
@@ -302,13 +327,9 @@ class PageContext:
         self.server.watch.record_heartbeat(self.tab, 0.0, monotonic())
         self.bench.send(command)
 
-    def worker(self, name: str) -> WorkerProcess:
-        """Return the worker process of a purpose ("fits", "simulations")."""
-        return self.server.workers.setdefault(name, WorkerProcess(name))
-
     async def compute(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of function(runs, *arguments) in a worker process."""
-        return await self.worker(worker).run(function, self.runs, *arguments)
+        return await self.server.run(worker, function, self.runs, *arguments)
 
 
 class RunsListing:

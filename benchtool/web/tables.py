@@ -21,11 +21,10 @@ from benchtool.data.run.runs_folder import (
     upload_name,
 )
 from benchtool.data.table import read_table
-from benchtool.web.jobs import PageSection
+from benchtool.web.drawing import Content, PageSection
 
 if TYPE_CHECKING:
     from benchtool.commands.import_file import ImportInputs
-    from benchtool.web.drawing import Content
 
 
 def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportInputs) -> str:

@@ -20,10 +20,11 @@ from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
+from benchtool.tasks import to_user_error
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
 from benchtool.web.control_socket import PAGES
-from benchtool.web.jobs import PageSection, to_user_error
+from benchtool.web.drawing import PageSection
 from benchtool.web.tables import store_upload
 
 STYLE = (

@@ -167,7 +167,7 @@ class ExplainTab(CommandTab[ExplainJob]):
         return out.name, explain_inputs(self._sources, learn, check, model, rig, out)
 
     def show_report(self, job: ExplainJob) -> None:
-        result: Explanation = job.state.result
+        result: Explanation = job.result()
         with ui.card().classes("w-full gap-2"):
             self._show_header(job, result)
         for section in result.sections:

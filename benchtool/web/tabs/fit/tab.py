@@ -15,10 +15,11 @@ from benchtool.data.run.state import list_state_files
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
 from benchtool.report.numbers import display_unit
 from benchtool.web.choices import model_choices, model_path, rig_choices
+from benchtool.web.command_jobs import CommandJob
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
+from benchtool.web.drawing import PageSection
 from benchtool.web.form import InputForm
-from benchtool.web.jobs import Job, PageSection
 from benchtool.web.tabs.fit.data import DataCard
 from benchtool.web.tabs.fit.request import (
     FitRequest,
@@ -166,7 +167,7 @@ class MethodCard:
         return {**values, "method": selected, "where": where}
 
 
-class FitTab(CommandTab[Job]):
+class FitTab(CommandTab[CommandJob]):
     """Form and result of one page."""
 
     label, icon, noun = "Fit", "functions", "fit"
@@ -231,8 +232,8 @@ class FitTab(CommandTab[Job]):
         inputs = build_fit_inputs(request, self.folder, self.data.entries)
         return request.name, inputs
 
-    def show_report(self, job: Job) -> None:
-        self._show_section(job.state.result)
+    def show_report(self, job: CommandJob) -> None:
+        self._show_section(job.result())
 
     def _show_section(self, section: PageSection) -> None:
         with ui.card().classes("w-full"):
@@ -245,7 +246,7 @@ class FitTab(CommandTab[Job]):
         with self.report:
             self._show_section(section)
 
-    async def done(self, job: Job) -> None:
+    async def done(self, job: CommandJob) -> None:
         self.context.server.forms.store(self.context.tab, RESULT_KEY, job.out.name)
         await super().done(job)
         await self.data.refresh()

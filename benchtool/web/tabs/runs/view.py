@@ -16,13 +16,12 @@ from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import export_table
-from benchtool.web.jobs import PageSection
+from benchtool.web.drawing import Content, FigureImage, PageSection
 from benchtool.web.tables import stand_blocks
 
 if TYPE_CHECKING:
     from benchtool.core.choices import Over
     from benchtool.report.page import Report
-    from benchtool.web.drawing import Content
 
 PREVIEW_ROWS = 12  # of a table; assumed
 
@@ -77,7 +76,6 @@ def view_fit(root: Path, name: str) -> PageSection:
     from benchtool.report.figure import captions
     from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
     from benchtool.report.page import Paragraph
-    from benchtool.web.drawing import FigureImage
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
@@ -210,7 +208,6 @@ def _view_explanation(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
     from benchtool.report.figure import captions
-    from benchtool.web.drawing import FigureImage
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))

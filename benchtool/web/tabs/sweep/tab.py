@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -155,18 +156,16 @@ class RatioCard:
         if key == self._plot_key:
             return
         self._plot_key = key
-        worker = self._context.worker("plots")
+        run = partial(self._context.server.run, "plots")
         points = MeasuredRatios()
         if sweep.run and sweep.n_measured and sweep.kind != "pitch":
-            points = await worker.run(measured_ratios, Path(sweep.run), basis)
+            points = await run(measured_ratios, Path(sweep.run), basis)
         if rig is not None and self._curves_key != (rig.name, model, ink, basis):
             self._curves_key = rig.name, model, ink, basis
             try:
-                self._curves = await worker.run(
-                    model_curves, model, rig, CURVE_Z_OVER_R, ink, basis
-                )
+                self._curves = await run(model_curves, model, rig, CURVE_Z_OVER_R, ink, basis)
             except BenchtoolError as error:
-                self._curves = await worker.run(model_curves, "", rig, CURVE_Z_OVER_R, ink, basis)
+                self._curves = await run(model_curves, "", rig, CURVE_Z_OVER_R, ink, basis)
                 points = points if points.rows else MeasuredRatios(problem=str(error))
         self._plot.update_figure(ratio_figure(points, self._curves, text, ink))
         self._problem.set_text(points.problem)
