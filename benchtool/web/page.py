@@ -25,7 +25,7 @@ TABS = {
     "Simulate": "flight_takeoff",
     "Explain": "troubleshoot",
 }
-"""Tabs in order with Material icons; module `tabs/NAME/tab.py`, imported when first shown."""
+"""Tabs in order with Material icons; module `tabs/NAME.py`, imported when first shown."""
 
 # Loads the plot library before STOP is drawn.
 PLOT_PRELOAD = '<script type="module">import "nicegui-plotly";</script>'
@@ -59,7 +59,7 @@ def serve_page(server: ServerState) -> None:
             if key not in built:
                 built.add(key)
                 with panels[key]:
-                    import_module(f"benchtool.web.tabs.{key}.tab").build(context)
+                    import_module(f"benchtool.web.tabs.{key}").build(context)
 
         def select(key: str) -> None:
             show(key)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from benchtool.core.choices import Over
     from benchtool.report.page import Report
 
+FIGURE_WORKER = "figures"  # process that reads runs and draws
 PREVIEW_ROWS = 12  # of a table; assumed
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from nicegui import ui
 
@@ -14,14 +12,19 @@ from benchtool.acquire.visit_order import format_duration
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.ratios import RATIO_BASES
 from benchtool.physics.model_file import model_names
-from benchtool.report.palette import GREY, SERIES_STYLES, VERMILION
+from benchtool.report.palette import GREY, SERIES_STYLES
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
+from benchtool.web.cards.live import ChartCard, LimitsCard
+from benchtool.web.cards.plan import PlanCard
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.bench.charts import ChartCard
-from benchtool.web.tabs.bench.limits_card import LimitsCard
-from benchtool.web.tabs.sweep.plan_card import PlanCard
-from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios, model_curves
+from benchtool.web.ratio_plot import (
+    MeasuredRatios,
+    Trace,
+    measured_ratios,
+    model_curves,
+    ratio_figure,
+)
 from benchtool.web.theme import LIGHT_INK
 from benchtool.web.widgets import open_tab, show_errors
 
@@ -105,14 +108,6 @@ assert tuple(BASES) == RATIO_BASES
 
 DEFAULT_MODELS = {1: "single_bench", 4: "quad_bench"}  # by number of discs
 CURVE_Z_OVER_R = (0.5, 5.0)
-_STAMP = {
-    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
-    "showarrow": False, "font": {"color": VERMILION, "size": 13},
-    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
-}  # fmt: skip
-_EMPTY_TEXT = {
-    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
-}  # fmt: skip
 
 
 class RatioCard:
@@ -179,43 +174,6 @@ def empty_text(bench: BenchClient) -> str:
     if bench.connection.status == "on":
         return "Start a sweep to see its points here."
     return "Connect a bench under Bench, then start a sweep<br>to see its points here."
-
-
-def ratio_figure(
-    points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
-) -> dict[str, Any]:
-    """Return the Plotly figure of the thrust ratio."""
-    x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
-    measured = {
-        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
-        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
-        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
-    }  # fmt: skip
-    is_empty = not points.rows and not curves
-    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
-    if points.is_thrust:
-        curves, x_title, y_title = (), "pulse width, us", "thrust, N"
-    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
-    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
-    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
-    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
-    notes = [stamp] if points.simulated else notes
-    return {
-        "data": [*curves, measured],
-        "layout": {
-            "height": 420,
-            "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
-            "paper_bgcolor": "rgba(0,0,0,0)",
-            "plot_bgcolor": "rgba(0,0,0,0)",
-            "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
-            "xaxis": {**axis, "title": {"text": x_title}},
-            "yaxis": {**axis, "title": {"text": y_title}},
-            "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
-            "uirevision": x_title,
-            "annotations": notes,
-        },
-        "config": {"displayModeBar": False, "responsive": True},
-    }
 
 
 def build(context: PageContext) -> None:

@@ -3,37 +3,153 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
-from typing import Any, get_args
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, get_args
 
 from nicegui import ui
 
 from benchtool.commands.terminal.table_fit import MODEL
+from benchtool.core.channel import ColumnSource
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.inputs import build_inputs
 from benchtool.core.parameter import Parameter
-from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.core.rig import Rig
+from benchtool.data.column_map import read_column_map
+from benchtool.data.csv_text import read_csv_header
+from benchtool.data.formats.formats import is_stand_table
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.run import free_path
+from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.run.state import list_state_files
+from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.fit_data import RATIO_BASIS
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
+from benchtool.physics.model_file import load_model
 from benchtool.report.numbers import display_unit
-from benchtool.web.choices import model_choices, model_path, rig_choices
+from benchtool.web.cards.data import DataCard
+from benchtool.web.choices import check_rig_choice, model_choices, model_path, rig_choices
 from benchtool.web.command_jobs import CommandJob
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.drawing import PageSection
 from benchtool.web.form import InputForm
-from benchtool.web.tabs.fit.data import DataCard
-from benchtool.web.tabs.fit.request import (
-    FitRequest,
-    ParameterChoice,
-    build_fit_inputs,
-    data_rig,
-    form_parameters,
-    suggested_name,
-)
-from benchtool.web.tabs.runs.detail import FIGURE_WORKER
-from benchtool.web.tabs.runs.view import view_fit
-from benchtool.web.widgets import show_errors, show_section, show_spinner
+from benchtool.web.run_views import FIGURE_WORKER, view_fit
+from benchtool.web.widgets import show_errors, show_section, show_spinner, titled_card
 
 DEFAULT_MODEL = "quad_bench"
+
+
+class ParameterChoice(NamedTuple):
+    """Choice of a model parameter: free, or fixed at a value."""
+
+    free: bool
+    value: float
+
+
+@dataclass(slots=True, kw_only=True)
+class FitRequest:
+    """Contents of the form."""
+
+    data: list[str] = field(default_factory=list)  # names of runs and tables
+    model: str = DEFAULT_MODEL  # key of `model_choices`
+    choices: dict[str, ParameterChoice] = field(default_factory=dict)  # that differ from the model
+    name: str = ""
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def form_parameters(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
+    """Return a model's parameters by full name, without noise parameters, which an option sets."""
+    parameters = load_model(model, rig).model.parameters
+    return {name: value for name, value in parameters.items() if not name.startswith("noise.")}
+
+
+def choice_options(
+    parameters: Mapping[str, Parameter], choices: Mapping[str, ParameterChoice]
+) -> dict[str, object]:
+    """Return the recipe options free, hold and fix for choices that differ from the model."""
+    chosen = [name for name in parameters if name in choices]
+    free = [name for name in chosen if choices[name].free and not parameters[name].free]
+    fixed = [name for name in chosen if not choices[name].free]
+    values = {name: choices[name].value for name in fixed}
+    fix = {name: value for name, value in values.items() if value != parameters[name].value}
+    hold = [name for name in fixed if parameters[name].free and name not in fix]
+    return {"free": free, "hold": hold, "fix": fix}
+
+
+def build_fit_inputs(
+    request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]
+) -> FitInputs:
+    """Return the inputs of `benchtool fit` for the form; raise for missing or invalid values."""
+    if not request.data:
+        raise InputError(
+            "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
+        )
+    paths = [folder.find_path(name) for name in request.data]
+    tables = [name for name in request.data if entries[name].kind == "table"]
+    maps = [column_map_path(folder.find_file(name)) for name in tables]
+    stored = [path for path in maps if path.is_file()]
+    if len(tables) > 1 and stored:
+        raise InputError(
+            f"{' and '.join(tables)} have separate column maps, but a fit uses one; fit them "
+            f"separately"
+        )
+    model = model_path(folder, request.model)
+    columns = read_column_map(stored[0]) if stored else {}
+    if tables and not stored and not load_model(model).columns:
+        for name in tables:
+            path = folder.find_file(name)
+            if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
+                raise InputError(
+                    f"{name} has no column thrust_N; select its columns above and press Use these "
+                    f"columns"
+                )
+    recipe = Recipe(
+        name=request.name,
+        data=tuple(str(path) for path in paths),
+        model=model,
+        columns=str(stored[0]) if stored else None,
+    )
+    base = FitInputs(recipe=recipe, out=folder.root / request.name if request.name else None)
+    parameters = form_parameters(model, data_rig(request, folder))
+    options = dict(request.options)
+    choices: dict[str, Any] = choice_options(parameters, request.choices)
+    if "R_m" in parameters and tables and _has_no_plate(tables, columns, folder):
+        # As in the command: without a plate, the effective radius is not identifiable.
+        choices["hold"] = sorted({*choices["hold"], "R_m"} - choices["fix"].keys())
+    if "thrust_ratio" in columns and not options.get("basis"):
+        options["basis"] = RATIO_BASIS
+    if {"thrust_sd_N", "thrust_ratio_sd"} & columns.keys() and not options.get("noise"):
+        options["noise"] = "scale"
+    calibrations = list_state_files("calibration")  # the page opens no other calibration files
+    calibration = options.get("calibration")
+    if calibration is not None and calibration not in calibrations:
+        raise UnknownChoice("calibration", str(calibration), calibrations)
+    return build_inputs(FitInputs, {**choices, **options}, source="label", base=base)
+
+
+def _has_no_plate(
+    tables: Sequence[str], columns: Mapping[str, ColumnSource], folder: RunsFolder
+) -> bool:
+    """Return whether tables contain no plate distance."""
+    if columns:
+        return "plate_z_m" not in columns
+    return all(is_stand_table(folder.find_file(name)) for name in tables)
+
+
+def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
+    """Return the rig of the data; None for the rig of the model file."""
+    rig = check_rig_choice(request.options.get("rig"), folder)
+    return rig_for_data([str(folder.find_path(name)) for name in request.data], request.model, rig)
+
+
+def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
+    """Return a free name for the fit of some data."""
+    first = re.sub(r"\.csv$", "", data[0].rsplit("/", 1)[-1]) if data else "data"
+    return free_path(folder.root / f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', first)}").name
+
+
 RESULT_KEY = "fit.answer"  # form key of the displayed fit
 
 BASES = {
@@ -138,30 +254,27 @@ class MethodCard:
         rigs: Mapping[str, str],
         on_change: Callable[[], None],
     ) -> None:
-        self._form = InputForm(FitInputs, on_change)
+        self.form = InputForm(FitInputs, on_change)
         with ui.row().classes("items-center w-full gap-4"):
             self._squares = ui.checkbox("least squares", value=True, on_change=on_change)
             self._emcee = ui.checkbox("emcee (posterior samples)", on_change=on_change)
             context.persist("fit.least_squares", self._squares)
             context.persist("fit.emcee", self._emcee)
         with ui.element("div").classes("field-grid"):
-            self._form.add("basis", options=BASES)
-            self._form.add("noise", options=NOISES)
-            self._form.add("rig", options=rigs)
-            self._form.add("calibration", options=list_state_files("calibration"))
+            self.form.add("basis", options=BASES)
+            self.form.add("noise", options=NOISES)
+            self.form.add("rig", options=rigs)
+            self.form.add("calibration", options=list_state_files("calibration"))
         options = ui.expansion("More options").classes("w-full")
         with options, ui.element("div").classes("field-grid"):
-            self._form.add("compare", options={LAWS: "all ground-effect laws", **models})
-            self._form.add("loss", options=LOSSES)
-            self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
-            self._form.add("budget", "temperature", "pressure", "humidity")
-
-    def select_rig(self, rigs: Mapping[str, str], rig: str) -> None:
-        self._form.choose("rig", rigs, rig)
+            self.form.add("compare", options={LAWS: "all ground-effect laws", **models})
+            self.form.add("loss", options=LOSSES)
+            self.form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
+            self.form.add("budget", "temperature", "pressure", "humidity")
 
     def options(self) -> dict[str, Any]:
         methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
-        values = self._form.values()
+        values = self.form.values()
         where = [part.strip() for part in (values["where"] or "").split(";") if part.strip()]
         selected = [method for method, is_selected in methods.items() if is_selected]
         return {**values, "method": selected, "where": where}
@@ -176,11 +289,9 @@ class FitTab(CommandTab[CommandJob]):
         super().__init__(context)
         self._suggested_name = ""
         with ui.element("div").classes("fit-form"):
-            with ui.card().classes("w-full"):
-                ui.label("Data").classes("card-title")
+            with titled_card("Data"):
                 self.data = DataCard(context, listing, self._on_data_change, self._on_rig_written)
-            with ui.card().classes("w-full"):
-                ui.label("Method").classes("card-title")
+            with titled_card("Method"):
                 models = model_choices(self.folder, self.data.entries.values())
                 rigs = rig_choices(self.folder)
                 self._method = MethodCard(context, models, rigs, self.change)
@@ -208,7 +319,7 @@ class FitTab(CommandTab[CommandJob]):
         self.change()
 
     def _on_rig_written(self, path: str) -> None:
-        self._method.select_rig(rig_choices(self.folder), path)
+        self._method.form.choose("rig", rig_choices(self.folder), path)
 
     def _on_model_change(self) -> None:
         self._parameters.clear()

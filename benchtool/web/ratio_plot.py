@@ -1,7 +1,8 @@
-"""Data of the ratio plot, computed in a worker process."""
+"""Figure of the ratio plot, and its data, computed in a worker process."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.report.palette import BLUE, SERIES_STYLES, VERMILION
+from benchtool.report.palette import BLUE, GREY, SERIES_STYLES, VERMILION
 
 CURVE_POINTS = 80
 
@@ -31,6 +32,53 @@ class MeasuredRatios(NamedTuple):
     problem: str = ""
     simulated: bool = False
     is_thrust: bool = False
+
+
+_STAMP = {
+    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
+    "showarrow": False, "font": {"color": VERMILION, "size": 13},
+    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
+}  # fmt: skip
+_EMPTY_TEXT = {
+    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
+}  # fmt: skip
+
+
+def ratio_figure(
+    points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
+) -> dict[str, Any]:
+    """Return the Plotly figure of the thrust ratio."""
+    x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
+    measured = {
+        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
+        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
+        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
+    }  # fmt: skip
+    is_empty = not points.rows and not curves
+    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
+    if points.is_thrust:
+        curves, x_title, y_title = (), "pulse width, us", "thrust, N"
+    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
+    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
+    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
+    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
+    notes = [stamp] if points.simulated else notes
+    return {
+        "data": [*curves, measured],
+        "layout": {
+            "height": 420,
+            "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
+            "xaxis": {**axis, "title": {"text": x_title}},
+            "yaxis": {**axis, "title": {"text": y_title}},
+            "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
+            "uirevision": x_title,
+            "annotations": notes,
+        },
+        "config": {"displayModeBar": False, "responsive": True},
+    }
 
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
