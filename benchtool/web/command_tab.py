@@ -15,7 +15,7 @@ from benchtool.core.inputs import Inputs
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.command_jobs import CommandJob, command_arguments, start_command
 from benchtool.web.context import PageContext
-from benchtool.web.widgets import STYLE, CommandRow, show_errors
+from benchtool.web.widgets import CommandRow, show_errors
 
 J = TypeVar("J", bound=CommandJob)
 
@@ -39,7 +39,6 @@ class CommandTab(ABC, Generic[J]):
         self.context, self.folder = context, RunsFolder(context.runs)
         self.is_ready = False
         self._job: J | None = None
-        ui.add_head_html(STYLE)
 
     @abstractmethod
     def read_form(self) -> tuple[str, Inputs]:

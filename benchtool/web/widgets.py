@@ -23,13 +23,9 @@ from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
 from benchtool.tasks import to_user_error
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
-from benchtool.web.control_socket import PAGES
 from benchtool.web.drawing import PageSection
+from benchtool.web.sockets import PAGES
 from benchtool.web.tables import store_upload
-
-STYLE = (
-    '<link rel="stylesheet" href="/static/shown.css"><script src="/static/shown.js" defer></script>'
-)
 
 
 def today() -> str:

@@ -31,8 +31,6 @@ from benchtool.web.widgets import (
     today,
 )
 
-_STYLE = "<style>.stages { list-style: none; padding: 0; margin: 0; columns: 18rem auto; }</style>"
-
 DESCRIPTION = (
     "Shows where recordings disagree with a model, and which physical effect the model lacks. The "
     "model is fitted to training recordings and validated on others of the same bench."
@@ -94,7 +92,6 @@ class ExplainTab(CommandTab[ExplainJob]):
         super().__init__(context)
         self._suggested_model = ""
         self._sources = RecordingSources.from_folder(context.runs)
-        ui.add_head_html(_STYLE)
         with ui.card().classes("w-full gap-2"):
             ui.label("Recordings and model").classes("card-title")
             ui.label(DESCRIPTION).classes("soft")

@@ -34,7 +34,6 @@ from benchtool.web.run_views import (
     view_part,
 )
 from benchtool.web.widgets import (
-    STYLE,
     add_section_expansion,
     add_table_upload,
     notify,
@@ -251,7 +250,6 @@ class RunsTab:
 
     def __init__(self, context: PageContext) -> None:
         self._listing = RunsListing(RunsFolder(context.runs))
-        ui.add_head_html(STYLE)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-4"):
                 self._search = ui.input("Search name, rig, date, state, note", on_change=self._fill)
