@@ -28,7 +28,6 @@ from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.tasks import Job, ReportProgress
 from benchtool.web.bench_process.messages import (
-    RunEvent,
     StartLiveRecording,
     StartRun,
     SweepStatus,
@@ -195,7 +194,7 @@ class RunSupervisor(RunProgress):
         return self._paused.is_set()
 
     def happened(self, event: Event) -> None:
-        self._publisher.publish(RunEvent(event))
+        self._publisher.publish(event)
         if event.event == "paused":
             self._page_lost = False
             self._change(status="paused")

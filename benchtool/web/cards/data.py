@@ -25,6 +25,7 @@ from benchtool.web.widgets import (
     multiple_choice,
     notify,
     notify_error,
+    replace_options,
     show_errors,
     show_html,
 )
@@ -124,8 +125,7 @@ class DataCard:
             name: f"{name} ({', '.join(filter(None, (entry.rig, entry.summary)))})"
             for name, entry in self.entries.items()
         }
-        if options != self.choice.options:
-            self.choice.set_options(options, value=self.names)
+        replace_options(self.choice, options)
 
     def _show_columns(self) -> None:
         self._columns.clear()

@@ -23,7 +23,6 @@ from benchtool.web.bench_process.messages import (
     EndRecording,
     SetClockSpeed,
     StartLiveRecording,
-    StartRun,
 )
 from benchtool.web.cards.live import ChartCard, LimitsCard
 from benchtool.web.cards.manual import LoadCellCard, ThrottleCard
@@ -313,11 +312,7 @@ class RecordCard:
             raise InputError("no bench is connected; connect one first")
         inputs = self._form.make(self._base)
         text = arming_text(inputs, rig, check_experiment(inputs, rig, identity))
-
-        def start(typed: str, needs_page: bool) -> None:
-            self._context.bench.send(StartRun(inputs, typed, needs_page))
-
-        confirm_arming(self._context, self._card, text, start)
+        confirm_arming(self._context, self._card, text, inputs)
 
     def _open_explain(self) -> None:
         open_tab("explain", learn=Path(self._context.bench.sweep.run).name)

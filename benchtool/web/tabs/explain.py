@@ -24,6 +24,7 @@ from benchtool.web.widgets import (
     add_table_upload,
     multiple_choice,
     notify,
+    replace_options,
     show_errors,
     show_html,
     show_section,
@@ -132,12 +133,8 @@ class ExplainTab(CommandTab[ExplainJob]):
     async def _read_choices(self) -> None:
         recordings, models = await asyncio.to_thread(self._sources.read_choices)
         for select in (self._learn, self._check):
-            if select.options != recordings:
-                selected = [name for name in select.value or [] if name in recordings]
-                select.set_options(recordings, value=selected)
-        if self._model.options != models:
-            value = self._model.value if self._model.value in models else None
-            self._model.set_options(models, value=value)
+            replace_options(select, recordings)
+        replace_options(self._model, models)
 
     @show_errors
     async def _uploaded(self, name: str) -> None:

@@ -38,6 +38,7 @@ from benchtool.web.widgets import (
     add_table_upload,
     notify,
     open_tab,
+    replace_options,
     show_errors,
     show_section,
     show_spinner,
@@ -329,8 +330,7 @@ class RunsTab:
     async def _refresh(self) -> None:
         if await self._listing.refresh():
             tags = sorted({tag for entry in self._listing.entries for tag in entry.tags})
-            selected_tags = [tag for tag in self._tags.value or () if tag in tags]
-            self._tags.set_options(tags, value=selected_tags)
+            replace_options(self._tags, tags)
             self._tags.set_visibility(bool(tags))
             self._fill()
 
