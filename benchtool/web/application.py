@@ -17,8 +17,7 @@ from fastapi.middleware.gzip import GZipMiddleware
 from nicegui import app, ui
 
 from benchtool.acquire.visit_order import format_duration
-from benchtool.web.access import Access
-from benchtool.web.access_middleware import AccessMiddleware
+from benchtool.web.access import Access, AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import SPEED_LIMIT, Notice
 from benchtool.web.bench_process.spawn import ProcessHandle

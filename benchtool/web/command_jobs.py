@@ -17,7 +17,7 @@ from benchtool.fit.recipe import FitInputs
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.tasks import Job, ReportProgress
 from benchtool.web.drawing import PageSection
-from benchtool.web.run_views import view_fit
+from benchtool.web.entries import view_fit
 
 if TYPE_CHECKING:
     from benchtool.report.result import Result

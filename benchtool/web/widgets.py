@@ -25,8 +25,8 @@ from benchtool.tasks import to_user_error
 from benchtool.web.bench_process.messages import Notice, StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.drawing import PageSection
+from benchtool.web.entries import store_upload
 from benchtool.web.sockets import PAGES
-from benchtool.web.tables import store_upload
 
 
 def today() -> str:

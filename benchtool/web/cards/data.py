@@ -18,7 +18,7 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.tables import store_columns, store_radius, view_import
+from benchtool.web.entries import store_columns, store_radius, view_import
 from benchtool.web.widgets import (
     add_section_expansion,
     add_table_upload,

@@ -34,8 +34,8 @@ from benchtool.web.command_jobs import CommandJob
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.drawing import PageSection
+from benchtool.web.entries import FIGURE_WORKER, view_fit
 from benchtool.web.form import InputForm
-from benchtool.web.run_views import FIGURE_WORKER, view_fit
 from benchtool.web.widgets import show_errors, show_section, show_spinner, titled_card
 
 DEFAULT_MODEL = "quad_bench"

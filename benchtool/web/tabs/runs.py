@@ -20,8 +20,7 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import TABLES
 from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.form import InputForm
-from benchtool.web.run_views import (
+from benchtool.web.entries import (
     FIGURE_WORKER,
     MOTOR_PART,
     export_file,
@@ -33,6 +32,7 @@ from benchtool.web.run_views import (
     view_over,
     view_part,
 )
+from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
     add_section_expansion,
     add_table_upload,
