@@ -238,7 +238,7 @@ def status_parts(bench: BenchClient) -> list[str]:
     if connection.standstill_problem:
         parts = [connection.standstill_problem]
     if sweep.status != "none":
-        text = f"{sweep.noun} {Path(sweep.run).name} {sweep.status}"
+        text = f"{sweep.noun} {sweep.name} {sweep.status}"
         if sweep.active and sweep.noun == "sweep":
             text += f", {sweep.n_measured} of {sweep.n_points} points"
         if sweep.active and sweep.remaining_s:

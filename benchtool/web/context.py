@@ -128,15 +128,14 @@ class LoggedMessage:
 class MessageHistory:
     """Message history with times; consecutive duplicates are stored once."""
 
-    def __init__(self, now: Callable[[], datetime] = lambda: datetime.now().astimezone()) -> None:
-        self._now = now
+    def __init__(self) -> None:
         self.messages: deque[LoggedMessage] = deque(maxlen=MAX_MESSAGES)
 
     def add(self, text: str, *, is_error: bool = False) -> None:
         count = 1
         if self.messages and self.messages[-1].text == text:
             count += self.messages.pop().count
-        self.messages.append(LoggedMessage(self._now(), text, is_error, count))
+        self.messages.append(LoggedMessage(datetime.now().astimezone(), text, is_error, count))
 
 
 class FormState:

@@ -253,6 +253,10 @@ class SweepStatus:
     reason: str = ""  # of an early end, or the summary
 
     @property
+    def name(self) -> str:
+        return Path(self.run).name
+
+    @property
     def noun(self) -> str:
         return "sweep" if self.kind == "sweep" else "recording"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 
 from nicegui import run, ui
 
@@ -58,6 +57,7 @@ class ConnectCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
+        send = show_errors(context.send)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
@@ -71,7 +71,8 @@ class ConnectCard:
                 self._rig = ui.select(rigs, value="", label="Rig")
                 self._rig.classes("w-44").on_value_change(self._show_command)
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)
-                self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
+                self._off = ui.button("Disconnect", on_click=lambda: send(Disconnect()))
+                self._off.props("outline")
                 self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes(
                     "w-44"
                 )
@@ -100,10 +101,6 @@ class ConnectCard:
         self._context.require_control()
         self._speed.value = 1
         self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
-
-    @show_errors
-    def _disconnect(self) -> None:
-        self._context.send(Disconnect())
 
     @show_errors
     def _set_speed(self) -> None:
@@ -216,13 +213,17 @@ class LiveRecordCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
+        send = show_errors(context.send)
         with titled_card("Live recording") as self._card:
             with ui.row().classes("items-end w-full"):
-                self._name = ui.input("Name of the run", value="live").classes("grow")
-                self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
-                self._end = ui.button("End", icon="save", on_click=self._finish)
-                self._show = ui.button("Show", icon="folder_open", on_click=self._open)
-                self._show.props("outline")
+                name = ui.input("Name of the run", value="live").classes("grow")
+                self._start = ui.button("Record", icon="fiber_manual_record")
+                self._start.on_click(
+                    lambda: send(StartLiveRecording(runs=context.runs, name=name.value.strip()))
+                )
+                self._end = ui.button("End", icon="save", on_click=lambda: send(EndRecording()))
+                self._show = ui.button("Show", icon="folder_open").props("outline")
+                self._show.on_click(lambda: open_tab("runs", run=context.bench.sweep.name))
             self._status = ui.label().classes("number").props("role=status")
 
     def refresh(self) -> None:
@@ -235,20 +236,8 @@ class LiveRecordCard:
         self._end.set_visibility(is_live and sweep.status == "running")
         self._show.set_visibility(is_live and not sweep.active)
         points = pluralize(sweep.n_measured, "point")
-        text = f"{sweep.status}: {Path(sweep.run).name}, {sweep.reason or points}"
+        text = f"{sweep.status}: {sweep.name}, {sweep.reason or points}"
         self._status.set_text(text if is_live else LIVE_HINT)
-
-    @show_errors
-    def _record(self) -> None:
-        name = self._name.value.strip()
-        self._context.send(StartLiveRecording(runs=self._context.runs, name=name))
-
-    @show_errors
-    def _finish(self) -> None:
-        self._context.send(EndRecording())
-
-    def _open(self) -> None:
-        open_tab("runs", run=Path(self._context.bench.sweep.run).name)
 
 
 class RecordCard:
@@ -264,10 +253,8 @@ class RecordCard:
                 self._form.add("seconds", "collective", "plate_z_m", "limit_deg", "name")
             with ui.row().classes("items-center w-full"):
                 self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._arm)
-                self._explain = ui.button(
-                    "Explain", icon="troubleshoot", on_click=self._open_explain
-                )
-                self._explain.props("outline")
+                self._explain = ui.button("Explain", icon="troubleshoot").props("outline")
+                self._explain.on_click(lambda: open_tab("explain", learn=context.bench.sweep.name))
                 self._status = ui.label().classes("grow number").props("role=status")
             self._command = CommandRow()
 
@@ -313,6 +300,3 @@ class RecordCard:
         inputs = self._form.make(self._base)
         text = arming_text(inputs, rig, check_experiment(inputs, rig, identity))
         confirm_arming(self._context, self._card, text, inputs)
-
-    def _open_explain(self) -> None:
-        open_tab("explain", learn=Path(self._context.bench.sweep.run).name)

@@ -244,42 +244,6 @@ class ParameterTable:
             self._context.persist(f"fit.{self._model}.{name}.{key}", element)
 
 
-class MethodCard:
-    """Methods and options of the fit."""
-
-    def __init__(
-        self,
-        context: PageContext,
-        models: Mapping[str, str],
-        rigs: Mapping[str, str],
-        on_change: Callable[[], None],
-    ) -> None:
-        self.form = InputForm(FitInputs, on_change)
-        with ui.row().classes("items-center w-full gap-4"):
-            self._squares = ui.checkbox("least squares", value=True, on_change=on_change)
-            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=on_change)
-            context.persist("fit.least_squares", self._squares)
-            context.persist("fit.emcee", self._emcee)
-        with ui.element("div").classes("field-grid"):
-            self.form.add("basis", options=BASES)
-            self.form.add("noise", options=NOISES)
-            self.form.add("rig", options=rigs)
-            self.form.add("calibration", options=list_state_files("calibration"))
-        options = ui.expansion("More options").classes("w-full")
-        with options, ui.element("div").classes("field-grid"):
-            self.form.add("compare", options={LAWS: "all ground-effect laws", **models})
-            self.form.add("loss", options=LOSSES)
-            self.form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
-            self.form.add("budget", "temperature", "pressure", "humidity")
-
-    def options(self) -> dict[str, Any]:
-        methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
-        values = self.form.values()
-        where = [part.strip() for part in (values["where"] or "").split(";") if part.strip()]
-        selected = [method for method, is_selected in methods.items() if is_selected]
-        return {**values, "method": selected, "where": where}
-
-
 class FitTab(CommandTab[CommandJob]):
     """Form and result of one page."""
 
@@ -293,8 +257,7 @@ class FitTab(CommandTab[CommandJob]):
                 self.data = DataCard(context, listing, self._on_data_change, self._on_rig_written)
             with titled_card("Method"):
                 models = model_choices(self.folder, self.data.entries.values())
-                rigs = rig_choices(self.folder)
-                self._method = MethodCard(context, models, rigs, self.change)
+                self._build_method(models)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
@@ -310,6 +273,32 @@ class FitTab(CommandTab[CommandJob]):
         context.persist("fit.model", self._model)
         context.persist("fit.name", self._name)
 
+    def _build_method(self, models: Mapping[str, str]) -> None:
+        with ui.row().classes("items-center w-full gap-4"):
+            self._squares = ui.checkbox("least squares", value=True, on_change=self.change)
+            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=self.change)
+            self.context.persist("fit.least_squares", self._squares)
+            self.context.persist("fit.emcee", self._emcee)
+        self._form = form = InputForm(FitInputs, self.change)
+        with ui.element("div").classes("field-grid"):
+            form.add("basis", options=BASES)
+            form.add("noise", options=NOISES)
+            form.add("rig", options=rig_choices(self.folder))
+            form.add("calibration", options=list_state_files("calibration"))
+        options = ui.expansion("More options").classes("w-full")
+        with options, ui.element("div").classes("field-grid"):
+            form.add("compare", options={LAWS: "all ground-effect laws", **models})
+            form.add("loss", options=LOSSES)
+            form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
+            form.add("budget", "temperature", "pressure", "humidity")
+
+    def _read_options(self) -> dict[str, Any]:
+        methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
+        values = self._form.values()
+        where = [part.strip() for part in (values["where"] or "").split(";") if part.strip()]
+        selected = [method for method, is_selected in methods.items() if is_selected]
+        return {**values, "method": selected, "where": where}
+
     def _on_data_change(self) -> None:
         """Select the single-rotor model for tables, unless the user has selected another model."""
         if self.is_ready:
@@ -319,7 +308,7 @@ class FitTab(CommandTab[CommandJob]):
         self.change()
 
     def _on_rig_written(self, path: str) -> None:
-        self._method.form.choose("rig", rig_choices(self.folder), path)
+        self._form.choose("rig", rig_choices(self.folder), path)
 
     def _on_model_change(self) -> None:
         self._parameters.clear()
@@ -336,7 +325,7 @@ class FitTab(CommandTab[CommandJob]):
             model=self._model.value,
             choices=self._parameters.changes,
             name=(self._name.value or "").strip(),
-            options=self._method.options(),
+            options=self._read_options(),
         )
         rig = data_rig(request, self.folder)
         self._parameters.show(self._model.value, form_parameters(model, rig))

@@ -39,18 +39,16 @@ class RunCard:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._n_events = -1
+        send = show_errors(context.send)
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
                 self._title = ui.label().classes("card-title grow")
-                self._fit = ui.button("Fit", icon="functions", on_click=self._open_fit)
-                self._fit.props("outline")
-                self._pause = ui.button(
-                    "Pause", icon="pause", on_click=lambda: self._set_pause(on=True)
-                )
-                self._pause.props("outline")
-                self._continue = ui.button(
-                    "Continue", icon="play_arrow", on_click=lambda: self._set_pause(on=False)
-                )
+                self._fit = ui.button("Fit", icon="functions").props("outline")
+                self._fit.on_click(lambda: open_tab("fit", data=context.bench.sweep.name))
+                self._pause = ui.button("Pause", icon="pause").props("outline")
+                self._pause.on_click(lambda: send(PauseSweep(True)))
+                self._continue = ui.button("Continue", icon="play_arrow")
+                self._continue.on_click(lambda: send(PauseSweep(False)))
             self._bar = ui.linear_progress(show_value=False, size="12px")
             self._bar.props('instant-feedback aria-label="Share of measured points"')
             self._progress = ui.label().classes("number")
@@ -88,13 +86,6 @@ class RunCard:
             with self._log:
                 for event in reversed(visible[-MAX_EVENTS:]):
                     ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
-
-    def _open_fit(self) -> None:
-        open_tab("fit", data=Path(self._context.bench.sweep.run).name)
-
-    @show_errors
-    def _set_pause(self, *, on: bool) -> None:
-        self._context.send(PauseSweep(on))
 
     @show_errors
     def _send(self) -> None:
