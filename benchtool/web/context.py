@@ -174,21 +174,15 @@ class FormState:
 
 @dataclass(slots=True, kw_only=True)
 class ServerState:
-    """Shared state of all pages of a server.
+    """Shared state of all pages of a server."""
 
-    Attributes:
-        runs: the only folder that pages read and write.
-        workers: processes for short functions by purpose; started on first use.
-        jobs: latest job by kind; survives a page reload.
-    """
-
-    runs: Path
+    runs: Path  # the only folder that pages read and write
     bench: BenchClient = field(default_factory=BenchClient)
     control: ControlLock = field(default_factory=ControlLock)
     watch: PageWatch = field(default_factory=PageWatch)
     stop_endpoint: StopEndpoint | None = None
-    workers: dict[str, WorkerProcesses] = field(default_factory=dict)
-    jobs: dict[str, CommandJob] = field(default_factory=dict)
+    workers: dict[str, WorkerProcesses] = field(default_factory=dict)  # by purpose
+    jobs: dict[str, CommandJob] = field(default_factory=dict)  # latest by kind
     log: MessageHistory = field(default_factory=MessageHistory)
     forms: FormState = field(init=False)
 
@@ -240,22 +234,14 @@ class ServerState:
 
 @dataclass(slots=True, kw_only=True)
 class PageContext:
-    """State of one page in one browser tab.
-
-    Attributes:
-        tab: name of the browser tab, sent by the page on connection.
-        theme: "light", "dark", or "" to follow the system.
-        dark: whether the page is dark now, sent by the page.
-        on_connect: called after the page has connected.
-        fields: persistent form fields by name.
-    """
+    """State of one page in one browser tab."""
 
     server: ServerState
-    tab: str = ""
-    theme: str = ""
-    dark: bool = False
-    on_connect: Callable[[], object] = lambda: None
-    fields: dict[str, Any] = field(default_factory=dict)
+    tab: str = ""  # name of the browser tab, sent by the page on connection
+    theme: str = ""  # "light", "dark", or "" to follow the system
+    dark: bool = False  # sent by the page
+    on_connect: Callable[[], object] = lambda: None  # called after the page has connected
+    fields: dict[str, Any] = field(default_factory=dict)  # persistent form fields by name
 
     def connect(self, tab: str) -> None:
         """Set the name of the browser tab and restore its form values."""

@@ -39,17 +39,12 @@ Content: TypeAlias = "Block | FigureImage | str | Mapping[str, str]"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageSection:
-    """Section of the page.
-
-    Attributes:
-        html: with escaped text.
-        command: arguments of the equivalent `benchtool` command, or ().
-    """
+    """Section of the page."""
 
     title: str
-    html: str
+    html: str  # with escaped text
     simulated: bool = False
-    command: tuple[str, ...] = ()
+    command: tuple[str, ...] = ()  # arguments of the equivalent `benchtool` command
 
     @classmethod
     def draw(

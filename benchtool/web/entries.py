@@ -273,13 +273,12 @@ def view_fits(root: Path, names: Sequence[str]) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return a comparison plot of several sweeps with their common settings."""
-    from benchtool.report.sweep.page import COMPARED
-    from benchtool.report.sweep.run import read_sweep_run
+    from benchtool.report.report_file import build_report
 
     paths = [RunsFolder(root).find_path(name) for name in names]
     if len(paths) < 2:
         raise InputError("a comparison needs two sweeps or more; select more")
-    report = COMPARED.report([read_sweep_run(path) for path in paths])
+    report = build_report(paths, "sweep")
     return PageSection.draw(
         f"{len(names)} sweeps compared",
         report.sections[0].blocks,
@@ -291,22 +290,16 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
 def _report(path: Path, entry: Entry) -> Report:
     files = (path, *path.glob("*"))
     stamp = max(file.stat().st_mtime_ns for file in files if file.exists())
-    return _build_report(path, entry.kind, stamp)
+    return _build_report(path, entry.kind in SWEEPS, stamp)
 
 
 @lru_cache(maxsize=2)
-def _build_report(path: Path, kind: str, stamp: int) -> Report:
+def _build_report(path: Path, is_sweep: bool, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn on demand."""
+    from benchtool.report.report_file import build_report
+
     del stamp  # part of the cache key: changes with the files
-    if kind in SWEEPS:
-        from benchtool.report.sweep.page import SWEEP
-        from benchtool.report.sweep.run import read_sweep_run
-
-        return SWEEP.report(read_sweep_run(path))
-    from benchtool.explain.pitch.replay import ReplayInputs
-    from benchtool.report.replay.page import recording_page
-
-    return recording_page(path, ReplayInputs())
+    return build_report([path], "sweep" if is_sweep else "recording")
 
 
 DATA_SETS = {"learn": "training", "check": "validation"}  # labels of the keys of answer.json

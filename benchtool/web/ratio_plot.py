@@ -20,16 +20,14 @@ Trace = dict[str, Any]  # Plotly trace
 
 
 class MeasuredRatios(NamedTuple):
-    """Measured thrust ratios.
+    """Measured thrust ratios: rows of z/R, T_IGE/T_OGE, standard error.
 
-    Attributes:
-        rows: z/R, T_IGE/T_OGE, standard error.
-        problem: reason for missing ratios, or "".
-        is_thrust: no ratio available yet; rows are pulse width in us, thrust in N, standard error.
+    With `is_thrust`, no ratio is available yet; rows are pulse width in us, thrust in N, standard
+    error.
     """
 
     rows: tuple[tuple[float, ...], ...] = ()
-    problem: str = ""
+    problem: str = ""  # reason for missing ratios
     simulated: bool = False
     is_thrust: bool = False
 

@@ -113,6 +113,17 @@ def titled_card(title: str) -> Iterator[ui.card]:
         yield card
 
 
+def refresh_cards(interval_s: float, *cards: Any) -> None:
+    """Refresh cards now and periodically."""
+
+    def refresh() -> None:
+        for card in cards:
+            card.refresh()
+
+    refresh()
+    ui.timer(interval_s, refresh)
+
+
 def show_facts(container: ui.element, facts: Mapping[str, str]) -> None:
     """Replace the contents of a container by labels: each name, then its text."""
     container.clear()

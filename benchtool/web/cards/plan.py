@@ -132,7 +132,6 @@ class PlanCard:
                 self._resume = ui.button("Resume a stopped run", on_click=self._select_run)
                 self._resume.props("outline")
             self._command = CommandRow()
-        self._update()
 
     def _build_form(self) -> None:
         ui.label("Empty fields show their default.").classes("soft")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 from nicegui import run, ui
 
@@ -32,6 +33,7 @@ from benchtool.web.widgets import (
     CommandRow,
     confirm_arming,
     open_tab,
+    refresh_cards,
     show_errors,
     show_facts,
     titled_card,
@@ -184,22 +186,12 @@ def build(context: PageContext) -> None:
     """Build the tab."""
     with ui.element("div").classes("grid-main"):
         with ui.element("div"):
-            connect = ConnectCard(context)
-            record = RecordCard(context)
-            live = LiveRecordCard(context)
-            charts = ChartCard(context)
+            cards: list[Any] = [ConnectCard(context), RecordCard(context)]
+            cards += [LiveRecordCard(context), ChartCard(context)]
         with ui.element("div"):
-            throttle = ThrottleCard(context)
-            limits = LimitsCard(context)
-            load_cell = LoadCellCard(context)
-            device = DeviceCard(context)
-
-    def refresh() -> None:
-        for card in (connect, record, live, charts, throttle, limits, load_cell, device):
-            card.refresh()
-
-    refresh()
-    ui.timer(REFRESH_INTERVAL_S, refresh)
+            cards += [ThrottleCard(context), LimitsCard(context)]
+            cards += [LoadCellCard(context), DeviceCard(context)]
+    refresh_cards(REFRESH_INTERVAL_S, *cards)
 
 
 LIVE_HINT = (

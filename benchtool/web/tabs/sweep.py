@@ -8,6 +8,7 @@ from pathlib import Path
 
 from nicegui import ui
 
+from benchtool.acquire.record import NO_PROGRESS
 from benchtool.acquire.visit_order import format_duration
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.ratios import RATIO_BASES
@@ -26,10 +27,9 @@ from benchtool.web.ratio_plot import (
     ratio_figure,
 )
 from benchtool.web.theme import LIGHT_INK
-from benchtool.web.widgets import open_tab, show_errors
+from benchtool.web.widgets import open_tab, refresh_cards, show_errors
 
 REFRESH_INTERVAL_S = 0.5
-HIDDEN_EVENTS = frozenset({"device"})  # in the run folder only
 MAX_EVENTS = 60
 
 
@@ -59,7 +59,6 @@ class RunCard:
                     self._answer = ui.input("Answer").classes("grow")
                     ui.button("Send", on_click=self._send)
             self._log = ui.column().classes("events w-full gap-0")
-        self.refresh()
 
     def refresh(self) -> None:
         sweep, events = self._context.bench.sweep, self._context.bench.events
@@ -81,7 +80,7 @@ class RunCard:
         self._question.set_text(sweep.question)
         if len(events) != self._n_events:
             self._n_events = len(events)
-            visible = [event for event in events if event.event not in HIDDEN_EVENTS]
+            visible = [event for event in events if event.event not in NO_PROGRESS]
             self._log.clear()
             with self._log:
                 for event in reversed(visible[-MAX_EVENTS:]):
@@ -177,11 +176,6 @@ def build(context: PageContext) -> None:
             plot = RatioCard(context)
         with ui.element("div"):
             plan = PlanCard(context)
-
-    def refresh() -> None:
-        for card in (run, charts, limits, plan):
-            card.refresh()
-
-    ui.timer(REFRESH_INTERVAL_S, refresh)
+    refresh_cards(REFRESH_INTERVAL_S, run, charts, limits, plan)
     # Separate timer: the status of a sweep must not wait for its plot.
     ui.timer(REFRESH_INTERVAL_S, plot.refresh)
