@@ -15,6 +15,7 @@ from benchtool.core.units import Array
 from benchtool.report.palette import BLUE, GREY, SERIES_STYLES, VERMILION
 
 CURVE_POINTS = 80
+CURVE_Z_OVER_R = (0.5, 5.0)
 
 Trace = dict[str, Any]  # Plotly trace
 
@@ -114,9 +115,7 @@ def _rows(table: tuple[Array, ...], mask: NDArray[np.bool_]) -> tuple[tuple[floa
     return tuple(map(tuple, np.column_stack(table)[mask].tolist()))
 
 
-def model_curves(
-    model: str, rig: Rig, z_over_R: tuple[float, float], ink: str, basis: str
-) -> tuple[Trace, ...]:
+def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...]:
     """Return curves of the closed formulas and of a model with its band, all rotors turning.
 
     Args:
@@ -130,10 +129,10 @@ def model_curves(
     from benchtool.physics import VALIDITY_Z_OVER_R
     from benchtool.report.ratio import factor_at_distance, formula_curves, uncertainty_bands
 
-    low, high = z_over_R
+    low, high = CURVE_Z_OVER_R
     nominal = nominal_model(model, rig) if model else None
     nearest = VALIDITY_Z_OVER_R if nominal is None else nominal.model.nearest_z_over_R
-    x = np.geomspace(max(low, nearest), max(high, low + 0.5), CURVE_POINTS)
+    x = np.geomspace(max(low, nearest), high, CURVE_POINTS)
     speeds = np.full((rig.n_rotors, 1), 500.0)
     traces = []
     for curve in formula_curves(rig, speeds, x[x >= VALIDITY_Z_OVER_R]):

@@ -97,7 +97,6 @@ BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pulse", "equal_power":
 assert tuple(BASES) == RATIO_BASES
 
 DEFAULT_MODELS = {1: "single_bench", 4: "quad_bench"}  # by number of discs
-CURVE_Z_OVER_R = (0.5, 5.0)
 
 
 class RatioCard:
@@ -148,9 +147,9 @@ class RatioCard:
         if rig is not None and self._curves_key != (rig.name, model, ink, basis):
             self._curves_key = rig.name, model, ink, basis
             try:
-                self._curves = await run(model_curves, model, rig, CURVE_Z_OVER_R, ink, basis)
+                self._curves = await run(model_curves, model, rig, ink, basis)
             except BenchtoolError as error:
-                self._curves = await run(model_curves, "", rig, CURVE_Z_OVER_R, ink, basis)
+                self._curves = await run(model_curves, "", rig, ink, basis)
                 points = points if points.rows else MeasuredRatios(problem=str(error))
         self._plot.update_figure(ratio_figure(points, self._curves, text, ink))
         self._problem.set_text(points.problem)
