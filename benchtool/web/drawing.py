@@ -108,20 +108,17 @@ def as_html(block: Content) -> str:
 
 
 def _table(table: Table) -> str:
-    def head_cell(text: str, column: int) -> str:
+    def cell(tag: str, html: str, column: int) -> str:
         css_class = ' class="number"' if column >= table.text_columns else ""
-        return f'<th scope="col"{css_class}><button type="button">{escape(text)}</button></th>'
+        return f"<{tag}{css_class}>{html}</{tag.split()[0]}>"
 
-    def cell(tag: str, text: str, column: int, scope: str = "") -> str:
-        css_class = ' class="number"' if column >= table.text_columns else ""
-        return f"<{tag}{scope}{css_class}>{escape(text)}</{tag}>"
-
-    head = "".join(head_cell(text, column) for column, text in enumerate(table.header))
+    head = "".join(
+        cell('th scope="col"', f'<button type="button">{escape(text)}</button>', column)
+        for column, text in enumerate(table.header)
+    )
+    tags = ('th scope="row"', *("td" for _ in table.header[1:]))
     body = "".join(
-        "<tr>"
-        + cell("th", row[0], 0, ' scope="row"')
-        + "".join(cell("td", text, column) for column, text in enumerate(row[1:], 1))
-        + "</tr>"
+        "<tr>" + "".join(map(cell, tags, map(escape, row), range(len(row)))) + "</tr>"
         for row in table.rows
     )
     return (

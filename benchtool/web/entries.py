@@ -239,11 +239,7 @@ def export_file(root: Path, name: str, target: str) -> tuple[str, bytes]:
 
 
 def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
-    """Return a comparison of runs, recordings and test-stand tables over a quantity.
-
-    Args:
-        thrust_N: thrust at which they are ranked; None for no ranking.
-    """
+    """Return runs, recordings and test-stand tables over a quantity, ranked at a thrust if any."""
     from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
 
     paths = [RunsFolder(root).find_path(name) for name in names]

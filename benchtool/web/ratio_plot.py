@@ -118,9 +118,7 @@ def _rows(table: tuple[Array, ...], mask: NDArray[np.bool_]) -> tuple[tuple[floa
 def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...]:
     """Return curves of the closed formulas and of a model with its band, all rotors turning.
 
-    Args:
-        model: name or file; "" for the formulas only.
-        basis: ratio basis of the model's curve.
+    Without a model, the formulas only.
 
     Raises:
         BenchtoolError: the model is not readable, or is for another rig.

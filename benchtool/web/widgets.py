@@ -258,9 +258,7 @@ def add_table_upload(
 ) -> None:
     """Create an upload of untrusted tables and logs into the runs folder.
 
-    Args:
-        on_stored: called with the name of each file in the folder.
-        add_options: adds import options to the inputs; default: none.
+    `on_stored` is called with the name of each file in the folder.
     """
 
     @show_errors
@@ -311,8 +309,7 @@ def confirm_arming(
 ) -> None:
     """Open the arming dialog, which starts a run; a real bench needs the typed confirmation.
 
-    Args:
-        parent: element that outlives the dialog; errors are shown in its slot.
+    Errors are shown in the slot of `parent`, which outlives the dialog.
     """
     connection = context.bench.connection
     identity, rig = connection.identity, connection.rig

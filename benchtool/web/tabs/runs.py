@@ -127,12 +127,7 @@ class RunDetail:
     async def compare(
         self, entries: Sequence[Entry], over: str = "", thrust_N: float | None = None
     ) -> None:
-        """Show a comparison of entries.
-
-        Args:
-            over: horizontal axis for runs and recordings; "" for thrust ratios of sweeps.
-            thrust_N: thrust at which they are ranked; None for no ranking.
-        """
+        """Show a comparison of entries, as `view_over`; without `over`, of ratios of sweeps."""
         kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
         text, has_ratios = f"comparing {len(names)}", kinds <= {*SWEEPS} and not over
         if kinds == {"fit"}:
