@@ -31,8 +31,11 @@ NICENESS = 5  # of a job; assumed
 class CommandJob(Job):
     """Job that writes a folder; function(report, out, command, *arguments).
 
-    `command` is the arguments of the equivalent `benchtool` command.
+    An explanation is in a folder with a hidden name until the user accepts it: `accepted_model` is
+    None until then, afterwards the name of the new model or "".
     """
+
+    accepted_model: str | None = None
 
     def __init__(
         self, out: Path, command: Sequence[str], function: Callable[..., Any], *arguments: Any
@@ -45,6 +48,20 @@ class CommandJob(Job):
         is_cancelled = super().cancel()
         shutil.rmtree(partial_folder(self.out), ignore_errors=True)
         return is_cancelled
+
+    def accept(self, out: Path) -> None:
+        """Rename the hidden folder to `out`; raise if it exists or without a result."""
+        from benchtool.explain.updated_model import MODEL
+        from benchtool.physics.model_file import load_model
+
+        if not self.succeeded:
+            raise InputError("there is no result to accept; press Explain first")
+        if self.accepted_model is not None:
+            raise InputError(f"{self.out.name} is accepted already; open it under Runs")
+        complete_folder(self.out, out)
+        model = out / MODEL
+        self.accepted_model = load_model(model).model.name if model.is_file() else ""
+        self.out = out
 
 
 def fit_to_folder(
@@ -100,29 +117,6 @@ class Explanation:
     seconds: float
 
 
-class ExplainJob(CommandJob):
-    """Explanation job, whose folder has a hidden name until the user accepts the result.
-
-    `accepted_model` is None until accepted, then the name of the new model or "".
-    """
-
-    accepted_model: str | None = None
-
-    def accept(self, out: Path) -> None:
-        """Rename the hidden folder to `out`; raise if it exists or without a result."""
-        from benchtool.explain.updated_model import MODEL
-        from benchtool.physics.model_file import load_model
-
-        if not self.succeeded:
-            raise InputError("there is no result to accept; press Explain first")
-        if self.accepted_model is not None:
-            raise InputError(f"{self.out.name} is accepted already; open it under Runs")
-        complete_folder(self.out, out)
-        model = out / MODEL
-        self.accepted_model = load_model(model).model.name if model.is_file() else ""
-        self.out = out
-
-
 def explain(
     report: ReportProgress, out: Path, command: tuple[str, ...], inputs: ExplainInputs
 ) -> Explanation:
@@ -163,11 +157,11 @@ def explain(
     )
 
 
-JOBS: dict[type[Inputs], tuple[list[str], type[CommandJob], Callable[..., Any]]] = {
-    FitInputs: (["fit"], CommandJob, fit_to_folder),
-    ExplainInputs: (["explain"], ExplainJob, explain),
-    PitchInputs: (["simulate", "pitch"], CommandJob, simulate_to_folder),
-    FlightInputs: (["simulate", "flight"], CommandJob, simulate_to_folder),
+JOBS: dict[type[Inputs], tuple[list[str], Callable[..., Any]]] = {
+    FitInputs: (["fit"], fit_to_folder),
+    ExplainInputs: (["explain"], explain),
+    PitchInputs: (["simulate", "pitch"], simulate_to_folder),
+    FlightInputs: (["simulate", "flight"], simulate_to_folder),
 }
 
 
@@ -178,5 +172,4 @@ def command_arguments(inputs: Inputs) -> list[str]:
 
 def start_command(out: Path, inputs: Inputs) -> CommandJob:
     """Start the job of a command."""
-    _, job_type, function = JOBS[type(inputs)]
-    return job_type(out, command_arguments(inputs), function, inputs)
+    return CommandJob(out, command_arguments(inputs), JOBS[type(inputs)][1], inputs)

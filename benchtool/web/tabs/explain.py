@@ -16,7 +16,7 @@ from benchtool.data.run.run import free_path
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.web.choices import RecordingSources, check_rig_choice, rig_choices
-from benchtool.web.command_jobs import ExplainJob, Explanation
+from benchtool.web.command_jobs import CommandJob, Explanation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
 from benchtool.web.widgets import (
@@ -83,7 +83,7 @@ def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str)
     return sources.runs.free_path(date, f"explain-{stem}")
 
 
-class ExplainTab(CommandTab[ExplainJob]):
+class ExplainTab(CommandTab):
     """Form and result of one page; ?learn=NAME&check=NAME&model=NAME selects the inputs."""
 
     label, icon, noun = "Explain", "troubleshoot", "explanation"
@@ -160,7 +160,7 @@ class ExplainTab(CommandTab[ExplainJob]):
         model, rig = self._model.value or "", self._rig.value
         return out.name, explain_inputs(self._sources, learn, check, model, rig, out)
 
-    def show_report(self, job: ExplainJob) -> None:
+    def show_report(self, job: CommandJob) -> None:
         result: Explanation = job.result()
         with ui.card().classes("w-full gap-2"):
             self._show_header(job, result)
@@ -174,7 +174,7 @@ class ExplainTab(CommandTab[ExplainJob]):
                     with ui.expansion(section.title).classes("w-full").props("dense"):
                         show_html(section)
 
-    def _show_header(self, job: ExplainJob, result: Explanation) -> None:
+    def _show_header(self, job: CommandJob, result: Explanation) -> None:
         with ui.row().classes("items-center gap-3"):
             ui.label("Result").classes("card-title")
             show_stamp(result.simulated)
@@ -204,7 +204,7 @@ class ExplainTab(CommandTab[ExplainJob]):
         button.on_click(accept)
         button.set_enabled(job.accepted_model is None)
 
-    def _status(self, job: ExplainJob, result: Explanation) -> str:
+    def _status(self, job: CommandJob, result: Explanation) -> str:
         """Return the files to be written, or a link to the written folder, as HTML."""
         if job.accepted_model is None:
             files = "model.toml, report and figures" if result.new_effects else "report and figures"

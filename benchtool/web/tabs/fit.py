@@ -244,7 +244,7 @@ class ParameterTable:
             self._context.persist(f"fit.{self._model}.{name}.{key}", element)
 
 
-class FitTab(CommandTab[CommandJob]):
+class FitTab(CommandTab):
     """Form and result of one page."""
 
     label, icon, noun = "Fit", "functions", "fit"

@@ -51,7 +51,7 @@ def _flight_choices() -> dict[str, Mapping[str, str] | None]:
     }
 
 
-class SimulateTab(CommandTab[CommandJob]):
+class SimulateTab(CommandTab):
     """Form and report of one page."""
 
     label, icon, noun = "Simulate", "flight_takeoff", "simulation"
