@@ -1,8 +1,11 @@
-"""Independent tasks in worker processes of this machine or on a Dask cluster.
+"""Work in other processes: independent tasks on this machine or a Dask cluster, and single jobs.
 
 A task is a module-level function and one item that contains all random seeds, so a task can be
 repeated on another worker with the same result. Results are JSON data. With a store, each result
 is written when it arrives, and the same call later runs the missing tasks only.
+
+A job is one long function with progress and cancellation. Functions must be importable, arguments
+and results picklable.
 """
 
 from __future__ import annotations
@@ -15,9 +18,16 @@ import signal
 import socket
 import sys
 import threading
+import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from concurrent.futures import (
+    CancelledError,
+    Future,
+    InvalidStateError,
+    ProcessPoolExecutor,
+    as_completed,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
@@ -28,11 +38,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 from urllib.parse import urlsplit
 
 from benchtool.core.errors import (
+    BenchtoolError,
     FileFormatError,
     InputError,
     LinkLost,
     MissingLibrary,
     ResourceExhausted,
+    RunInterrupted,
     show_warning,
 )
 from benchtool.core.inputs import Input
@@ -42,6 +54,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Work = Callable[[T], Any]  # returns JSON data: numbers, text, lists and dictionaries
+ReportProgress = Callable[[str, float], None]  # (stage, share from 0 to 1)
 
 Cluster = Annotated[  # option of all commands with many tasks
     str | None, Input("Dask scheduler: tcp://HOST:8786.", default_text="this machine")
@@ -49,6 +62,7 @@ Cluster = Annotated[  # option of all commands with many tasks
 
 CONNECT_TIMEOUT_S = 10.0  # of the scheduler; assumed
 MAX_ROUNDS = 3  # successive crashes of the worker processes without any result; assumed
+TERMINATION_TIMEOUT_S = 2.0  # a cancelled job still running after this is killed; assumed
 
 
 class TaskStore:
@@ -208,7 +222,7 @@ class WorkerProcesses(ProcessPoolExecutor):
     def __init__(self, count: int) -> None:
         spawn = get_context("spawn")
         self._child_end, self._parent_end = spawn.Pipe(duplex=False)
-        super().__init__(count, spawn, exit_with_parent, (self._child_end,))
+        super().__init__(count, spawn, _set_up_process, (self._child_end,))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         self._parent_end.close()
@@ -216,18 +230,118 @@ class WorkerProcesses(ProcessPoolExecutor):
         self._child_end.close()
 
 
-def exit_with_parent(pipe: Pipe) -> None:
-    """Set up a worker process: one-line warnings, and exit when the parent closes the pipe."""
+def _set_up_process(parent: Pipe | None) -> None:
+    """Set one-line warnings, ignore Ctrl-C, and exit when the parent closes the pipe, if any."""
     warnings.showwarning = show_warning
     # Ctrl-C ends the parent, which ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if parent is None:
+        return
 
     def end() -> None:
         with suppress(EOFError, OSError):
-            pipe.recv()
+            parent.recv()
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
+
+
+class Job(Future[Any]):
+    """Future of a function in a new process, with the stages of its progress.
+
+    The error of a job is a BenchtoolError; RunInterrupted if the process ended unexpectedly.
+
+    Args:
+        function: called as function(report, *arguments) with a `ReportProgress`.
+        niceness: of the process, on POSIX systems.
+        daemon: end the process with this one; False for work that must be completed.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        *arguments: Any,
+        niceness: int = 0,
+        daemon: bool = True,
+    ) -> None:
+        super().__init__()
+        self.stage, self.share = "starting", 0.0
+        self.stages: tuple[str, ...] = ()  # all so far, in order
+        spawn = get_context("spawn")
+        pipe, child_pipe = spawn.Pipe()
+        self._process = spawn.Process(
+            target=_run_job, args=(child_pipe, function, arguments, niceness, daemon), daemon=daemon
+        )
+        self._process.start()
+        child_pipe.close()
+        threading.Thread(target=self._receive, args=(pipe,), daemon=True).start()
+
+    @property
+    def succeeded(self) -> bool:
+        return self.done() and not self.cancelled() and self.exception() is None
+
+    def report(self, stage: str, share: float) -> None:
+        """Set stage and share; called by the function in its process."""
+        self.stage, self.share = stage, share
+        if stage not in self.stages[-1:]:
+            self.stages = (*self.stages, stage)
+
+    def cancel(self) -> bool:
+        """End the process if it is running; return whether the job is cancelled."""
+        is_cancelled = super().cancel()
+        if is_cancelled:
+            self._process.terminate()
+            self._process.join(TERMINATION_TIMEOUT_S)
+            if self._process.is_alive():
+                self._process.kill()
+        return is_cancelled
+
+    def _receive(self, pipe: Pipe) -> None:
+        """Receive calls of this object's methods until the process ends."""
+        with suppress(InvalidStateError):  # cancelled
+            with pipe, suppress(EOFError, OSError):
+                while True:
+                    method, arguments = pipe.recv()
+                    getattr(self, method)(*arguments)
+            self._process.join()
+            if not self.done():
+                error = RunInterrupted(
+                    f"the process ended unexpectedly (exit code {self._process.exitcode}), "
+                    f"possibly out of memory; reduce the size of the job or close other programs"
+                )
+                self.set_exception(error)
+
+
+def _run_job(
+    pipe: Pipe, function: Callable[..., Any], arguments: Any, niceness: int, daemon: bool
+) -> None:
+    """Run a job's function in its process and send calls of the job's methods."""
+    _set_up_process(pipe if daemon else None)
+    with suppress(AttributeError, OSError):
+        os.nice(niceness)
+
+    def report(stage: str, share: float) -> None:
+        pipe.send(("report", (stage, float(share))))
+
+    method, outcome = "set_result", None
+    try:
+        outcome = function(report, *arguments)
+    except Exception as error:  # noqa: BLE001 -- the job shows every error
+        method, outcome = "set_exception", to_user_error(error)
+    with suppress(OSError):  # the parent has ended
+        pipe.send((method, (outcome,)))
+
+
+def to_user_error(error: Exception) -> BenchtoolError:
+    """Return the error to show; the traceback of an unexpected one is printed in the terminal."""
+    if isinstance(error, BenchtoolError):
+        return error
+    traceback.print_exception(error)
+    summary = " ".join(str(error).split())
+    return BenchtoolError(
+        f"internal error of benchtool, {type(error).__name__}: {summary}; please report it with "
+        f"the traceback from the terminal of benchtool web"
+    )
 
 
 def _client(address: str) -> Client:

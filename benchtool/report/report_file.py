@@ -66,7 +66,6 @@ def page_text(
     paths: Sequence[Path], replay_inputs: ReplayInputs | None = None, commands: Sequence[str] = ()
 ) -> str:
     """Return the report of the paths as HTML text."""
-    replay_inputs = replay_inputs or ReplayInputs()
     kinds = [detect_kind(path) for path in paths]
     if len(paths) > 1 and set(kinds) != {"sweep"}:
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
@@ -77,7 +76,7 @@ def page_text(
             command = "benchtool fit" if kinds[0] == "fit" else "benchtool explain"
             raise FileFormatError(str(paths[0]), f"{PAGE} is missing; repeat {command} --out")
         return page.read_text("utf-8")
-    return render_report(_build_report(paths, kinds[0], replay_inputs, commands))
+    return render_report(build_report(paths, kinds[0], replay_inputs, commands))
 
 
 def write_report(
@@ -118,9 +117,14 @@ def write_report(
     return target
 
 
-def _build_report(
-    paths: Sequence[Path], kind: Kind, replay_inputs: ReplayInputs, commands: Sequence[str]
+def build_report(
+    paths: Sequence[Path],
+    kind: Kind,
+    replay_inputs: ReplayInputs | None = None,
+    commands: Sequence[str] = (),
 ) -> Report:
+    """Return the report of a sweep, a recording, or several sweeps."""
+    replay_inputs = replay_inputs or ReplayInputs()
     if kind != "sweep":
         return recording_page(paths[0], replay_inputs, commands)
     replay_inputs.check_unused("a sweep has no controller")

@@ -1,29 +1,30 @@
-"""Web application. `serve` imports this module last, as the web framework is slow to import."""
+"""Web application: page with STOP in its header, and tabs built when first shown.
+
+`serve` imports this module last, as the web framework is slow to import.
+"""
 
 from __future__ import annotations
 
-import asyncio
 import os
 import socket
-from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from time import monotonic
 
 import uvicorn
-from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from fastapi import FastAPI, Request
 from fastapi.middleware.gzip import GZipMiddleware
 from nicegui import app, ui
 
-from benchtool.web.access import Access
-from benchtool.web.access_middleware import AccessMiddleware
+from benchtool.acquire.visit_order import format_duration
+from benchtool.web.access import Access, AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
-from benchtool.web.bench_process.messages import Notice
-from benchtool.web.bench_process.publisher import merge_frames
+from benchtool.web.bench_process.messages import SPEED_LIMIT, Notice
 from benchtool.web.bench_process.spawn import ProcessHandle
-from benchtool.web.context import ServerState
-from benchtool.web.control_socket import serve_control_sockets
-from benchtool.web.page import serve_page
-from benchtool.web.theme import serve_static
-from benchtool.web.widgets import notify_all_pages, notify_error
+from benchtool.web.context import PageContext, ServerState
+from benchtool.web.sockets import add_control_script, serve_control_sockets, serve_stream
+from benchtool.web.theme import apply_theme, serve_static
+from benchtool.web.widgets import notify, notify_all_pages, notify_error, open_dialog, show_errors
 
 RECONNECT_TIMEOUT_S = 15.0  # a page disconnected for longer is dropped; assumed
 MAX_MESSAGE_BYTES = 1_000_000  # of a websocket; files are uploaded by requests
@@ -70,48 +71,187 @@ def run_application(
     uvicorn.Server(config).run(sockets=[listening])
 
 
-class FrameBuffer:
-    """Buffer of frames for one page; pending frames are merged, no extreme is lost."""
+TABS = {
+    "Bench": "speed",
+    "Sweep": "stacked_line_chart",
+    "Runs": "folder_open",
+    "Fit": "functions",
+    "Simulate": "flight_takeoff",
+    "Explain": "troubleshoot",
+}
+"""Tabs in order with Material icons; module `tabs/NAME.py`, imported when first shown."""
 
-    def __init__(self) -> None:
-        self._pending: bytes | None = None
-        self._ready = asyncio.Event()
-
-    def put(self, frame: bytes) -> None:
-        self._pending = frame if self._pending is None else merge_frames(self._pending, frame)
-        self._ready.set()
-
-    async def send_all(self, socket: WebSocket) -> None:
-        with suppress(WebSocketDisconnect, RuntimeError):
-            while True:
-                await self._ready.wait()
-                self._ready.clear()
-                frame, self._pending = self._pending, None
-                assert frame is not None
-                await socket.send_bytes(frame)
+# Loads the plot library before STOP is drawn.
+PLOT_PRELOAD = '<script type="module">import "nicegui-plotly";</script>'
 
 
-def serve_stream(bench: BenchClient) -> None:
-    """Serve the frames of the live stream under /stream."""
-    buffers: set[FrameBuffer] = set()
+def serve_page(server: ServerState) -> None:
+    """Serve the page under /; ?tab=NAME selects the tab."""
 
-    def publish(frame: bytes) -> None:
-        for buffer in buffers:
-            buffer.put(frame)
+    @ui.page("/", title="benchtool")
+    def page(request: Request, tab: str = "") -> None:
+        theme = request.cookies.get("benchtool-theme", "")
+        context = PageContext(server=server, theme=theme if theme in ("light", "dark") else "")
+        add_control_script(context)
+        ui.add_head_html(PLOT_PRELOAD)
+        header = Header(context, apply_theme(theme))
+        keys = [name.lower() for name in TABS]
+        with header.tab_row:
+            initial_key = tab if tab in keys else keys[0]
+            tabs = ui.tabs()
+            tabs.props("dense no-caps inline-label align=left").classes("w-full")
+        with tabs:
+            for name, icon in TABS.items():
+                ui.tab(name.lower(), label=name, icon=icon)
+        with ui.tab_panels(tabs, value=initial_key, animated=False, keep_alive=True).classes(
+            "w-full"
+        ):
+            panels = {key: ui.tab_panel(key).classes("w-full") for key in keys}
+        built: set[str] = set()
 
-    bench.on_frame = publish
+        def show(key: str) -> None:
+            if key not in built:
+                built.add(key)
+                with panels[key]:
+                    import_module(f"benchtool.web.tabs.{key}").build(context)
 
-    @app.websocket("/stream")
-    async def stream(socket: WebSocket) -> None:
-        await socket.accept()
-        buffer = FrameBuffer()
-        buffers.add(buffer)
-        sending = asyncio.ensure_future(buffer.send_all(socket))
-        try:
-            while True:  # a page sends nothing; this raises on disconnection
-                await socket.receive_bytes()
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            pass
-        finally:
-            sending.cancel()
-            buffers.discard(buffer)
+        def select(key: str) -> None:
+            show(key)
+            ui.run_javascript(
+                f'history.replaceState(null, "", "?tab={key}"); window.scrollTo(0, 0)'
+            )
+
+        tabs.on_value_change(lambda change: select(str(change.value)))
+        show(initial_key)
+
+
+STOP = (
+    '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
+    "<small>space bar or Esc</small></button>"
+    '<span class="stop-note" role="alert"></span>'
+)
+
+ZERO_THROTTLE_TEXT = "motors at zero"
+
+REFRESH_INTERVAL_S = 0.5
+
+_THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
+           "dark": ("dark_mode", "")}  # fmt: skip
+
+
+class Header:
+    """Header with status line, alarm banner and STOP."""
+
+    def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
+        self._context, self._dark = context, dark
+        self._title = "benchtool"
+        with ui.header().classes("q-py-xs q-px-md"):
+            with ui.row(wrap=False).classes("items-center w-full gap-4"):
+                ui.label("benchtool").classes("text-h6 page-name").props(
+                    "role=heading aria-level=1"
+                )
+                with ui.row().classes("status-line grow"):
+                    self._state = ui.label().props("role=status")
+                    self._control = ui.label().classes("soft")
+                self._take_button = ui.button("Take over", on_click=self._take_over)
+                self._take_button.props("outline")
+                self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
+                self._theme.props('aria-label="Theme: light, dark or system setting"')
+                log = ui.button(icon="history", on_click=self._show_log).props("flat round dense")
+                log.props('aria-label="Messages"')
+                ui.html(STOP, sanitize=False)
+                self._known = ui.label().classes("known")
+            with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
+                self._cause = ui.label().classes("grow").props("role=alert")
+                self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")
+            self.tab_row = ui.row().classes("w-full")
+        self._show_theme()
+        self.refresh()
+        context.on_connect = self.refresh
+        ui.timer(REFRESH_INTERVAL_S, self.refresh)
+
+    def refresh(self) -> None:
+        connection = self._context.bench.connection
+        parts, in_control = status_parts(self._context.bench), self._context.in_control()
+        self._known.set_text(f"{', '.join(parts)}.")
+        self._state.set_text(" · ".join(parts))
+        self._control.set_text("in control" if in_control else "watching")
+        motors = motors_text(self._context.bench)
+        title = "benchtool" if motors == ZERO_THROTTLE_TEXT else f"{motors} – benchtool"
+        if title != self._title:
+            self._title = title
+            with self._state:  # also called from a websocket's task
+                ui.page_title(title)
+        may_turn = bool(connection.standstill_problem)
+        cause = connection.standstill_problem or connection.reason
+        self._alarm.set_visibility(bool(cause))
+        if may_turn and not cause.startswith("MOTORS MAY STILL TURN"):
+            cause = f"MOTORS MAY STILL TURN: {cause}"
+        self._cause.set_text(cause)
+        self._alarm.classes(**{"add" if may_turn else "remove": "motors"})
+        self._dismiss.set_text("I checked: motors at standstill" if may_turn else "Dismiss")
+        is_free = self._context.server.control.is_free(monotonic())
+        self._take_button.set_visibility(is_free and not in_control and bool(self._context.tab))
+
+    def _take_over(self) -> None:
+        has_lock = self._context.server.control.acquire(self._context.tab, monotonic())
+        notify("this page has the control lock" if has_lock else "another page has taken over")
+        self.refresh()
+
+    @show_errors
+    def _dismiss_alarm(self) -> None:
+        self._context.require_control()
+        self._context.bench.dismiss_alarm()
+        self.refresh()
+
+    def _show_log(self) -> None:
+        """Open a dialog with the message history, newest first."""
+        with open_dialog("Messages") as dialog:
+            lines = [
+                f"{message.time:%H:%M:%S}  {'! ' if message.is_error else ''}{message.text}"
+                + (f" ({message.count} times)" if message.count > 1 else "")
+                for message in reversed(self._context.server.log.messages)
+            ]
+            ui.label("\n".join(lines) or "no message yet").classes("events w-full")
+            ui.button("Close", on_click=dialog.close).props("outline")
+
+    def _next_theme(self) -> None:
+        theme = _THEMES[self._context.theme][1]
+        self._context.theme = theme
+        self._dark.value = {"light": False, "dark": True}.get(theme)
+        cookie = f"benchtool-theme={theme}; path=/; max-age=31536000; samesite=strict"
+        ui.run_javascript(f'document.cookie = "{cookie}"')
+        self._show_theme()
+
+    def _show_theme(self) -> None:
+        self._theme.props(f"icon={_THEMES[self._context.theme][0]}")
+
+
+def status_parts(bench: BenchClient) -> list[str]:
+    """Return one phrase each about bench, motors, arming and run."""
+    connection, live, sweep = bench.connection, bench.live, bench.sweep
+    parts = {
+        "off": ["no bench is connected"],
+        "opening": [f"opening {connection.address}"],
+        "on": [connection.address, motors_text(bench), "armed" if live.armed else "not armed"],
+    }[connection.status]
+    if connection.standstill_problem:
+        parts = [connection.standstill_problem]
+    if sweep.status != "none":
+        text = f"{sweep.noun} {sweep.name} {sweep.status}"
+        if sweep.active and sweep.noun == "sweep":
+            text += f", {sweep.n_measured} of {sweep.n_points} points"
+        if sweep.active and sweep.remaining_s:
+            text += f", about {format_duration(sweep.remaining_s)} left"
+        parts.append(text)
+    return parts
+
+
+def motors_text(bench: BenchClient) -> str:
+    """Return the highest commanded pulse width, and the highest measured speed if any."""
+    command_us = max(bench.live.command_pwm_us, default=0.0)
+    rig = bench.connection.rig
+    if rig is None or command_us <= rig.propulsion.pwm_stop_us:
+        return ZERO_THROTTLE_TEXT
+    rpm = [limit.value for limit in bench.live.limits if limit.name == SPEED_LIMIT]
+    return f"motors at {command_us:.0f} us" + "".join(f", {value:.0f} rpm" for value in rpm)

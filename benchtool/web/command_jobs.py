@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,9 @@ from benchtool.data.atomic import complete_folder, partial_folder, write_atomica
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.recipe import FitInputs
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
-from benchtool.web.jobs import Job, PageSection, ReportProgress
-from benchtool.web.tabs.runs.view import view_fit
+from benchtool.tasks import Job, ReportProgress
+from benchtool.web.drawing import PageSection
+from benchtool.web.entries import view_fit
 
 if TYPE_CHECKING:
     from benchtool.report.result import Result
@@ -24,6 +25,43 @@ if TYPE_CHECKING:
 Simulation = PitchInputs | FlightInputs
 
 FIGURE_START_SHARE = 0.85  # of the progress; assumed
+NICENESS = 5  # of a job; assumed
+
+
+class CommandJob(Job):
+    """Job that writes a folder; function(report, out, command, *arguments).
+
+    An explanation is in a folder with a hidden name until the user accepts it: `accepted_model` is
+    None until then, afterwards the name of the new model or "".
+    """
+
+    accepted_model: str | None = None
+
+    def __init__(
+        self, out: Path, command: Sequence[str], function: Callable[..., Any], *arguments: Any
+    ) -> None:
+        self.out, self.command = out, tuple(command)
+        super().__init__(function, out, self.command, *arguments, niceness=NICENESS)
+
+    def cancel(self) -> bool:
+        """End the process if it is running and delete the partial folder."""
+        is_cancelled = super().cancel()
+        shutil.rmtree(partial_folder(self.out), ignore_errors=True)
+        return is_cancelled
+
+    def accept(self, out: Path) -> None:
+        """Rename the hidden folder to `out`; raise if it exists or without a result."""
+        from benchtool.explain.updated_model import MODEL
+        from benchtool.physics.model_file import load_model
+
+        if not self.succeeded:
+            raise InputError("there is no result to accept; press Explain first")
+        if self.accepted_model is not None:
+            raise InputError(f"{self.out.name} is accepted already; open it under Runs")
+        complete_folder(self.out, out)
+        model = out / MODEL
+        self.accepted_model = load_model(model).model.name if model.is_file() else ""
+        self.out = out
 
 
 def fit_to_folder(
@@ -79,29 +117,6 @@ class Explanation:
     seconds: float
 
 
-class ExplainJob(Job):
-    """Explanation job, whose folder has a hidden name until the user accepts the result.
-
-    `accepted_model` is None until accepted, then the name of the new model or "".
-    """
-
-    accepted_model: str | None = None
-
-    def accept(self, out: Path) -> None:
-        """Rename the hidden folder to `out`; raise if it exists or without a result."""
-        from benchtool.explain.updated_model import MODEL
-        from benchtool.physics.model_file import load_model
-
-        if self.state.status != "done":
-            raise InputError("there is no result to accept; press Explain first")
-        if self.accepted_model is not None:
-            raise InputError(f"{self.out.name} is accepted already; open it under Runs")
-        complete_folder(self.out, out)
-        model = out / MODEL
-        self.accepted_model = load_model(model).model.name if model.is_file() else ""
-        self.out = out
-
-
 def explain(
     report: ReportProgress, out: Path, command: tuple[str, ...], inputs: ExplainInputs
 ) -> Explanation:
@@ -142,11 +157,11 @@ def explain(
     )
 
 
-JOBS: dict[type[Inputs], tuple[list[str], type[Job], Callable[..., Any]]] = {
-    FitInputs: (["fit"], Job, fit_to_folder),
-    ExplainInputs: (["explain"], ExplainJob, explain),
-    PitchInputs: (["simulate", "pitch"], Job, simulate_to_folder),
-    FlightInputs: (["simulate", "flight"], Job, simulate_to_folder),
+JOBS: dict[type[Inputs], tuple[list[str], Callable[..., Any]]] = {
+    FitInputs: (["fit"], fit_to_folder),
+    ExplainInputs: (["explain"], explain),
+    PitchInputs: (["simulate", "pitch"], simulate_to_folder),
+    FlightInputs: (["simulate", "flight"], simulate_to_folder),
 }
 
 
@@ -155,7 +170,6 @@ def command_arguments(inputs: Inputs) -> list[str]:
     return JOBS[type(inputs)][0] + to_arguments(type(inputs), with_changes(inputs))
 
 
-def start_command(out: Path, inputs: Inputs) -> Job:
+def start_command(out: Path, inputs: Inputs) -> CommandJob:
     """Start the job of a command."""
-    _, job_type, function = JOBS[type(inputs)]
-    return job_type(out, command_arguments(inputs), function, inputs)
+    return CommandJob(out, command_arguments(inputs), JOBS[type(inputs)][1], inputs)

@@ -6,24 +6,21 @@ import asyncio
 from abc import ABC, abstractmethod
 from functools import partial
 from html import escape
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import ClassVar
 
 from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.inputs import Inputs
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.command_jobs import command_arguments, start_command
+from benchtool.web.command_jobs import CommandJob, command_arguments, start_command
 from benchtool.web.context import PageContext
-from benchtool.web.jobs import Job
-from benchtool.web.widgets import STYLE, CommandRow, show_errors
-
-J = TypeVar("J", bound=Job)
+from benchtool.web.widgets import CommandRow, show_errors
 
 REFRESH_INTERVAL_S = 0.2
 
 
-class CommandTab(ABC, Generic[J]):
+class CommandTab(ABC):
     """Tab of a command. Jobs are shared by all pages, one at a time for each `noun`.
 
     A subclass creates form fields that call `change`, then calls `add_controls` and `add_report`.
@@ -39,15 +36,14 @@ class CommandTab(ABC, Generic[J]):
     def __init__(self, context: PageContext) -> None:
         self.context, self.folder = context, RunsFolder(context.runs)
         self.is_ready = False
-        self._job: J | None = None
-        ui.add_head_html(STYLE)
+        self._job: CommandJob | None = None
 
     @abstractmethod
     def read_form(self) -> tuple[str, Inputs]:
         """Return the name of the new folder and the inputs; raise for an invalid value."""
 
     @abstractmethod
-    def show_report(self, job: J) -> None:
+    def show_report(self, job: CommandJob) -> None:
         """Show the report of a completed job in the current slot."""
 
     def add_controls(self) -> None:
@@ -75,17 +71,13 @@ class CommandTab(ABC, Generic[J]):
         """Create the place of the report; show the latest job and the state of the form."""
         self.report = ui.column().classes("w-full gap-3 scroll-place")
         self.is_ready = True
-        job = self.latest_job
-        if job is not None and job.state.running:
+        job = self.context.server.jobs.get(self.noun)
+        if job is not None and not job.done():
             self._watch(job)
-        elif job is not None and job.state.status == "done":
+        elif job is not None and job.succeeded:
             self._replace_report(job)
         self.change()
         ui.timer(REFRESH_INTERVAL_S, self._refresh)
-
-    @property
-    def latest_job(self) -> J | None:
-        return self.context.server.jobs.get(self.noun)  # type: ignore[return-value]
 
     def change(self) -> None:
         """Show the form's command or its first error."""
@@ -107,21 +99,20 @@ class CommandTab(ABC, Generic[J]):
         name, inputs = self.read_form()
         create = partial(start_command, self.folder.new_path(name), inputs)
         self.report.clear()
-        job: Any = self.context.server.start_job(self.noun, create)
-        self._watch(job)
+        self._watch(self.context.server.start_job(self.noun, create))
         self.change()
 
-    def _watch(self, job: J) -> None:
+    def _watch(self, job: CommandJob) -> None:
         self._job = job
         self._failed.set_visibility(False)
         self._show_progress(job)
 
-    async def done(self, job: J) -> None:
+    async def done(self, job: CommandJob) -> None:
         """Show the report of a job that was completed while the page was open."""
         self._replace_report(job)
         self.report.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
 
-    def _replace_report(self, job: J) -> None:
+    def _replace_report(self, job: CommandJob) -> None:
         self.report.clear()
         with self.report:
             self.show_report(job)
@@ -131,26 +122,24 @@ class CommandTab(ABC, Generic[J]):
         if (job := self._job) is None:
             return
         self._show_progress(job)
-        state = job.state
-        if state.running:
+        if not job.done():
             return
         self._job = None
         self._panel.set_visibility(False)
         self.change()
-        if state.status == "done":
+        if job.succeeded:
             await self.done(job)
             return
         cancelled_text = f"{job.out.name} was cancelled; nothing was written"
-        self._failed.set_text(cancelled_text if state.status == "cancelled" else state.error)
+        self._failed.set_text(cancelled_text if job.cancelled() else str(job.exception()))
         self._failed.set_visibility(True)
 
-    def _show_progress(self, job: J) -> None:
-        state = job.state
+    def _show_progress(self, job: CommandJob) -> None:
         self._panel.set_visibility(True)
-        self._stage.set_text(f"{job.out.name}: {state.stage}, {100.0 * state.share:.0f} %")
-        self._bar.set_value(state.share)
-        items = [f"<li>✓ {escape(stage)}</li>" for stage in state.stages[:-1]]
-        items += [f"<li><b>… {escape(stage)}</b></li>" for stage in state.stages[-1:]]
+        self._stage.set_text(f"{job.out.name}: {job.stage}, {100.0 * job.share:.0f} %")
+        self._bar.set_value(job.share)
+        items = [f"<li>✓ {escape(stage)}</li>" for stage in job.stages[:-1]]
+        items += [f"<li><b>… {escape(stage)}</b></li>" for stage in job.stages[-1:]]
         self._stages.set_content(f'<ol class="stages">{"".join(items)}</ol>')
 
     @show_errors

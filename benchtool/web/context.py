@@ -8,22 +8,26 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
 from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import load_state, store_state
+from benchtool.tasks import WorkerProcesses, to_user_error
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
 from benchtool.web.bench_process.spawn import StopEndpoint
-from benchtool.web.jobs import Job, WorkerProcess
+
+if TYPE_CHECKING:
+    from benchtool.web.command_jobs import CommandJob
 
 RECONNECT_TIMEOUT_S = 2.0  # a page disconnected for longer can lose the lock; assumed
 
@@ -124,15 +128,14 @@ class LoggedMessage:
 class MessageHistory:
     """Message history with times; consecutive duplicates are stored once."""
 
-    def __init__(self, now: Callable[[], datetime] = lambda: datetime.now().astimezone()) -> None:
-        self._now = now
+    def __init__(self) -> None:
         self.messages: deque[LoggedMessage] = deque(maxlen=MAX_MESSAGES)
 
     def add(self, text: str, *, is_error: bool = False) -> None:
         count = 1
         if self.messages and self.messages[-1].text == text:
             count += self.messages.pop().count
-        self.messages.append(LoggedMessage(self._now(), text, is_error, count))
+        self.messages.append(LoggedMessage(datetime.now().astimezone(), text, is_error, count))
 
 
 class FormState:
@@ -171,20 +174,15 @@ class FormState:
 
 @dataclass(slots=True, kw_only=True)
 class ServerState:
-    """Shared state of all pages of a server.
+    """Shared state of all pages of a server."""
 
-    Attributes:
-        runs: the only folder that pages read and write.
-        workers: by purpose; created on first use.
-    """
-
-    runs: Path
+    runs: Path  # the only folder that pages read and write
     bench: BenchClient = field(default_factory=BenchClient)
     control: ControlLock = field(default_factory=ControlLock)
     watch: PageWatch = field(default_factory=PageWatch)
     stop_endpoint: StopEndpoint | None = None
-    workers: dict[str, WorkerProcess] = field(default_factory=dict)
-    jobs: dict[str, Job] = field(default_factory=dict)
+    workers: dict[str, WorkerProcesses] = field(default_factory=dict)  # by purpose
+    jobs: dict[str, CommandJob] = field(default_factory=dict)  # latest by kind
     log: MessageHistory = field(default_factory=MessageHistory)
     forms: FormState = field(init=False)
 
@@ -196,18 +194,38 @@ class ServerState:
         """End the processes and delete incomplete job folders."""
         self.forms.write()
         for worker in self.workers.values():
-            worker.close()
+            worker.shutdown()
         self.bench.close()  # stops the motors, so before jobs, which may take seconds
         for job in self.jobs.values():
             job.cancel()
 
-    def start_job(self, kind: str, create: Callable[[], Job]) -> Job:
+    async def run(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of a short function in the worker process of a purpose ("figures").
+
+        Raises:
+            BenchtoolError: raised by the function, or an unexpected error of it.
+            RunInterrupted: the process ended unexpectedly.
+        """
+        if worker not in self.workers:
+            self.workers[worker] = WorkerProcesses(1)
+        process = self.workers[worker]
+        try:
+            return await asyncio.wrap_future(process.submit(function, *arguments))
+        except BrokenProcessPool:
+            if self.workers.get(worker) is process:
+                self.workers.pop(worker).shutdown()
+            raise RunInterrupted(
+                f"the process for {worker} ended unexpectedly; try again"
+            ) from None
+        except Exception as error:  # noqa: BLE001 -- the page shows every error
+            raise to_user_error(error) from None
+
+    def start_job(self, kind: str, create: Callable[[], CommandJob]) -> CommandJob:
         """Start a job, one per kind; delete the incomplete folder of the previous job."""
         if (previous := self.jobs.get(kind)) is not None:
-            if previous.state.running:
+            if not previous.done():
                 raise InputError(
-                    f"{previous.out.name} is still running ({previous.state.stage}); wait or "
-                    f"cancel it"
+                    f"{previous.out.name} is still running ({previous.stage}); wait or cancel it"
                 )
             previous.cancel()
         job = self.jobs[kind] = create()
@@ -216,22 +234,14 @@ class ServerState:
 
 @dataclass(slots=True, kw_only=True)
 class PageContext:
-    """State of one page in one browser tab.
-
-    Attributes:
-        tab: name of the browser tab, sent by the page on connection.
-        theme: "light", "dark", or "" to follow the system.
-        dark: whether the page is dark now, sent by the page.
-        on_connect: called after the page has connected.
-        fields: persistent form fields by name.
-    """
+    """State of one page in one browser tab."""
 
     server: ServerState
-    tab: str = ""
-    theme: str = ""
-    dark: bool = False
-    on_connect: Callable[[], object] = lambda: None
-    fields: dict[str, Any] = field(default_factory=dict)
+    tab: str = ""  # name of the browser tab, sent by the page on connection
+    theme: str = ""  # "light", "dark", or "" to follow the system
+    dark: bool = False  # sent by the page
+    on_connect: Callable[[], object] = lambda: None  # called after the page has connected
+    fields: dict[str, Any] = field(default_factory=dict)  # persistent form fields by name
 
     def connect(self, tab: str) -> None:
         """Set the name of the browser tab and restore its form values."""
@@ -302,13 +312,9 @@ class PageContext:
         self.server.watch.record_heartbeat(self.tab, 0.0, monotonic())
         self.bench.send(command)
 
-    def worker(self, name: str) -> WorkerProcess:
-        """Return the worker process of a purpose ("fits", "simulations")."""
-        return self.server.workers.setdefault(name, WorkerProcess(name))
-
     async def compute(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of function(runs, *arguments) in a worker process."""
-        return await self.worker(worker).run(function, self.runs, *arguments)
+        return await self.server.run(worker, function, self.runs, *arguments)
 
 
 class RunsListing:

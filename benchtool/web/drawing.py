@@ -1,6 +1,7 @@
-"""Report blocks as HTML with SVG figures; call only in worker processes, as drawing is slow.
+"""Sections of the page: report blocks as HTML with SVG figures.
 
-Figures are embedded as images, so scripts in files of the runs folder cannot run.
+Figures are embedded as images, so scripts in files of the runs folder cannot run. Report modules
+are slow to import, so the functions are called in worker processes only.
 """
 
 from __future__ import annotations
@@ -9,19 +10,10 @@ from base64 import b64encode
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING, TypeAlias
 
-from benchtool.report.files import figure_axes, figure_bytes
-from benchtool.report.page import (
-    Block,
-    Commands,
-    FactTable,
-    FigureBlock,
-    Heading,
-    Listing,
-    Paragraph,
-    Table,
-    Warnings,
-)
+if TYPE_CHECKING:
+    from benchtool.report.page import Block, Table
 
 TOOLS = "".join(
     f'<button type="button" data-does="{does}">{text}</button>'
@@ -42,22 +34,46 @@ class FigureImage:
 
 
 # A text is a paragraph, a mapping a table of facts.
-Content = Block | FigureImage | str | Mapping[str, str]
+Content: TypeAlias = "Block | FigureImage | str | Mapping[str, str]"
 
 
-def blocks_html(blocks: Iterable[Content]) -> str:
-    """Return blocks as HTML with drawn figures; figures and tables may be placed side by side."""
-    return "".join(
-        f'<div class="block-beside">{as_html(block)}</div>'
-        if isinstance(block, FigureBlock | FigureImage | Table)
-        else as_html(block)
-        for block in blocks
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageSection:
+    """Section of the page."""
+
+    title: str
+    html: str  # with escaped text
+    simulated: bool = False
+    command: tuple[str, ...] = ()  # arguments of the equivalent `benchtool` command
+
+    @classmethod
+    def draw(
+        cls,
+        title: str,
+        blocks: Iterable[Content],
+        *,
+        simulated: bool = False,
+        command: tuple[str, ...] = (),
+    ) -> PageSection:
+        """Return a section of blocks; figures and tables may be placed side by side."""
+        from benchtool.report.page import FigureBlock, Table
+
+        html = "".join(
+            f'<div class="block-beside">{as_html(block)}</div>'
+            if isinstance(block, FigureBlock | FigureImage | Table)
+            else as_html(block)
+            for block in blocks
+        )
+        return cls(title=title, html=html, simulated=simulated, command=command)
 
 
 def as_html(block: Content) -> str:
     """Return a block as HTML with escaped text."""
-    if isinstance(block, FigureBlock):
+    from benchtool.report import page
+
+    if isinstance(block, page.FigureBlock):
+        from benchtool.report.files import figure_axes, figure_bytes
+
         block = FigureImage(
             figure_bytes(block.figure, "svg"), block.caption, figure_axes(block.figure)
         )
@@ -69,43 +85,40 @@ def as_html(block: Content) -> str:
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
-    if isinstance(block, str | Paragraph):
+    if isinstance(block, str | page.Paragraph):
         return f"<p>{escape(block if isinstance(block, str) else block.text)}</p>"
-    if isinstance(block, Heading):
+    if isinstance(block, page.Heading):
         return f'<h3 class="card-title">{escape(block.text)}</h3>'
-    if isinstance(block, Mapping | FactTable):
-        facts = block.items if isinstance(block, FactTable) else block
+    if isinstance(block, Mapping | page.FactTable):
+        facts = block.items if isinstance(block, page.FactTable) else block
         rows = "".join(
             f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
         )
         return f'<dl class="facts">{rows}</dl>'
-    if isinstance(block, Warnings):
+    if isinstance(block, page.Warnings):
         lines = "".join(f"<li>{escape(line)}</li>" for line in block.sentences)
-        return f'<ul class="warn-box" aria-label="Warnings">{lines}</ul>' if lines else ""
-    if isinstance(block, Commands):
+        return f'<ul class="warn-box" aria-label="page.Warnings">{lines}</ul>' if lines else ""
+    if isinstance(block, page.Commands):
         return f"<pre><code>{escape(chr(10).join(block.lines))}</code></pre>"
-    if isinstance(block, Table):
+    if isinstance(block, page.Table):
         return _table(block)
-    if isinstance(block, Listing):
+    if isinstance(block, page.Listing):
         return f"<p>{escape(block.caption)}</p><pre><code>{escape(block.text)}</code></pre>"
     raise TypeError(f"block type {type(block).__name__} is not supported")
 
 
 def _table(table: Table) -> str:
-    def head_cell(text: str, column: int) -> str:
+    def cell(tag: str, html: str, column: int) -> str:
         css_class = ' class="number"' if column >= table.text_columns else ""
-        return f'<th scope="col"{css_class}><button type="button">{escape(text)}</button></th>'
+        return f"<{tag}{css_class}>{html}</{tag.split()[0]}>"
 
-    def cell(tag: str, text: str, column: int, scope: str = "") -> str:
-        css_class = ' class="number"' if column >= table.text_columns else ""
-        return f"<{tag}{scope}{css_class}>{escape(text)}</{tag}>"
-
-    head = "".join(head_cell(text, column) for column, text in enumerate(table.header))
+    head = "".join(
+        cell('th scope="col"', f'<button type="button">{escape(text)}</button>', column)
+        for column, text in enumerate(table.header)
+    )
+    tags = ('th scope="row"', *("td" for _ in table.header[1:]))
     body = "".join(
-        "<tr>"
-        + cell("th", row[0], 0, ' scope="row"')
-        + "".join(cell("td", text, column) for column, text in enumerate(row[1:], 1))
-        + "</tr>"
+        "<tr>" + "".join(map(cell, tags, map(escape, row), range(len(row)))) + "</tr>"
         for row in table.rows
     )
     return (

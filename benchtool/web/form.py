@@ -9,7 +9,7 @@ from nicegui import ui
 
 from benchtool.core.inputs import InputField, Inputs, build_inputs, items, to_arguments
 from benchtool.core.text import format_value
-from benchtool.web.control_socket import PAGES
+from benchtool.web.sockets import PAGES
 
 T = TypeVar("T", bound=Inputs)
 

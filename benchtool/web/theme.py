@@ -23,12 +23,13 @@ def cycle(dark: bool) -> tuple[str, ...]:
 
 
 def apply_theme(theme: str) -> ui.dark_mode:
-    """Set the colours of the current page and return its dark mode."""
+    """Add colours, style sheets and scripts to the current page and return its dark mode."""
     ui.colors(primary=ACCENT, negative=ALARM, positive="#00704f", warning=ALARM, info=ACCENT)
     ui.button.default_props("no-caps")
     ui.add_head_html('<meta name="color-scheme" content="light dark">')
-    for sheet in ("layout", "page"):
+    for sheet in ("layout", "page", "shown"):
         ui.add_head_html(f'<link rel="stylesheet" href="/static/{sheet}.css">')
+    ui.add_head_html('<script src="/static/shown.js" defer></script>')
     return ui.dark_mode({"light": False, "dark": True}.get(theme))
 
 

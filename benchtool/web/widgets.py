@@ -14,21 +14,19 @@ from urllib.parse import urlencode
 
 from nicegui import Client, events, ui
 
+from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.acquire.operator import CONFIRMATION, arming_warnings
 from benchtool.bench.bench import DeviceInfo
 from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
-from benchtool.web.bench_process.messages import Notice
+from benchtool.tasks import to_user_error
+from benchtool.web.bench_process.messages import Notice, StartRun
 from benchtool.web.context import PageContext
-from benchtool.web.control_socket import PAGES
-from benchtool.web.jobs import PageSection, to_user_error
-from benchtool.web.tables import store_upload
-
-STYLE = (
-    '<link rel="stylesheet" href="/static/shown.css"><script src="/static/shown.js" defer></script>'
-)
+from benchtool.web.drawing import PageSection
+from benchtool.web.entries import store_upload
+from benchtool.web.sockets import PAGES
 
 
 def today() -> str:
@@ -79,30 +77,29 @@ def notify_all_pages(notice: Notice) -> None:
                     notify(notice.text, logged=True)
 
 
-def show_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap a handler so that its errors are shown as notifications."""
-    if iscoroutinefunction(handler):
-
-        @wraps(handler)
-        async def run_async(*args: Any, **kwargs: Any) -> Any:
-            page = ui.context.client
-            try:
-                return await handler(*args, **kwargs)
-            except Exception as error:  # noqa: BLE001 -- the boundary where errors are shown
-                # In the page's slot: the card of the handler may have been deleted.
-                with page:
-                    notify_error(error)
-
-        return run_async
-
-    @wraps(handler)
-    def run_sync(*args: Any, **kwargs: Any) -> Any:
-        try:
-            return handler(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001 -- as above
+@contextmanager
+def _errors_shown() -> Iterator[None]:
+    """Show an error of the block as a notification."""
+    page = ui.context.client
+    try:
+        yield
+    except Exception as error:  # noqa: BLE001 -- the boundary where errors are shown
+        # In the page's slot: the card of the handler may have been deleted.
+        with page:
             notify_error(error)
 
-    return run_sync
+
+def show_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a handler so that its errors are shown as notifications."""
+    if not iscoroutinefunction(handler):
+        return _errors_shown()(handler)
+
+    @wraps(handler)
+    async def run(*args: Any, **kwargs: Any) -> Any:
+        with _errors_shown():
+            return await handler(*args, **kwargs)
+
+    return run
 
 
 # --- elements -----------------------------------------------------------------------------------
@@ -114,6 +111,17 @@ def titled_card(title: str) -> Iterator[ui.card]:
     with ui.card().classes("w-full") as card:
         ui.label(title).classes("card-title").props("role=heading aria-level=2")
         yield card
+
+
+def refresh_cards(interval_s: float, *cards: Any) -> None:
+    """Refresh cards now and periodically."""
+
+    def refresh() -> None:
+        for card in cards:
+            card.refresh()
+
+    refresh()
+    ui.timer(interval_s, refresh)
 
 
 def show_facts(container: ui.element, facts: Mapping[str, str]) -> None:
@@ -220,6 +228,14 @@ def multiple_choice(label: str, on_change: Callable[[], object]) -> ui.select:
     return select.props("use-chips use-input input-debounce=0").classes("w-full")
 
 
+def replace_options(select: ui.select, options: list[str] | dict[str, str]) -> None:
+    """Replace the options of a select if they have changed; selected ones that remain are kept."""
+    if options != select.options:
+        selected = select.value or [] if select.multiple else [select.value]
+        values = [value for value in selected if value in options]
+        select.set_options(options, value=values if select.multiple else next(iter(values), None))
+
+
 UPLOAD_TYPES = ".csv,text/csv,.txt,.log,.bin,.ulg,.tlog"  # readable by an import
 UPLOAD_HEADER = """
 <q-btn flat icon="add" label="LABEL" class="w-full" @click="props.pickFiles" />
@@ -242,9 +258,7 @@ def add_table_upload(
 ) -> None:
     """Create an upload of untrusted tables and logs into the runs folder.
 
-    Args:
-        on_stored: called with the name of each file in the folder.
-        add_options: adds import options to the inputs; default: none.
+    `on_stored` is called with the name of each file in the folder.
     """
 
     @show_errors
@@ -291,14 +305,11 @@ def open_dialog(title: str) -> Iterator[ui.dialog]:
 
 
 def confirm_arming(
-    context: PageContext, parent: ui.element, text: str, start: Callable[[str, bool], object]
+    context: PageContext, parent: ui.element, text: str, inputs: SweepInputs | RecordInputs
 ) -> None:
-    """Open the arming dialog; a real bench needs the typed confirmation.
+    """Open the arming dialog, which starts a run; a real bench needs the typed confirmation.
 
-    Args:
-        parent: element that outlives the dialog; errors are shown in its slot.
-        start: called with the confirmation ("" for a simulated bench) and whether the run needs
-            this page.
+    Errors are shown in the slot of `parent`, which outlives the dialog.
     """
     connection = context.bench.connection
     identity, rig = connection.identity, connection.rig
@@ -321,7 +332,10 @@ def confirm_arming(
             context.require_control()
             if not is_simulated and not typed.value.strip():
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; no motor was started")
-            start("" if is_simulated else typed.value, not without_page.value)
+            confirmation = "" if is_simulated else typed.value
+            context.bench.send(StartRun(inputs, confirmation, not without_page.value))
+            if isinstance(inputs, SweepInputs):  # scroll up to the progress
+                ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 
         def press() -> None:
             # The dialog is deleted on close, so errors need another slot.

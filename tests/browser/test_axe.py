@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from benchtool.web.page import TABS
+from benchtool.web.application import TABS
 from tests.browser.conftest import connect, go_to
 
 if TYPE_CHECKING:

@@ -125,11 +125,11 @@ class BenchClient:
             if event.run != self.sweep.run:
                 self.events.clear()
             self.sweep = event
-        elif isinstance(event, messages.RunEvent):
-            self.events.append(event.event)
+        elif isinstance(event, Event):
+            self.events.append(event)
             del self.events[:-MAX_EVENTS]
-            if event.event.event == ANNOTATION:
-                self.marks.append((frame_time_s(self._frame), event.event.text))
+            if event.event == ANNOTATION:
+                self.marks.append((frame_time_s(self._frame), event.text))
         elif isinstance(event, messages.PressEnded):
             self.on_press_ended(event)
         else:

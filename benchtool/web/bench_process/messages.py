@@ -20,16 +20,11 @@ from benchtool.data.run.append import Event
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connect:
-    """Open a bench.
-
-    Attributes:
-        rig: may be empty if the address names one.
-        is_weighing: for load cell calibration without the guard's limits; rejects motor commands.
-    """
+    """Open a bench."""
 
     address: str
-    rig: str = ""
-    is_weighing: bool = False
+    rig: str = ""  # may be empty if the address names one
+    is_weighing: bool = False  # load cell calibration without limits; rejects motor commands
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,19 +60,13 @@ class ArmMotors:
 
 @dataclass(frozen=True, slots=True)
 class HoldThrottle:
-    """Periodic report that the throttle button is held.
-
-    Attributes:
-        press: number of this press, increasing per tab; an ended press is not resumed.
-        rotors: numbers of the rotors to drive, from 1.
-        age_s: time since the page last confirmed that the button was held.
-    """
+    """Periodic report that the throttle button is held."""
 
     tab: str
-    press: int
+    press: int  # increases per tab; an ended press is not resumed
     command_pwm_us: float
-    rotors: tuple[int, ...]
-    age_s: float = 0.0
+    rotors: tuple[int, ...]  # numbers from 1
+    age_s: float = 0.0  # since the page last confirmed that the button was held
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,14 +130,12 @@ class SetClockSpeed:
 class StartRun:
     """Start a sweep or a pitch recording on the connected bench, or resume a sweep.
 
-    Attributes:
-        typed: arming confirmation; "" is accepted for a simulated or checked bench only.
-        needs_page: if the page with the control lock is lost, a sweep pauses at zero throttle, a
-            recording stops.
+    With `needs_page`, a sweep pauses at zero throttle and a recording stops if the page with the
+    control lock is lost.
     """
 
     inputs: SweepInputs | RecordInputs
-    typed: str = ""
+    typed: str = ""  # arming confirmation; "" is accepted for a simulated or checked bench only
     needs_page: bool = True
 
 
@@ -192,27 +179,18 @@ Command = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionStatus:
-    """Connection status of the bench.
-
-    Attributes:
-        session: connection number; a new number means other channels and a new clock.
-        rig: with the limits in force; None when off.
-        rig_limits: limits of the rig file, the upper bound of `TightenLimits`.
-        is_weighing: connected for load cell calibration only; no motor can be commanded.
-        reason: cause of the disconnection, "" if commanded.
-        standstill_problem: reason why motors may still turn, or "".
-    """
+    """Connection status of the bench."""
 
     status: Literal["off", "opening", "on"] = "off"
     address: str = ""
-    session: int = 0
+    session: int = 0  # a new number means other channels and a new clock
     identity: DeviceInfo | None = None
-    rig: Rig | None = None
-    rig_limits: Limits | None = None
+    rig: Rig | None = None  # with the limits in force; None when off
+    rig_limits: Limits | None = None  # of the rig file, the upper bound of `TightenLimits`
     calibration: Calibration | None = None
-    is_weighing: bool = False
-    reason: str = ""
-    standstill_problem: str = ""
+    is_weighing: bool = False  # for load cell calibration only; no motor can be commanded
+    reason: str = ""  # of the disconnection; "" if commanded
+    standstill_problem: str = ""  # reason why motors may still turn
 
 
 SPEED_LIMIT = "speed, rpm"  # name of the LimitShare of speed
@@ -239,42 +217,27 @@ class LiveValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveStatus:
-    """Live status of the bench, published four times a second.
+    """Live status of the bench, published four times a second."""
 
-    Attributes:
-        command_pwm_us: one value per rotor.
-        rate_Hz: samples per second of the bench's clock.
-        limits: extreme readings since the last status, against their limits.
-        values: thrust, torque, power, efficiency and so on, if measured.
-        speed: speed of a virtual clock; 0 for real time.
-        weighed: (mass in kg, counts) of the calibration in progress.
-        busy: name of a slow operation in progress, or "".
-        standstill: sentence about rotors at standstill; "" while a motor is driven.
-    """
-
-    command_pwm_us: tuple[float, ...] = ()
-    rate_Hz: float = 0.0
+    command_pwm_us: tuple[float, ...] = ()  # per rotor
+    rate_Hz: float = 0.0  # samples per second of the bench's clock
     samples: int = 0
     lost: int = 0
     corrupt: int = 0
-    limits: tuple[LimitShare, ...] = ()
-    values: tuple[LiveValue, ...] = ()
+    limits: tuple[LimitShare, ...] = ()  # extreme readings since the last status
+    values: tuple[LiveValue, ...] = ()  # thrust, torque, power, efficiency and so on, if measured
     armed: bool = False
-    speed: float = 0.0
-    weighed: tuple[tuple[float, float], ...] = ()
-    busy: str = ""
-    standstill: str = ""
+    speed: float = 0.0  # of a virtual clock; 0 for real time
+    weighed: tuple[tuple[float, float], ...] = ()  # (mass in kg, counts) of a calibration
+    busy: str = ""  # name of a slow operation in progress
+    standstill: str = ""  # sentence about rotors at standstill; "" while a motor is driven
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepStatus:
     """Progress of a sweep or a recording.
 
-    Attributes:
-        status: "none" before the first run; "closing" while files are written.
-        n_points, n_measured: 0 for a pitch recording.
-        point_text: label of the current point.
-        reason: cause of an early end, or the summary.
+    The status is "none" before the first run, and "closing" while files are written.
     """
 
     status: Literal[
@@ -282,12 +245,16 @@ class SweepStatus:
     ] = "none"
     kind: Literal["sweep", "pitch", "live"] = "sweep"
     run: str = ""
-    n_points: int = 0
+    n_points: int = 0  # 0 for a pitch recording
     n_measured: int = 0
     remaining_s: float = 0.0
-    point_text: str = ""
+    point_text: str = ""  # label of the current point
     question: str = ""
-    reason: str = ""
+    reason: str = ""  # of an early end, or the summary
+
+    @property
+    def name(self) -> str:
+        return Path(self.run).name
 
     @property
     def noun(self) -> str:
@@ -296,13 +263,6 @@ class SweepStatus:
     @property
     def active(self) -> bool:
         return self.status in ("running", "pausing", "paused", "asking", "closing")
-
-
-@dataclass(frozen=True, slots=True)
-class RunEvent:
-    """Event of the current run."""
-
-    event: Event
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,4 +281,4 @@ class Notice:
     is_error: bool = False
 
 
-BenchEvent = ConnectionStatus | LiveStatus | SweepStatus | RunEvent | PressEnded | Notice
+BenchEvent = ConnectionStatus | LiveStatus | SweepStatus | Event | PressEnded | Notice

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import queue
-import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import wait
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 
 from benchtool.acquire.experiment import Experiment
@@ -23,13 +21,13 @@ from benchtool.acquire.sweep import Sweep
 from benchtool.acquire.visit_order import Visit
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stop_requests import StoppableBench
-from benchtool.core.errors import BenchError, BenchtoolError, InputError
+from benchtool.core.errors import BenchError, BenchtoolError
 from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
+from benchtool.tasks import Job, ReportProgress
 from benchtool.web.bench_process.messages import (
-    RunEvent,
     StartLiveRecording,
     StartRun,
     SweepStatus,
@@ -39,19 +37,14 @@ from benchtool.web.bench_process.publisher import EventPublisher
 READ_TIMEOUT_S = 0.05
 
 
-def close_run(path: Path) -> None:
+def close_run(_report: ReportProgress, path: Path) -> None:
     """Close a run; called in a separate process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     Run.open(path).close()
 
 
-def prepare_run(path: Path) -> SweepStart | str:
-    """Return the resume state of a run or an error message; called in a separate process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        return prepare_resume(load_resume_state(Run.open(path)))
-    except BenchtoolError as error:
-        return str(error)
+def prepare_run(_report: ReportProgress, path: Path) -> SweepStart:
+    """Return the resume state of a run; called in a separate process."""
+    return prepare_resume(load_resume_state(Run.open(path)))
 
 
 class RunSupervisor(RunProgress):
@@ -201,7 +194,7 @@ class RunSupervisor(RunProgress):
         return self._paused.is_set()
 
     def happened(self, event: Event) -> None:
-        self._publisher.publish(RunEvent(event))
+        self._publisher.publish(event)
         if event.event == "paused":
             self._page_lost = False
             self._change(status="paused")
@@ -210,14 +203,14 @@ class RunSupervisor(RunProgress):
 
     def _prepare_resume(self, bench: GuardedBench, run: Path) -> SweepStart:
         """Return the start of a resumed run, read by another process while this reads the bench."""
-        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-            future = pool.submit(prepare_run, run)
-            while not future.done():
+        job = Job(prepare_run, run, daemon=False)
+        try:
+            while not job.done():
                 bench.read_and_buffer(READ_TIMEOUT_S)
             bench.pop_unread()
-            start = future.result()
-        if isinstance(start, str):
-            raise InputError(start)
+        finally:
+            wait([job])
+        start: SweepStart = job.result()
         return start
 
     def inform(self, text: str) -> None:
@@ -254,11 +247,8 @@ class RunSupervisor(RunProgress):
         self._change(status="closing", run=str(run.path), question="", reason=reason)
 
         def close() -> None:
-            closing = get_context("spawn").Process(target=close_run, args=(run.path,))
-            closing.start()
-            closing.join()
             result = reason
-            if closing.exitcode:
+            if Job(close_run, run.path, daemon=False).exception() is not None:
                 result = f"{reason}; the tables computed from its samples could not be written"
             self._change(status=status, point_text="", remaining_s=0.0, reason=result)
 

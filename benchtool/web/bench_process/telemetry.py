@@ -95,16 +95,15 @@ class Telemetry:
         rig: Rig,
         publisher: EventPublisher,
         speed: Callable[[], float],
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._session, self._rig, self._publisher = session, rig, publisher
-        self._speed, self._clock = speed, clock
+        self._speed = speed
         self._guarded: GuardedBench | None = None
         self._names: tuple[str, ...] = ()
         self._frames: Decimator | None = None
         self._status_frame: bytes | None = None
         self._live = LiveStatus()
-        self._start_s = self._last_frame_s = clock()
+        self._start_s = self._last_frame_s = time.monotonic()
         self._frames_since_status = 0
         self._rate_samples, self._rate_time_s = 0, 0.0
         self._channels: tuple[Channel, ...] = ()
@@ -120,7 +119,7 @@ class Telemetry:
         self._channels = identity.channels
         self._names = tuple(channel.name for channel in identity.channels)
         self._frames = Decimator(self._session, len(self._names))
-        self._start_s = self._last_frame_s = self._clock()
+        self._start_s = self._last_frame_s = time.monotonic()
 
     def update(self, **changes: Any) -> None:
         """Change the next status; a change of `busy` is published at once."""
@@ -148,7 +147,7 @@ class Telemetry:
         self._publish(self._frames, float(readings.time_s[-1]) if len(readings) else None)
 
     def _publish(self, frames: Decimator, newest_s: float | None) -> None:
-        now_s = self._clock()
+        now_s = time.monotonic()
         if now_s - self._last_frame_s < FRAME_INTERVAL_S:
             return
         # Frames stay on their time grid, except after a delay of more than one interval.

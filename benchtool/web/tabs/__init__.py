@@ -1,1 +1,1 @@
-"""Tabs of the page, one package each."""
+"""Tabs of the page, one module each."""

@@ -51,8 +51,7 @@ from benchtool.fit.recipe import FitInputs, read_recipe
 from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.gain_file import parse_gains
 from benchtool.virtual.faults import parse_fault
-from benchtool.web.access import Access
-from benchtool.web.access_middleware import AccessMiddleware
+from benchtool.web.access import Access, AccessMiddleware
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.run_of import small_run
 from tests.unit.data.stand_logs import log_text, steps_1580

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchtool.core.errors import UnknownChoice
-from benchtool.web.jobs import ReportProgress
+from benchtool.tasks import ReportProgress
 
 Function = Callable[[ReportProgress, Path, tuple[str, ...]], int]
 

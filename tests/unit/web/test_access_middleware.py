@@ -3,11 +3,11 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from benchtool.web.access import Access
-from benchtool.web.access_middleware import (
+from benchtool.web.access import (
     MAX_BODY_BYTES,
     MAX_WAITING,
     WRONG_TOKEN_DELAY_S,
+    Access,
     AccessMiddleware,
 )
 

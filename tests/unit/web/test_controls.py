@@ -14,7 +14,7 @@ from benchtool.web.context import (
     PageWatch,
     ServerState,
 )
-from benchtool.web.control_socket import forward
+from benchtool.web.sockets import forward
 
 
 class RecordingClient(BenchClient):

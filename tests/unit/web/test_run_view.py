@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.web.tabs.runs.view import (
+from benchtool.web.entries import (
     report_bytes,
     table_bytes,
     view_comparison,

@@ -14,8 +14,8 @@ from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.report.compare.page import compare_runs
 from benchtool.report.page import Table
-from benchtool.web.tables import stand_blocks, store_radius, store_upload
-from benchtool.web.tabs.fit.request import FitRequest, build_fit_inputs
+from benchtool.web.entries import stand_blocks, store_radius, store_upload
+from benchtool.web.tabs.fit import FitRequest, build_fit_inputs
 
 STAND = "rcbenchmark_1580/StepsTest_2020-05-22_102946.csv"
 LOG = "logs/sample_log_small.ulg"

@@ -18,6 +18,7 @@ import pytest
 
 from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.acquire.plan import plan_from_toml
+from benchtool.data.run.append import Event
 from benchtool.data.run.read import read_pitch, read_points
 from benchtool.data.run.run import Run
 from benchtool.web.bench_process import messages
@@ -202,7 +203,7 @@ def test_a_sweep_runs_pauses_and_ends(bench, tmp_path):
     ended = bench.wait_for(messages.SweepStatus, is_over)
     assert ended.status == "ended", ended.reason
     assert ended.n_measured == ended.n_points == 5
-    run_events = [event.event for event in bench.events if isinstance(event, messages.RunEvent)]
+    run_events = [event for event in bench.events if isinstance(event, Event)]
     assert {"tare", "paused", "went_on", "ended"} <= {event.event for event in run_events}
     (path,) = tmp_path.iterdir()
     assert len(read_points(path)) == 5
@@ -229,7 +230,7 @@ def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(bench
 
     ended = bench.wait_for(object, ends_with_a_server)
     assert (ended.status, ended.n_measured) == ("ended", 5), ended.reason
-    run_events = [event.event for event in bench.events if isinstance(event, messages.RunEvent)]
+    run_events = [event for event in bench.events if isinstance(event, Event)]
     assert [event.text for event in run_events if event.event == "paused"] == [
         "the page is closed; motors at zero"
     ]

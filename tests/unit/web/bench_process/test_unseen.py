@@ -8,10 +8,10 @@ from multiprocessing import Pipe
 import pytest
 
 from benchtool.core.errors import LinkLost, StandstillNotConfirmed
+from benchtool.web.application import status_parts
 from benchtool.web.bench_process import process
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Connect, ConnectionStatus
-from benchtool.web.page import status_parts
 
 TURNING = StandstillNotConfirmed("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
 

@@ -18,7 +18,7 @@ from benchtool.data.run.recording_file import write_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.choices import EXAMPLE_PREFIX, RecordingSources
 from benchtool.web.command_jobs import command_arguments
-from benchtool.web.tabs.explain.tab import explain_inputs, suggested_folder
+from benchtool.web.tabs.explain import explain_inputs, suggested_folder
 
 EXAMPLES = Path(__file__).parents[4] / "datasets"
 

@@ -7,8 +7,8 @@ import pytest
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
 from benchtool.data.run.runs_folder import column_map_path
-from benchtool.web.tables import store_columns
-from benchtool.web.tabs.fit.data import allowed_units, check_columns, load_columns
+from benchtool.web.cards.data import allowed_units, check_columns, load_columns
+from benchtool.web.entries import store_columns
 
 
 @pytest.fixture

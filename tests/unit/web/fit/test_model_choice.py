@@ -12,7 +12,7 @@ from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.recipe import Recipe
 from benchtool.physics.model_file import load_model, model_to_toml
 from benchtool.web.choices import model_choices, model_path
-from benchtool.web.tabs.fit.request import ParameterChoice, choice_options, form_parameters
+from benchtool.web.tabs.fit import ParameterChoice, choice_options, form_parameters
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.result_file import read_fit
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.web.command_jobs import command_arguments, fit_to_folder
-from benchtool.web.tabs.fit.request import (
+from benchtool.web.tabs.fit import (
     FitRequest,
     ParameterChoice,
     build_fit_inputs,

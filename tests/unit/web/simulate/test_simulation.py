@@ -15,7 +15,7 @@ from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.web.command_jobs import Simulation, command_arguments, simulate_to_folder
-from benchtool.web.jobs import PageSection
+from benchtool.web.drawing import PageSection
 from tests.unit.commands.command_line import run
 
 BEAM: dict[str, Any] = {

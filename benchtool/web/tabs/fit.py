@@ -3,36 +3,153 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
-from typing import Any, get_args
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, get_args
 
 from nicegui import ui
 
 from benchtool.commands.terminal.table_fit import MODEL
+from benchtool.core.channel import ColumnSource
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.inputs import build_inputs
 from benchtool.core.parameter import Parameter
-from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.core.rig import Rig
+from benchtool.data.column_map import read_column_map
+from benchtool.data.csv_text import read_csv_header
+from benchtool.data.formats.formats import is_stand_table
+from benchtool.data.run.entry import Entry
+from benchtool.data.run.run import free_path
+from benchtool.data.run.runs_folder import RunsFolder, column_map_path
 from benchtool.data.run.state import list_state_files
+from benchtool.fit.fit_data import RATIO_BASIS
+from benchtool.fit.nominal import rig_for_data
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
+from benchtool.physics.model_file import load_model
 from benchtool.report.numbers import display_unit
-from benchtool.web.choices import model_choices, model_path, rig_choices
+from benchtool.web.cards.data import DataCard
+from benchtool.web.choices import check_rig_choice, model_choices, model_path, rig_choices
+from benchtool.web.command_jobs import CommandJob
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
+from benchtool.web.drawing import PageSection
+from benchtool.web.entries import FIGURE_WORKER, view_fit
 from benchtool.web.form import InputForm
-from benchtool.web.jobs import Job, PageSection
-from benchtool.web.tabs.fit.data import DataCard
-from benchtool.web.tabs.fit.request import (
-    FitRequest,
-    ParameterChoice,
-    build_fit_inputs,
-    data_rig,
-    form_parameters,
-    suggested_name,
-)
-from benchtool.web.tabs.runs.detail import FIGURE_WORKER
-from benchtool.web.tabs.runs.view import view_fit
-from benchtool.web.widgets import show_errors, show_section, show_spinner
+from benchtool.web.widgets import show_errors, show_section, show_spinner, titled_card
 
 DEFAULT_MODEL = "quad_bench"
+
+
+class ParameterChoice(NamedTuple):
+    """Choice of a model parameter: free, or fixed at a value."""
+
+    free: bool
+    value: float
+
+
+@dataclass(slots=True, kw_only=True)
+class FitRequest:
+    """Contents of the form."""
+
+    data: list[str] = field(default_factory=list)  # names of runs and tables
+    model: str = DEFAULT_MODEL  # key of `model_choices`
+    choices: dict[str, ParameterChoice] = field(default_factory=dict)  # that differ from the model
+    name: str = ""
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def form_parameters(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
+    """Return a model's parameters by full name, without noise parameters, which an option sets."""
+    parameters = load_model(model, rig).model.parameters
+    return {name: value for name, value in parameters.items() if not name.startswith("noise.")}
+
+
+def choice_options(
+    parameters: Mapping[str, Parameter], choices: Mapping[str, ParameterChoice]
+) -> dict[str, object]:
+    """Return the recipe options free, hold and fix for choices that differ from the model."""
+    chosen = [name for name in parameters if name in choices]
+    free = [name for name in chosen if choices[name].free and not parameters[name].free]
+    fixed = [name for name in chosen if not choices[name].free]
+    values = {name: choices[name].value for name in fixed}
+    fix = {name: value for name, value in values.items() if value != parameters[name].value}
+    hold = [name for name in fixed if parameters[name].free and name not in fix]
+    return {"free": free, "hold": hold, "fix": fix}
+
+
+def build_fit_inputs(
+    request: FitRequest, folder: RunsFolder, entries: Mapping[str, Entry]
+) -> FitInputs:
+    """Return the inputs of `benchtool fit` for the form; raise for missing or invalid values."""
+    if not request.data:
+        raise InputError(
+            "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
+        )
+    paths = [folder.find_path(name) for name in request.data]
+    tables = [name for name in request.data if entries[name].kind == "table"]
+    maps = [column_map_path(folder.find_file(name)) for name in tables]
+    stored = [path for path in maps if path.is_file()]
+    if len(tables) > 1 and stored:
+        raise InputError(
+            f"{' and '.join(tables)} have separate column maps, but a fit uses one; fit them "
+            f"separately"
+        )
+    model = model_path(folder, request.model)
+    columns = read_column_map(stored[0]) if stored else {}
+    if tables and not stored and not load_model(model).columns:
+        for name in tables:
+            path = folder.find_file(name)
+            if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
+                raise InputError(
+                    f"{name} has no column thrust_N; select its columns above and press Use these "
+                    f"columns"
+                )
+    recipe = Recipe(
+        name=request.name,
+        data=tuple(str(path) for path in paths),
+        model=model,
+        columns=str(stored[0]) if stored else None,
+    )
+    base = FitInputs(recipe=recipe, out=folder.root / request.name if request.name else None)
+    parameters = form_parameters(model, data_rig(request, folder))
+    options = dict(request.options)
+    choices: dict[str, Any] = choice_options(parameters, request.choices)
+    if "R_m" in parameters and tables and _has_no_plate(tables, columns, folder):
+        # As in the command: without a plate, the effective radius is not identifiable.
+        choices["hold"] = sorted({*choices["hold"], "R_m"} - choices["fix"].keys())
+    if "thrust_ratio" in columns and not options.get("basis"):
+        options["basis"] = RATIO_BASIS
+    if {"thrust_sd_N", "thrust_ratio_sd"} & columns.keys() and not options.get("noise"):
+        options["noise"] = "scale"
+    calibrations = list_state_files("calibration")  # the page opens no other calibration files
+    calibration = options.get("calibration")
+    if calibration is not None and calibration not in calibrations:
+        raise UnknownChoice("calibration", str(calibration), calibrations)
+    return build_inputs(FitInputs, {**choices, **options}, source="label", base=base)
+
+
+def _has_no_plate(
+    tables: Sequence[str], columns: Mapping[str, ColumnSource], folder: RunsFolder
+) -> bool:
+    """Return whether tables contain no plate distance."""
+    if columns:
+        return "plate_z_m" not in columns
+    return all(is_stand_table(folder.find_file(name)) for name in tables)
+
+
+def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
+    """Return the rig of the data; None for the rig of the model file."""
+    rig = check_rig_choice(request.options.get("rig"), folder)
+    return rig_for_data([str(folder.find_path(name)) for name in request.data], request.model, rig)
+
+
+def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
+    """Return a free name for the fit of some data."""
+    first = re.sub(r"\.csv$", "", data[0].rsplit("/", 1)[-1]) if data else "data"
+    return free_path(folder.root / f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', first)}").name
+
+
 RESULT_KEY = "fit.answer"  # form key of the displayed fit
 
 BASES = {
@@ -127,46 +244,7 @@ class ParameterTable:
             self._context.persist(f"fit.{self._model}.{name}.{key}", element)
 
 
-class MethodCard:
-    """Methods and options of the fit."""
-
-    def __init__(
-        self,
-        context: PageContext,
-        models: Mapping[str, str],
-        rigs: Mapping[str, str],
-        on_change: Callable[[], None],
-    ) -> None:
-        self._form = InputForm(FitInputs, on_change)
-        with ui.row().classes("items-center w-full gap-4"):
-            self._squares = ui.checkbox("least squares", value=True, on_change=on_change)
-            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=on_change)
-            context.persist("fit.least_squares", self._squares)
-            context.persist("fit.emcee", self._emcee)
-        with ui.element("div").classes("field-grid"):
-            self._form.add("basis", options=BASES)
-            self._form.add("noise", options=NOISES)
-            self._form.add("rig", options=rigs)
-            self._form.add("calibration", options=list_state_files("calibration"))
-        options = ui.expansion("More options").classes("w-full")
-        with options, ui.element("div").classes("field-grid"):
-            self._form.add("compare", options={LAWS: "all ground-effect laws", **models})
-            self._form.add("loss", options=LOSSES)
-            self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
-            self._form.add("budget", "temperature", "pressure", "humidity")
-
-    def select_rig(self, rigs: Mapping[str, str], rig: str) -> None:
-        self._form.choose("rig", rigs, rig)
-
-    def options(self) -> dict[str, Any]:
-        methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
-        values = self._form.values()
-        where = [part.strip() for part in (values["where"] or "").split(";") if part.strip()]
-        selected = [method for method, is_selected in methods.items() if is_selected]
-        return {**values, "method": selected, "where": where}
-
-
-class FitTab(CommandTab[Job]):
+class FitTab(CommandTab):
     """Form and result of one page."""
 
     label, icon, noun = "Fit", "functions", "fit"
@@ -175,14 +253,11 @@ class FitTab(CommandTab[Job]):
         super().__init__(context)
         self._suggested_name = ""
         with ui.element("div").classes("fit-form"):
-            with ui.card().classes("w-full"):
-                ui.label("Data").classes("card-title")
+            with titled_card("Data"):
                 self.data = DataCard(context, listing, self._on_data_change, self._on_rig_written)
-            with ui.card().classes("w-full"):
-                ui.label("Method").classes("card-title")
+            with titled_card("Method"):
                 models = model_choices(self.folder, self.data.entries.values())
-                rigs = rig_choices(self.folder)
-                self._method = MethodCard(context, models, rigs, self.change)
+                self._build_method(models)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
@@ -198,6 +273,32 @@ class FitTab(CommandTab[Job]):
         context.persist("fit.model", self._model)
         context.persist("fit.name", self._name)
 
+    def _build_method(self, models: Mapping[str, str]) -> None:
+        with ui.row().classes("items-center w-full gap-4"):
+            self._squares = ui.checkbox("least squares", value=True, on_change=self.change)
+            self._emcee = ui.checkbox("emcee (posterior samples)", on_change=self.change)
+            self.context.persist("fit.least_squares", self._squares)
+            self.context.persist("fit.emcee", self._emcee)
+        self._form = form = InputForm(FitInputs, self.change)
+        with ui.element("div").classes("field-grid"):
+            form.add("basis", options=BASES)
+            form.add("noise", options=NOISES)
+            form.add("rig", options=rig_choices(self.folder))
+            form.add("calibration", options=list_state_files("calibration"))
+        options = ui.expansion("More options").classes("w-full")
+        with options, ui.element("div").classes("field-grid"):
+            form.add("compare", options={LAWS: "all ground-effect laws", **models})
+            form.add("loss", options=LOSSES)
+            form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
+            form.add("budget", "temperature", "pressure", "humidity")
+
+    def _read_options(self) -> dict[str, Any]:
+        methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
+        values = self._form.values()
+        where = [part.strip() for part in (values["where"] or "").split(";") if part.strip()]
+        selected = [method for method, is_selected in methods.items() if is_selected]
+        return {**values, "method": selected, "where": where}
+
     def _on_data_change(self) -> None:
         """Select the single-rotor model for tables, unless the user has selected another model."""
         if self.is_ready:
@@ -207,7 +308,7 @@ class FitTab(CommandTab[Job]):
         self.change()
 
     def _on_rig_written(self, path: str) -> None:
-        self._method.select_rig(rig_choices(self.folder), path)
+        self._form.choose("rig", rig_choices(self.folder), path)
 
     def _on_model_change(self) -> None:
         self._parameters.clear()
@@ -224,15 +325,15 @@ class FitTab(CommandTab[Job]):
             model=self._model.value,
             choices=self._parameters.changes,
             name=(self._name.value or "").strip(),
-            options=self._method.options(),
+            options=self._read_options(),
         )
         rig = data_rig(request, self.folder)
         self._parameters.show(self._model.value, form_parameters(model, rig))
         inputs = build_fit_inputs(request, self.folder, self.data.entries)
         return request.name, inputs
 
-    def show_report(self, job: Job) -> None:
-        self._show_section(job.state.result)
+    def show_report(self, job: CommandJob) -> None:
+        self._show_section(job.result())
 
     def _show_section(self, section: PageSection) -> None:
         with ui.card().classes("w-full"):
@@ -245,7 +346,7 @@ class FitTab(CommandTab[Job]):
         with self.report:
             self._show_section(section)
 
-    async def done(self, job: Job) -> None:
+    async def done(self, job: CommandJob) -> None:
         self.context.server.forms.store(self.context.tab, RESULT_KEY, job.out.name)
         await super().done(job)
         await self.data.refresh()

@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
 from nicegui import run, ui
 
+from benchtool.acquire.inputs import RecordInputs, hover_pulse_us
+from benchtool.acquire.pitch import REQUIRED_CHANNELS, arming_text, check_experiment
+from benchtool.acquire.visit_order import format_duration
 from benchtool.bench.drivers import DRIVERS
-from benchtool.core.errors import BenchtoolError
+from benchtool.core.errors import BenchtoolError, InputError
+from benchtool.core.inputs import to_arguments, with_changes
 from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.text import format_value, pluralize
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.bench_process.messages import Connect, Disconnect, SetClockSpeed
+from benchtool.web.bench_process.messages import (
+    Connect,
+    Disconnect,
+    EndRecording,
+    SetClockSpeed,
+    StartLiveRecording,
+)
+from benchtool.web.cards.live import ChartCard, LimitsCard
+from benchtool.web.cards.manual import LoadCellCard, ThrottleCard
 from benchtool.web.choices import rig_choices
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.bench.charts import ChartCard
-from benchtool.web.tabs.bench.limits_card import LimitsCard
-from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
-from benchtool.web.tabs.bench.record_card import LiveRecordCard, RecordCard
-from benchtool.web.widgets import CommandRow, show_errors, show_facts, titled_card
+from benchtool.web.form import InputForm
+from benchtool.web.widgets import (
+    CommandRow,
+    confirm_arming,
+    open_tab,
+    refresh_cards,
+    show_errors,
+    show_facts,
+    titled_card,
+)
 
 REFRESH_INTERVAL_S = 0.25  # of the numbers
 
@@ -37,6 +59,7 @@ class ConnectCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
+        send = show_errors(context.send)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
@@ -50,7 +73,8 @@ class ConnectCard:
                 self._rig = ui.select(rigs, value="", label="Rig")
                 self._rig.classes("w-44").on_value_change(self._show_command)
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)
-                self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
+                self._off = ui.button("Disconnect", on_click=lambda: send(Disconnect()))
+                self._off.props("outline")
                 self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes(
                     "w-44"
                 )
@@ -79,10 +103,6 @@ class ConnectCard:
         self._context.require_control()
         self._speed.value = 1
         self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
-
-    @show_errors
-    def _disconnect(self) -> None:
-        self._context.send(Disconnect())
 
     @show_errors
     def _set_speed(self) -> None:
@@ -166,19 +186,109 @@ def build(context: PageContext) -> None:
     """Build the tab."""
     with ui.element("div").classes("grid-main"):
         with ui.element("div"):
-            connect = ConnectCard(context)
-            record = RecordCard(context)
-            live = LiveRecordCard(context)
-            charts = ChartCard(context)
+            cards: list[Any] = [ConnectCard(context), RecordCard(context)]
+            cards += [LiveRecordCard(context), ChartCard(context)]
         with ui.element("div"):
-            throttle = ThrottleCard(context)
-            limits = LimitsCard(context)
-            load_cell = LoadCellCard(context)
-            device = DeviceCard(context)
+            cards += [ThrottleCard(context), LimitsCard(context)]
+            cards += [LoadCellCard(context), DeviceCard(context)]
+    refresh_cards(REFRESH_INTERVAL_S, *cards)
 
-    def refresh() -> None:
-        for card in (connect, record, live, charts, throttle, limits, load_cell, device):
-            card.refresh()
 
-    refresh()
-    ui.timer(REFRESH_INTERVAL_S, refresh)
+LIVE_HINT = (
+    "Stores every sample in a run, which starts with a tare. A constant throttle gives a point "
+    "every two seconds once it has settled."
+)
+
+
+class LiveRecordCard:
+    """Recording of the live stream under manual throttle."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        send = show_errors(context.send)
+        with titled_card("Live recording") as self._card:
+            with ui.row().classes("items-end w-full"):
+                name = ui.input("Name of the run", value="live").classes("grow")
+                self._start = ui.button("Record", icon="fiber_manual_record")
+                self._start.on_click(
+                    lambda: send(StartLiveRecording(runs=context.runs, name=name.value.strip()))
+                )
+                self._end = ui.button("End", icon="save", on_click=lambda: send(EndRecording()))
+                self._show = ui.button("Show", icon="folder_open").props("outline")
+                self._show.on_click(lambda: open_tab("runs", run=context.bench.sweep.name))
+            self._status = ui.label().classes("number").props("role=status")
+
+    def refresh(self) -> None:
+        connection, sweep = self._context.bench.connection, self._context.bench.sweep
+        is_live = sweep.kind == "live" and sweep.status != "none"
+        channels = connection.identity.channels if connection.identity else ()
+        has_thrust = any(channel.name == "thrust_N" for channel in channels)
+        self._card.set_visibility(has_thrust and not connection.is_weighing)
+        self._start.set_visibility(not sweep.active)
+        self._end.set_visibility(is_live and sweep.status == "running")
+        self._show.set_visibility(is_live and not sweep.active)
+        points = pluralize(sweep.n_measured, "point")
+        text = f"{sweep.status}: {sweep.name}, {sweep.reason or points}"
+        self._status.set_text(text if is_live else LIVE_HINT)
+
+
+class RecordCard:
+    """Pitch recording as `benchtool record`, if the bench streams its pitch."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        self._session = -1
+        self._base = RecordInputs(address="ADDRESS", runs=context.runs)
+        self._form = InputForm(RecordInputs, self._show_command)
+        with titled_card("Pitch recording") as self._card:
+            with ui.element("div").classes("field-grid"):
+                self._form.add("seconds", "collective", "plate_z_m", "limit_deg", "name")
+            with ui.row().classes("items-center w-full"):
+                self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._arm)
+                self._explain = ui.button("Explain", icon="troubleshoot").props("outline")
+                self._explain.on_click(lambda: open_tab("explain", learn=context.bench.sweep.name))
+                self._status = ui.label().classes("grow number").props("role=status")
+            self._command = CommandRow()
+
+    def refresh(self) -> None:
+        connection, sweep = self._context.bench.connection, self._context.bench.sweep
+        identity, rig = connection.identity, connection.rig
+        names = {channel.name for channel in identity.channels} if identity else set()
+        self._card.set_visibility(
+            names.issuperset(REQUIRED_CHANNELS) and not connection.is_weighing
+        )
+        if identity is not None and rig is not None and connection.session != self._session:
+            self._session = connection.session
+            duration_s = float(identity.facts.get("schedule_s") or self._base.seconds)
+            rig_name = None if connection.address.startswith("sim:") else rig.name
+            self._base = replace(
+                self._base, address=connection.address, rig=rig_name, seconds=duration_s
+            )
+            hover_us = f"{hover_pulse_us(rig):.6g}"
+            defaults = {"seconds": format_value(duration_s), "collective": hover_us}
+            self._form.show_defaults(defaults)
+            self._show_command()
+        self._start.set_enabled(not sweep.active)
+        status = f"{sweep.status}: {sweep.run}"
+        if sweep.status == "running":
+            status += f", about {format_duration(sweep.remaining_s)} left"
+        elif sweep.reason:
+            status += f"; {sweep.reason}"
+        self._status.set_text(status if sweep.kind == "pitch" else "")
+        self._explain.set_visibility(sweep.kind == "pitch" and sweep.status == "ended")
+
+    def _show_command(self) -> None:
+        with suppress(InputError):  # the start of the recording reports it
+            inputs = with_changes(self._form.make(self._base))
+            self._command.show(["record", *to_arguments(RecordInputs, inputs)])
+
+    @show_errors
+    def _arm(self) -> None:
+        self._context.require_control()
+        connection = self._context.bench.connection
+        identity, rig = connection.identity, connection.rig
+        if identity is None or rig is None:
+            raise InputError("no bench is connected; connect one first")
+        inputs = self._form.make(self._base)
+        text = arming_text(inputs, rig, check_experiment(inputs, rig, identity))
+        confirm_arming(self._context, self._card, text, inputs)

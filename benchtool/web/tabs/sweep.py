@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from nicegui import ui
 
+from benchtool.acquire.record import NO_PROGRESS
 from benchtool.acquire.visit_order import format_duration
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.ratios import RATIO_BASES
 from benchtool.physics.model_file import model_names
-from benchtool.report.palette import GREY, SERIES_STYLES, VERMILION
+from benchtool.report.palette import GREY, SERIES_STYLES
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
+from benchtool.web.cards.live import ChartCard, LimitsCard
+from benchtool.web.cards.plan import PlanCard
 from benchtool.web.context import PageContext
-from benchtool.web.tabs.bench.charts import ChartCard
-from benchtool.web.tabs.bench.limits_card import LimitsCard
-from benchtool.web.tabs.sweep.plan_card import PlanCard
-from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios, model_curves
+from benchtool.web.ratio_plot import (
+    MeasuredRatios,
+    Trace,
+    measured_ratios,
+    model_curves,
+    ratio_figure,
+)
 from benchtool.web.theme import LIGHT_INK
-from benchtool.web.widgets import open_tab, show_errors
+from benchtool.web.widgets import open_tab, refresh_cards, show_errors
 
 REFRESH_INTERVAL_S = 0.5
-HIDDEN_EVENTS = frozenset({"device"})  # in the run folder only
 MAX_EVENTS = 60
 
 
@@ -35,18 +39,16 @@ class RunCard:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._n_events = -1
+        send = show_errors(context.send)
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
                 self._title = ui.label().classes("card-title grow")
-                self._fit = ui.button("Fit", icon="functions", on_click=self._open_fit)
-                self._fit.props("outline")
-                self._pause = ui.button(
-                    "Pause", icon="pause", on_click=lambda: self._set_pause(on=True)
-                )
-                self._pause.props("outline")
-                self._continue = ui.button(
-                    "Continue", icon="play_arrow", on_click=lambda: self._set_pause(on=False)
-                )
+                self._fit = ui.button("Fit", icon="functions").props("outline")
+                self._fit.on_click(lambda: open_tab("fit", data=context.bench.sweep.name))
+                self._pause = ui.button("Pause", icon="pause").props("outline")
+                self._pause.on_click(lambda: send(PauseSweep(True)))
+                self._continue = ui.button("Continue", icon="play_arrow")
+                self._continue.on_click(lambda: send(PauseSweep(False)))
             self._bar = ui.linear_progress(show_value=False, size="12px")
             self._bar.props('instant-feedback aria-label="Share of measured points"')
             self._progress = ui.label().classes("number")
@@ -57,7 +59,6 @@ class RunCard:
                     self._answer = ui.input("Answer").classes("grow")
                     ui.button("Send", on_click=self._send)
             self._log = ui.column().classes("events w-full gap-0")
-        self.refresh()
 
     def refresh(self) -> None:
         sweep, events = self._context.bench.sweep, self._context.bench.events
@@ -79,18 +80,11 @@ class RunCard:
         self._question.set_text(sweep.question)
         if len(events) != self._n_events:
             self._n_events = len(events)
-            visible = [event for event in events if event.event not in HIDDEN_EVENTS]
+            visible = [event for event in events if event.event not in NO_PROGRESS]
             self._log.clear()
             with self._log:
                 for event in reversed(visible[-MAX_EVENTS:]):
                     ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
-
-    def _open_fit(self) -> None:
-        open_tab("fit", data=Path(self._context.bench.sweep.run).name)
-
-    @show_errors
-    def _set_pause(self, *, on: bool) -> None:
-        self._context.send(PauseSweep(on))
 
     @show_errors
     def _send(self) -> None:
@@ -103,15 +97,6 @@ BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pulse", "equal_power":
 assert tuple(BASES) == RATIO_BASES
 
 DEFAULT_MODELS = {1: "single_bench", 4: "quad_bench"}  # by number of discs
-CURVE_Z_OVER_R = (0.5, 5.0)
-_STAMP = {
-    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
-    "showarrow": False, "font": {"color": VERMILION, "size": 13},
-    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
-}  # fmt: skip
-_EMPTY_TEXT = {
-    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
-}  # fmt: skip
 
 
 class RatioCard:
@@ -155,18 +140,16 @@ class RatioCard:
         if key == self._plot_key:
             return
         self._plot_key = key
-        worker = self._context.worker("plots")
+        run = partial(self._context.server.run, "plots")
         points = MeasuredRatios()
         if sweep.run and sweep.n_measured and sweep.kind != "pitch":
-            points = await worker.run(measured_ratios, Path(sweep.run), basis)
+            points = await run(measured_ratios, Path(sweep.run), basis)
         if rig is not None and self._curves_key != (rig.name, model, ink, basis):
             self._curves_key = rig.name, model, ink, basis
             try:
-                self._curves = await worker.run(
-                    model_curves, model, rig, CURVE_Z_OVER_R, ink, basis
-                )
+                self._curves = await run(model_curves, model, rig, ink, basis)
             except BenchtoolError as error:
-                self._curves = await worker.run(model_curves, "", rig, CURVE_Z_OVER_R, ink, basis)
+                self._curves = await run(model_curves, "", rig, ink, basis)
                 points = points if points.rows else MeasuredRatios(problem=str(error))
         self._plot.update_figure(ratio_figure(points, self._curves, text, ink))
         self._problem.set_text(points.problem)
@@ -182,43 +165,6 @@ def empty_text(bench: BenchClient) -> str:
     return "Connect a bench under Bench, then start a sweep<br>to see its points here."
 
 
-def ratio_figure(
-    points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
-) -> dict[str, Any]:
-    """Return the Plotly figure of the thrust ratio."""
-    x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
-    measured = {
-        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
-        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
-        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
-    }  # fmt: skip
-    is_empty = not points.rows and not curves
-    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
-    if points.is_thrust:
-        curves, x_title, y_title = (), "pulse width, us", "thrust, N"
-    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
-    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
-    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
-    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
-    notes = [stamp] if points.simulated else notes
-    return {
-        "data": [*curves, measured],
-        "layout": {
-            "height": 420,
-            "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
-            "paper_bgcolor": "rgba(0,0,0,0)",
-            "plot_bgcolor": "rgba(0,0,0,0)",
-            "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
-            "xaxis": {**axis, "title": {"text": x_title}},
-            "yaxis": {**axis, "title": {"text": y_title}},
-            "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
-            "uirevision": x_title,
-            "annotations": notes,
-        },
-        "config": {"displayModeBar": False, "responsive": True},
-    }
-
-
 def build(context: PageContext) -> None:
     """Build the tab."""
     with ui.element("div").classes("grid-main plan-left"):
@@ -229,11 +175,6 @@ def build(context: PageContext) -> None:
             plot = RatioCard(context)
         with ui.element("div"):
             plan = PlanCard(context)
-
-    def refresh() -> None:
-        for card in (run, charts, limits, plan):
-            card.refresh()
-
-    ui.timer(REFRESH_INTERVAL_S, refresh)
+    refresh_cards(REFRESH_INTERVAL_S, run, charts, limits, plan)
     # Separate timer: the status of a sweep must not wait for its plot.
     ui.timer(REFRESH_INTERVAL_S, plot.refresh)

@@ -1,29 +1,136 @@
-"""Views and downloads of entries of the runs folder, built in worker processes.
+"""Entries of the runs folder in worker processes: uploads, column maps, views and downloads.
 
 Every path is derived from a name by `RunsFolder`, which checks it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
-from benchtool.data.atomic import read_json
+from benchtool.data.atomic import read_json, replace_text
+from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.csv_text import read_csv_text
+from benchtool.data.formats.formats import detect_format, import_bytes, import_file, is_stand_table
 from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
-from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.runs_folder import (
+    RunsFolder,
+    column_map_path,
+    create_table_path,
+    store_table,
+    upload_name,
+)
 from benchtool.data.run.settings import export_table
-from benchtool.web.jobs import PageSection
-from benchtool.web.tables import stand_blocks
+from benchtool.data.table import read_table
+from benchtool.web.drawing import Content, FigureImage, PageSection
 
 if TYPE_CHECKING:
+    from benchtool.commands.import_file import ImportInputs
     from benchtool.core.choices import Over
     from benchtool.report.page import Report
-    from benchtool.web.drawing import Content
 
+
+def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportInputs) -> str:
+    """Store a file in the runs folder and return its name there, as `benchtool import`.
+
+    A table is stored unchanged and repaired when it is read; a flight log, or a file with import
+    options, is converted to a recording.
+
+    Raises:
+        FileFormatError: the file is not readable; nothing was written.
+    """
+    from benchtool.data.repairs.import_result import ImportOptions, import_metadata
+    from benchtool.data.run.recording_file import write_recording
+
+    folder, options, file_format = RunsFolder(root), inputs.options(), detect_format(data)
+    if options == ImportOptions() and (file_format is None or file_format.kind == "table"):
+        return folder.relative_name(store_table(folder, name, data, date))
+    result = import_bytes(data, upload_name(name), options)
+    path = create_table_path(folder, name, date)
+    write_recording(path, result.recording, import_metadata(result, options))
+    return folder.relative_name(path)
+
+
+def stand_blocks(path: Path) -> Sequence[Content]:
+    """Return the import report of a test-stand table: format, channels and findings.
+
+    Empty for other tables.
+    """
+    from benchtool.report.page import Table
+
+    if not is_stand_table(path):
+        return ()
+    result = import_file(path)
+    tally = result.tally
+    counts = f"{tally.kept} of {tally.total} {tally.unit}s accepted, {tally.refused} rejected."
+    channels = [(channel.name, result.sources.get(channel.name, ""), channel.unit)
+                for channel in result.recording.channels]  # fmt: skip
+    blocks: list[Content] = [
+        f"Format: {result.format}. {counts}",
+        Table("Channels.", ("channel", "column [unit]", "unit"), channels, text_columns=3),
+    ]
+    if result.findings:
+        rows = [
+            (item.kind, item.what, item.channel, f"{item.words} (line {item.lines[:40]})"
+             if item.lines else item.words)
+            for item in result.findings
+        ]  # fmt: skip
+        header = ("kind", "finding", "channel", "description")
+        blocks.append(Table("Findings of the import.", header, rows, text_columns=4))
+    return blocks
+
+
+def view_import(root: Path, name: str) -> PageSection:
+    """Return the import report of a test-stand table; empty for other tables."""
+    return PageSection.draw(name, stand_blocks(RunsFolder(root).find_file(name)))
+
+
+def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
+    """Write a rig file with the rotor radius for a table and return its path."""
+    from benchtool.commands.terminal.table_fit import build_radius_rig
+    from benchtool.core.rig_file import parse_rig
+
+    folder = RunsFolder(root)
+    table = folder.find_file(name)
+    text = build_radius_rig(str(table), radius_m, is_stand=is_stand_table(table))
+    if not text:
+        raise InputError(f"{name} contains no rotor radius; type one in m")
+    parse_rig(text, f"rig of {name}")
+    path = folder.new_path(f"{table.stem}.rig.toml")
+    replace_text(path, text)
+    return path
+
+
+def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) -> PageSection:
+    """Read a table with a column map, store the map next to it and return a summary.
+
+    Raises:
+        FileFormatError: a cell is not a number; nothing was stored.
+    """
+    from benchtool.report.page import Table
+
+    path = RunsFolder(root).find_file(name)
+    recording = read_table(path, columns)
+    rows = []
+    for channel in recording.channels:
+        values = recording.column(channel.name)
+        finite = values[np.isfinite(values)]
+        low, high = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
+        rows.append((channel.name, channel.unit, str(finite.size), f"{low:.4g}", f"{high:.4g}"))
+    replace_text(column_map_path(path), column_map_to_toml(columns))
+    header = ("channel", "unit", "values", "minimum", "maximum")
+    repairs = recording.provenance["repairs"]
+    table = Table(f"{len(recording)} rows for the fit.", header, rows, text_columns=2)
+    return PageSection.draw(name, [table, f"Repairs: {repairs}."] if repairs else [table])
+
+
+FIGURE_WORKER = "figures"  # process that reads runs and draws
 PREVIEW_ROWS = 12  # of a table; assumed
 
 
@@ -77,7 +184,6 @@ def view_fit(root: Path, name: str) -> PageSection:
     from benchtool.report.figure import captions
     from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
     from benchtool.report.page import Paragraph
-    from benchtool.web.drawing import FigureImage
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
@@ -133,11 +239,7 @@ def export_file(root: Path, name: str, target: str) -> tuple[str, bytes]:
 
 
 def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
-    """Return a comparison of runs, recordings and test-stand tables over a quantity.
-
-    Args:
-        thrust_N: thrust at which they are ranked; None for no ranking.
-    """
+    """Return runs, recordings and test-stand tables over a quantity, ranked at a thrust if any."""
     from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
 
     paths = [RunsFolder(root).find_path(name) for name in names]
@@ -167,13 +269,12 @@ def view_fits(root: Path, names: Sequence[str]) -> PageSection:
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
     """Return a comparison plot of several sweeps with their common settings."""
-    from benchtool.report.sweep.page import COMPARED
-    from benchtool.report.sweep.run import read_sweep_run
+    from benchtool.report.report_file import build_report
 
     paths = [RunsFolder(root).find_path(name) for name in names]
     if len(paths) < 2:
         raise InputError("a comparison needs two sweeps or more; select more")
-    report = COMPARED.report([read_sweep_run(path) for path in paths])
+    report = build_report(paths, "sweep")
     return PageSection.draw(
         f"{len(names)} sweeps compared",
         report.sections[0].blocks,
@@ -185,22 +286,16 @@ def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
 def _report(path: Path, entry: Entry) -> Report:
     files = (path, *path.glob("*"))
     stamp = max(file.stat().st_mtime_ns for file in files if file.exists())
-    return _build_report(path, entry.kind, stamp)
+    return _build_report(path, entry.kind in SWEEPS, stamp)
 
 
 @lru_cache(maxsize=2)
-def _build_report(path: Path, kind: str, stamp: int) -> Report:
+def _build_report(path: Path, is_sweep: bool, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn on demand."""
+    from benchtool.report.report_file import build_report
+
     del stamp  # part of the cache key: changes with the files
-    if kind in SWEEPS:
-        from benchtool.report.sweep.page import SWEEP
-        from benchtool.report.sweep.run import read_sweep_run
-
-        return SWEEP.report(read_sweep_run(path))
-    from benchtool.explain.pitch.replay import ReplayInputs
-    from benchtool.report.replay.page import recording_page
-
-    return recording_page(path, ReplayInputs())
+    return build_report([path], "sweep" if is_sweep else "recording")
 
 
 DATA_SETS = {"learn": "training", "check": "validation"}  # labels of the keys of answer.json
@@ -210,7 +305,6 @@ def _view_explanation(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
     from benchtool.report.figure import captions
-    from benchtool.web.drawing import FigureImage
 
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))

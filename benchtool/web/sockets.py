@@ -1,7 +1,8 @@
-"""Websockets for STOP, heartbeats and reports of the throttle button."""
+"""Websockets for STOP, heartbeats, reports of the throttle button and the live stream."""
 
 from __future__ import annotations
 
+import asyncio
 import re
 from contextlib import suppress
 from time import monotonic
@@ -9,7 +10,9 @@ from time import monotonic
 from fastapi import WebSocket, WebSocketDisconnect
 from nicegui import app, background_tasks, ui
 
+from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import HoldThrottle, PressEnded, ReleaseThrottle
+from benchtool.web.bench_process.publisher import merge_frames
 from benchtool.web.bench_process.throttle import RELEASE_TIMEOUT_S
 from benchtool.web.context import PageContext, ServerState
 
@@ -110,3 +113,50 @@ def serve_control_sockets(server: ServerState) -> None:
     def stop() -> str:
         server.bench.stop("the page")
         return "stopped"
+
+
+class FrameBuffer:
+    """Buffer of frames for one page; pending frames are merged, no extreme is lost."""
+
+    def __init__(self) -> None:
+        self._pending: bytes | None = None
+        self._ready = asyncio.Event()
+
+    def put(self, frame: bytes) -> None:
+        self._pending = frame if self._pending is None else merge_frames(self._pending, frame)
+        self._ready.set()
+
+    async def send_all(self, socket: WebSocket) -> None:
+        with suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                await self._ready.wait()
+                self._ready.clear()
+                frame, self._pending = self._pending, None
+                assert frame is not None
+                await socket.send_bytes(frame)
+
+
+def serve_stream(bench: BenchClient) -> None:
+    """Serve the frames of the live stream under /stream."""
+    buffers: set[FrameBuffer] = set()
+
+    def publish(frame: bytes) -> None:
+        for buffer in buffers:
+            buffer.put(frame)
+
+    bench.on_frame = publish
+
+    @app.websocket("/stream")
+    async def stream(socket: WebSocket) -> None:
+        await socket.accept()
+        buffer = FrameBuffer()
+        buffers.add(buffer)
+        sending = asyncio.ensure_future(buffer.send_all(socket))
+        try:
+            while True:  # a page sends nothing; this raises on disconnection
+                await socket.receive_bytes()
+        except (WebSocketDisconnect, RuntimeError, KeyError):
+            pass
+        finally:
+            sending.cancel()
+            buffers.discard(buffer)

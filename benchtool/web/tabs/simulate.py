@@ -13,11 +13,10 @@ from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTRO
 from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.simulate.gain_file import gain_names
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
-from benchtool.web.command_jobs import Simulation
+from benchtool.web.command_jobs import CommandJob, Simulation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.jobs import Job
 from benchtool.web.widgets import open_tab, show_section, titled_card, today
 
 KINDS: dict[str, type[Simulation]] = {"pitch bench": PitchInputs, "flight": FlightInputs}
@@ -52,7 +51,7 @@ def _flight_choices() -> dict[str, Mapping[str, str] | None]:
     }
 
 
-class SimulateTab(CommandTab[Job]):
+class SimulateTab(CommandTab):
     """Form and report of one page."""
 
     label, icon, noun = "Simulate", "flight_takeoff", "simulation"
@@ -89,8 +88,8 @@ class SimulateTab(CommandTab[Job]):
         values |= {"out": str(out), "set": numbers or None}
         return out.name, build_inputs(KINDS[self._kind.value], values, source="label")
 
-    def show_report(self, job: Job) -> None:
-        section, recording = job.state.result
+    def show_report(self, job: CommandJob) -> None:
+        section, recording = job.result()
         with ui.card().classes("w-full"):
             show_section(section)
             with ui.row().classes("items-center w-full gap-4"):

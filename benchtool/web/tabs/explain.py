@@ -16,7 +16,7 @@ from benchtool.data.run.run import free_path
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.nominal import rig_for_data
 from benchtool.web.choices import RecordingSources, check_rig_choice, rig_choices
-from benchtool.web.command_jobs import ExplainJob, Explanation
+from benchtool.web.command_jobs import CommandJob, Explanation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
 from benchtool.web.widgets import (
@@ -24,14 +24,13 @@ from benchtool.web.widgets import (
     add_table_upload,
     multiple_choice,
     notify,
+    replace_options,
     show_errors,
     show_html,
     show_section,
     show_stamp,
     today,
 )
-
-_STYLE = "<style>.stages { list-style: none; padding: 0; margin: 0; columns: 18rem auto; }</style>"
 
 DESCRIPTION = (
     "Shows where recordings disagree with a model, and which physical effect the model lacks. The "
@@ -84,7 +83,7 @@ def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str)
     return sources.runs.free_path(date, f"explain-{stem}")
 
 
-class ExplainTab(CommandTab[ExplainJob]):
+class ExplainTab(CommandTab):
     """Form and result of one page; ?learn=NAME&check=NAME&model=NAME selects the inputs."""
 
     label, icon, noun = "Explain", "troubleshoot", "explanation"
@@ -94,7 +93,6 @@ class ExplainTab(CommandTab[ExplainJob]):
         super().__init__(context)
         self._suggested_model = ""
         self._sources = RecordingSources.from_folder(context.runs)
-        ui.add_head_html(_STYLE)
         with ui.card().classes("w-full gap-2"):
             ui.label("Recordings and model").classes("card-title")
             ui.label(DESCRIPTION).classes("soft")
@@ -135,12 +133,8 @@ class ExplainTab(CommandTab[ExplainJob]):
     async def _read_choices(self) -> None:
         recordings, models = await asyncio.to_thread(self._sources.read_choices)
         for select in (self._learn, self._check):
-            if select.options != recordings:
-                selected = [name for name in select.value or [] if name in recordings]
-                select.set_options(recordings, value=selected)
-        if self._model.options != models:
-            value = self._model.value if self._model.value in models else None
-            self._model.set_options(models, value=value)
+            replace_options(select, recordings)
+        replace_options(self._model, models)
 
     @show_errors
     async def _uploaded(self, name: str) -> None:
@@ -166,8 +160,8 @@ class ExplainTab(CommandTab[ExplainJob]):
         model, rig = self._model.value or "", self._rig.value
         return out.name, explain_inputs(self._sources, learn, check, model, rig, out)
 
-    def show_report(self, job: ExplainJob) -> None:
-        result: Explanation = job.state.result
+    def show_report(self, job: CommandJob) -> None:
+        result: Explanation = job.result()
         with ui.card().classes("w-full gap-2"):
             self._show_header(job, result)
         for section in result.sections:
@@ -180,7 +174,7 @@ class ExplainTab(CommandTab[ExplainJob]):
                     with ui.expansion(section.title).classes("w-full").props("dense"):
                         show_html(section)
 
-    def _show_header(self, job: ExplainJob, result: Explanation) -> None:
+    def _show_header(self, job: CommandJob, result: Explanation) -> None:
         with ui.row().classes("items-center gap-3"):
             ui.label("Result").classes("card-title")
             show_stamp(result.simulated)
@@ -210,7 +204,7 @@ class ExplainTab(CommandTab[ExplainJob]):
         button.on_click(accept)
         button.set_enabled(job.accepted_model is None)
 
-    def _status(self, job: ExplainJob, result: Explanation) -> str:
+    def _status(self, job: CommandJob, result: Explanation) -> str:
         """Return the files to be written, or a link to the written folder, as HTML."""
         if job.accepted_model is None:
             files = "model.toml, report and figures" if result.new_effects else "report and figures"

@@ -1,7 +1,8 @@
-"""Data of the ratio plot, computed in a worker process."""
+"""Figure of the ratio plot, and its data, computed in a worker process."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,26 +12,72 @@ from numpy.typing import NDArray
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.report.palette import BLUE, SERIES_STYLES, VERMILION
+from benchtool.report.palette import BLUE, GREY, SERIES_STYLES, VERMILION
 
 CURVE_POINTS = 80
+CURVE_Z_OVER_R = (0.5, 5.0)
 
 Trace = dict[str, Any]  # Plotly trace
 
 
 class MeasuredRatios(NamedTuple):
-    """Measured thrust ratios.
+    """Measured thrust ratios: rows of z/R, T_IGE/T_OGE, standard error.
 
-    Attributes:
-        rows: z/R, T_IGE/T_OGE, standard error.
-        problem: reason for missing ratios, or "".
-        is_thrust: no ratio available yet; rows are pulse width in us, thrust in N, standard error.
+    With `is_thrust`, no ratio is available yet; rows are pulse width in us, thrust in N, standard
+    error.
     """
 
     rows: tuple[tuple[float, ...], ...] = ()
-    problem: str = ""
+    problem: str = ""  # reason for missing ratios
     simulated: bool = False
     is_thrust: bool = False
+
+
+_STAMP = {
+    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
+    "showarrow": False, "font": {"color": VERMILION, "size": 13},
+    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
+}  # fmt: skip
+_EMPTY_TEXT = {
+    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
+}  # fmt: skip
+
+
+def ratio_figure(
+    points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
+) -> dict[str, Any]:
+    """Return the Plotly figure of the thrust ratio."""
+    x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
+    measured = {
+        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
+        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
+        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
+    }  # fmt: skip
+    is_empty = not points.rows and not curves
+    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
+    if points.is_thrust:
+        curves, x_title, y_title = (), "pulse width, us", "thrust, N"
+    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
+    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
+    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
+    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
+    notes = [stamp] if points.simulated else notes
+    return {
+        "data": [*curves, measured],
+        "layout": {
+            "height": 420,
+            "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
+            "xaxis": {**axis, "title": {"text": x_title}},
+            "yaxis": {**axis, "title": {"text": y_title}},
+            "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
+            "uirevision": x_title,
+            "annotations": notes,
+        },
+        "config": {"displayModeBar": False, "responsive": True},
+    }
 
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
@@ -68,14 +115,10 @@ def _rows(table: tuple[Array, ...], mask: NDArray[np.bool_]) -> tuple[tuple[floa
     return tuple(map(tuple, np.column_stack(table)[mask].tolist()))
 
 
-def model_curves(
-    model: str, rig: Rig, z_over_R: tuple[float, float], ink: str, basis: str
-) -> tuple[Trace, ...]:
+def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...]:
     """Return curves of the closed formulas and of a model with its band, all rotors turning.
 
-    Args:
-        model: name or file; "" for the formulas only.
-        basis: ratio basis of the model's curve.
+    Without a model, the formulas only.
 
     Raises:
         BenchtoolError: the model is not readable, or is for another rig.
@@ -84,10 +127,10 @@ def model_curves(
     from benchtool.physics import VALIDITY_Z_OVER_R
     from benchtool.report.ratio import factor_at_distance, formula_curves, uncertainty_bands
 
-    low, high = z_over_R
+    low, high = CURVE_Z_OVER_R
     nominal = nominal_model(model, rig) if model else None
     nearest = VALIDITY_Z_OVER_R if nominal is None else nominal.model.nearest_z_over_R
-    x = np.geomspace(max(low, nearest), max(high, low + 0.5), CURVE_POINTS)
+    x = np.geomspace(max(low, nearest), high, CURVE_POINTS)
     speeds = np.full((rig.n_rotors, 1), 500.0)
     traces = []
     for curve in formula_curves(rig, speeds, x[x >= VALIDITY_Z_OVER_R]):

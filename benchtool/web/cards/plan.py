@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from nicegui import events, ui
 
@@ -27,7 +26,6 @@ from benchtool.core.rig import Rig
 from benchtool.core.text import format_value
 from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.bench_process.messages import StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
@@ -134,7 +132,6 @@ class PlanCard:
                 self._resume = ui.button("Resume a stopped run", on_click=self._select_run)
                 self._resume.props("outline")
             self._command = CommandRow()
-        self._update()
 
     def _build_form(self) -> None:
         ui.label("Empty fields show their default.").classes("soft")
@@ -223,17 +220,8 @@ class PlanCard:
         self._update()
         if not self._arming_text:
             raise InputError(self._problem.text)
-        self._confirm(self._arming_text, None)
-
-    def _confirm(self, text: str, resume: Path | None) -> None:
-        def start(typed: str, needs_page: bool) -> None:
-            inputs = SweepInputs() if resume else self._form.make(self._base)
-            inputs = replace(inputs, runs=self._context.runs, resume=resume)
-            self._context.bench.send(StartRun(inputs, typed, needs_page))
-            # Scroll up to the progress.
-            ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
-
-        confirm_arming(self._context, self._card, text, start)
+        inputs = replace(self._form.make(self._base), runs=self._context.runs)
+        confirm_arming(self._context, self._card, self._arming_text, inputs)
 
     @show_errors
     async def _select_run(self) -> None:
@@ -248,8 +236,10 @@ class PlanCard:
             @show_errors
             def resume() -> None:
                 path = RunsFolder(self._context.runs).find_path(select.value)
+                text = f"The remaining points of {select.value} are measured."
+                inputs = SweepInputs(runs=self._context.runs, resume=path)
                 with self._card:
-                    self._confirm(f"The remaining points of {select.value} are measured.", path)
+                    confirm_arming(self._context, self._card, text, inputs)
                 dialog.close()
 
             with ui.row():

@@ -18,13 +18,14 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.tables import store_columns, store_radius, view_import
+from benchtool.web.entries import store_columns, store_radius, view_import
 from benchtool.web.widgets import (
     add_section_expansion,
     add_table_upload,
     multiple_choice,
     notify,
     notify_error,
+    replace_options,
     show_errors,
     show_html,
 )
@@ -124,8 +125,7 @@ class DataCard:
             name: f"{name} ({', '.join(filter(None, (entry.rig, entry.summary)))})"
             for name, entry in self.entries.items()
         }
-        if options != self.choice.options:
-            self.choice.set_options(options, value=self.names)
+        replace_options(self.choice, options)
 
     def _show_columns(self) -> None:
         self._columns.clear()
