@@ -33,11 +33,10 @@ from benchtool.data.catalogue.entry import Entry as Entry
 from benchtool.data.catalogue.entry import detect_kind as detect_kind
 from benchtool.data.columns import KINDS, word_to_code
 from benchtool.data.csv_text import read_csv_header
-from benchtool.data.run.closing import has_rows
 from benchtool.data.run.read import find_parts, is_run, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.data.run.recording_file import metadata_path
-from benchtool.data.run.run import RUN_FORMAT
+from benchtool.data.run.run import RUN_FORMAT, has_rows
 from benchtool.data.run.run_metadata import read_metadata, read_recording_facts
 from benchtool.data.run.runs_folder import RunsFolder
 

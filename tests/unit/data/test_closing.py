@@ -7,17 +7,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, ResourceExhausted
-from benchtool.data.run.append import Event, read_events
-from benchtool.data.run.closing import (
-    ENDED_UNEXPECTEDLY,
-    has_rows,
+from benchtool.data.run.append import (
+    Event,
     install_marked_samples,
-    remove_leftovers,
+    read_events,
     scan_samples,
     write_marked_samples,
 )
 from benchtool.data.run.read import read_samples
-from benchtool.data.run.run import Run
+from benchtool.data.run.run import ENDED_UNEXPECTEDLY, Run, has_rows, remove_leftovers
 from tests.unit.data.run_of import small_run
 
 ALL = "closed afterwards; all is measured: 4 visits"

@@ -20,7 +20,7 @@ from pathlib import Path
 import pyarrow.csv, pyarrow.parquet, pyarrow.compute
 from benchtool.data.run.run import Run
 from benchtool.data.run.read import read_samples
-from benchtool.data.run.closing import scan_samples, write_marked_samples
+from benchtool.data.run.append import scan_samples, write_marked_samples
 
 def most_MB():
     status = dict(line.split(":", 1) for line in open("/proc/self/status"))

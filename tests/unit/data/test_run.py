@@ -11,8 +11,15 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import data_hash, json_ready
 from benchtool.data.columns import KINDS, to_frame, word_to_code
-from benchtool.data.run.append import AppendFile, Event, EventLog, read_events
-from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
+from benchtool.data.run.append import (
+    AppendFile,
+    Event,
+    EventLog,
+    install_marked_samples,
+    read_events,
+    scan_samples,
+    write_marked_samples,
+)
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
 from tests.unit.data.run_of import CHANNELS, point, small_run

@@ -10,8 +10,14 @@ import pytest
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.atomic import make_folder, replace_text
-from benchtool.data.run.append import AppendFile, Event, EventLog
-from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
+from benchtool.data.run.append import (
+    AppendFile,
+    Event,
+    EventLog,
+    install_marked_samples,
+    scan_samples,
+    write_marked_samples,
+)
 from benchtool.data.run.run import Run
 from tests.unit.data.run_of import CHANNELS, small_run
 
