@@ -11,16 +11,19 @@ import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
-from benchtool.data.formats.mavlink_walk import is_tlog
-from benchtool.data.formats.uiuc import is_uiuc
+from benchtool.data.formats.ardupilot import HEAD, read_binary, read_text
+from benchtool.data.formats.crazyflie import read_crazyflie
+from benchtool.data.formats.mavlink_log import is_tlog, read_mavlink
+from benchtool.data.formats.px4 import read_px4
+from benchtool.data.formats.rcbenchmark import read_rcbenchmark
+from benchtool.data.formats.uiuc import is_uiuc, read_uiuc
 from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names
 from benchtool.data.repairs.flight_windows import extract_hover_points, mark_windows
 from benchtool.data.repairs.import_result import ImportOptions, ImportResult
@@ -41,20 +44,8 @@ _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 Kind = Literal["log", "table"]
 
 
-class FormatReader(Protocol):
-    """Reader of a format."""
-
-    def __call__(
-        self, data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-    ) -> ImportResult:
-        """Return a file's bytes as an import.
-
-        Args:
-            where: its path as given, for people.
-
-        Raises:
-            FileFormatError: nothing readable in it.
-        """
+# (bytes of the file, its path as given, provenance, options) -> import, or a FileFormatError
+FormatReader = Callable[[bytes, str, Mapping[str, str], ImportOptions], ImportResult]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,40 +55,25 @@ class Format:
     name: str  # for display, and of the format's row in docs/reference/import.md
     kind: Kind  # a table's time order and known faults are checked
     recognizes: Callable[[bytes], bool]  # tests the first bytes of a file
-    reader: str  # "module:function" of a `FormatReader`; pyulog and pymavlink are slow to import
+    read: FormatReader
 
-    def load(self) -> FormatReader:
-        """Return the reader."""
-        module, _, function = self.reader.partition(":")
-        reader: FormatReader = getattr(import_module(module), function)
-        return reader
-
-
-_HERE = "benchtool.data.formats"
 
 FORMATS: tuple[Format, ...] = (  # others are read by a column map or the names of columns
-    Format(
-        "ArduPilot DataFlash", "log", lambda head: head.startswith(b"\xa3\x95"),
-        f"{_HERE}.ardupilot:read_binary",
-    ),
+    Format("ArduPilot DataFlash", "log", lambda head: head.startswith(HEAD), read_binary),
     Format(
         "ArduPilot DataFlash text", "log", lambda head: _TEXT_LOG.match(head[:4096]) is not None,
-        f"{_HERE}.ardupilot:read_text",
+        read_text,
     ),
-    Format(
-        "PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"),
-        f"{_HERE}.px4:read_px4",
-    ),
-    Format("MAVLink tlog", "log", is_tlog, f"{_HERE}.mavlink_log:read_mavlink"),
+    Format("PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"), read_px4),
+    Format("MAVLink tlog", "log", is_tlog, read_mavlink),
     Format(
         "RCbenchmark", "table", has_columns("Time", "Thrust", any_of=("ESC", "ESC signal")),
-        f"{_HERE}.rcbenchmark:read_rcbenchmark",
+        read_rcbenchmark,
     ),
     Format(
-        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"),
-        f"{_HERE}.crazyflie:read_crazyflie",
+        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"), read_crazyflie
     ),
-    Format("UIUC static", "table", is_uiuc, f"{_HERE}.uiuc:read_uiuc"),
+    Format("UIUC static", "table", is_uiuc, read_uiuc),
 )  # fmt: skip
 
 
@@ -161,7 +137,7 @@ def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatRea
     if options.columns is not None:
         return "table", read_by_map
     entry = detect_format(head)
-    return ("table", read_by_names) if entry is None else (entry.kind, entry.load())
+    return ("table", read_by_names) if entry is None else (entry.kind, entry.read)
 
 
 def _explain_folder(folder: Path, options: ImportOptions) -> str:
