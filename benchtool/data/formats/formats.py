@@ -11,12 +11,15 @@ import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import isfinite
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
 from benchtool.data.formats.ardupilot import HEAD, read_binary, read_text
 from benchtool.data.formats.crazyflie import read_crazyflie
@@ -24,16 +27,18 @@ from benchtool.data.formats.mavlink_log import is_tlog, read_mavlink
 from benchtool.data.formats.px4 import read_px4
 from benchtool.data.formats.rcbenchmark import read_rcbenchmark
 from benchtool.data.formats.uiuc import is_uiuc, read_uiuc
+from benchtool.data.quantities import dependent_quantities
 from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names
 from benchtool.data.repairs.flight_windows import extract_hover_points, mark_windows
-from benchtool.data.repairs.import_result import ImportOptions, ImportResult
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 from benchtool.data.repairs.stand_checks import (
-    apply_options,
     compare_speeds,
+    estimate_zero,
     inspect_log,
     inspect_stand,
+    remove_spikes,
+    repair_time_order,
 )
-from benchtool.data.repairs.time_order import remove_spikes, repair_time_order
 
 HEAD_BYTES = 1 << 16  # read for format detection: a header and some rows; assumed
 MAX_LISTED = 8  # file names in a message; assumed
@@ -130,6 +135,49 @@ def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResul
     if options.hover_kg is not None:
         result = extract_hover_points(result, options.hover_kg)
     return mark_windows(result, options.over, options.near_m)
+
+
+def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
+    """Return the import with the user's repairs of its channels.
+
+    Quantities that the stand derived from repaired channels are dropped, with a finding.
+    """
+
+    def repaired(name: str, values: Array, what: str, message: str) -> ImportResult:
+        finding = Finding("repaired", what, message, name)
+        return result.with_values(name, values).with_findings([finding])
+
+    for name in options.flip:
+        values = -result.recording.column(name)
+        result = repaired(name, values, "wrong sign", "sign reversed by --flip")
+    for name in options.tare:
+        zero = estimate_zero(result.recording, name)
+        if zero is None:
+            raise InputError(
+                f"--tare {name}: no row at rest and too few speeds to extrapolate; map the channel "
+                f"with a column map"
+            )
+        message = f"{zero.value:.6g} subtracted by --tare, its reading {zero.where}"
+        result = repaired(name, result.recording.column(name) - zero.value, "untared", message)
+    for text in options.scale:
+        name, sign, ratio = (part.strip() for part in text.partition("="))
+        try:
+            factor = float(Fraction(ratio))
+        except (ValueError, ZeroDivisionError, OverflowError):
+            factor = 0.0
+        if not sign or not isfinite(factor) or factor == 0.0:
+            raise InputError(f"--scale {text!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
+        values = factor * result.recording.column(name)
+        result = repaired(name, values, "scale", f"multiplied by {ratio} by --scale")
+    names = (*options.flip, *options.tare, *(text.partition("=")[0] for text in options.scale))
+    changed = dict.fromkeys(name.strip() for name in names)
+    dependent = [other for name in changed for other in dependent_quantities(name)]
+    stale = [name for name in dict.fromkeys(dependent) if name in result.recording]
+    if not stale:
+        return result
+    text = f"derived by the stand before the repair of {', '.join(changed)}: {', '.join(stale)}"
+    result = replace(result, recording=result.recording.drop(stale))
+    return result.with_findings([Finding("left out", "stale columns", text, count=len(stale))])
 
 
 def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
