@@ -23,11 +23,11 @@ from benchtool.data.derived import (
     load_run_context,
     with_quantities,
 )
-from benchtool.data.mcap_file import write_mcap
 from benchtool.data.parquet import write_parquet
 from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples, run_rig
+from benchtool.data.run.recording_file import write_mcap
 from benchtool.data.run.run_metadata import read_metadata
 
 _MEANS = ("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "torque_Nm")
