@@ -16,10 +16,9 @@ from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
 from benchtool.data.calibration import Calibration
 from benchtool.data.columns import REJECTED, VALID_KINDS, word_to_code
-from benchtool.data.run.points import write_table
+from benchtool.data.run.points import load_settings, write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import load_settings
 
 
 def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = False) -> Path:

@@ -39,10 +39,9 @@ from benchtool.data.run.append import (
     scan_samples,
     write_marked_samples,
 )
-from benchtool.data.run.points import PointWriter, write_table
+from benchtool.data.run.points import PointWriter, load_settings, write_table
 from benchtool.data.run.read import changed_points, is_run, read_own_recording, read_points
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.settings import load_settings
 
 RUN_FORMAT = "benchtool-run-1"
 

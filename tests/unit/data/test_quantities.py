@@ -24,8 +24,8 @@ from benchtool.data.derived import (
     measurement_context,
 )
 from benchtool.data.quantities import QUANTITIES
+from benchtool.data.run.points import average_settings, settings_quantities
 from benchtool.data.run.read import read_points
-from benchtool.data.run.settings import average_settings, settings_quantities
 
 ROOT = Path(__file__).parents[3]
 

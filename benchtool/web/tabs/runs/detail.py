@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from nicegui import ui
 
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, build_entry
+from benchtool.data.run.points import TABLES
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.settings import TABLES
 from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.runs.view import (

@@ -14,8 +14,8 @@ from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.data.atomic import read_json
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
+from benchtool.data.run.points import export_table
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.settings import export_table
 from benchtool.web.jobs import PageSection
 from benchtool.web.tables import stand_blocks
 
