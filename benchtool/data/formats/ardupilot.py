@@ -24,7 +24,7 @@ from benchtool.data.formats.flight_log import (
     Stream,
     ardupilot_motors,
     import_flight_log,
-    select_motor_channels,
+    motor_outputs,
 )
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult, line_ranges
 
@@ -330,13 +330,11 @@ def _rates(log: MessageLog) -> list[Stream]:
 
 def _outputs(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
     pulses = log["RCOU"]
-    channels = [
-        n for n in range(1, 15) if pulses.has(f"C{n}") and np.any(pulses.numbers(f"C{n}") > 0.0)
-    ]
-    if not channels:
+    fields = {n: f"C{n}" for n in range(1, 15) if pulses.has(f"C{n}")}
+    fields = {n: field for n, field in fields.items() if np.any(pulses.numbers(field) > 0.0)}
+    if not fields:
         return []
-    chosen = select_motor_channels(motors, channels, "SERVOn_FUNCTION", log.findings)
-    return pulses.stream({f"pwm{motor}_us": (f"C{n}", 1.0) for n, motor in chosen.items()})
+    return motor_outputs(pulses, fields, motors, "SERVOn_FUNCTION", log.findings)
 
 
 def _speeds(log: MessageLog, motors: dict[int, int]) -> list[Stream]:

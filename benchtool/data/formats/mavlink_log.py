@@ -22,7 +22,7 @@ from benchtool.data.formats.flight_log import (
     Times,
     ardupilot_motors,
     import_flight_log,
-    select_motor_channels,
+    motor_outputs,
 )
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -297,10 +297,10 @@ def _outputs(log: MessageLog) -> list[Stream]:
     main = messages.where(messages.numbers("port") == 0.0)
     if not len(main):
         return []
-    channels = [n for n in range(1, 17) if np.any(main.numbers(f"servo{n}_raw") > 0.0)]
+    fields = {n: f"servo{n}_raw" for n in range(1, 17)}
+    fields = {n: field for n, field in fields.items() if np.any(main.numbers(field) > 0.0)}
     motors = ardupilot_motors(log["PARAM_VALUE"], "param_id", "param_value")
-    chosen = select_motor_channels(motors, channels, "SERVOn_FUNCTION", log.findings)
-    return main.stream({f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()})
+    return motor_outputs(main, fields, motors, "SERVOn_FUNCTION", log.findings)
 
 
 def _speeds(log: MessageLog) -> list[Stream]:

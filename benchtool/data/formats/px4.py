@@ -20,22 +20,15 @@ from benchtool.data.formats.flight_log import (
     Messages,
     Stream,
     import_flight_log,
+    motor_outputs,
     parse_motor_map,
-    select_motor_channels,
 )
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 WANTED = (  # topics that are read; others are only counted
-    "vehicle_attitude",
-    "vehicle_attitude_setpoint",
-    "vehicle_angular_velocity",
-    "vehicle_rates_setpoint",
-    "sensor_combined",
-    "actuator_outputs",
-    "actuator_motors",
-    "esc_status",
-    "battery_status",
-    "distance_sensor",
+    *("vehicle_attitude", "vehicle_attitude_setpoint", "vehicle_angular_velocity"),
+    *("vehicle_rates_setpoint", "sensor_combined", "actuator_outputs", "actuator_motors"),
+    *("esc_status", "battery_status", "distance_sensor"),
 )
 
 MIN_PULSE_US, MAX_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
@@ -149,20 +142,16 @@ def _rates(log: MessageLog) -> list[Stream]:
 def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
     """Return pulse widths of outputs that are pulse widths."""
     used = _max_value(messages, "noutputs")
-    channels = [
-        n
-        for n in range(1, 17)
-        if messages.has(f"output[{n - 1}]") and (n in motors if motors else n <= used)
-    ]
-    pulsed = [n for n in channels if _has_pulses(messages.numbers(f"output[{n - 1}]"))]
+    outputs = {
+        n: f"output[{n - 1}]" for n in range(1, 17) if (n in motors if motors else n <= used)
+    }
+    outputs = {n: field for n, field in outputs.items() if messages.has(field)}
+    pulsed = {n: field for n, field in outputs.items() if _has_pulses(messages.numbers(field))}
     if pulsed:
-        chosen = select_motor_channels(motors, pulsed, "PWM_MAIN_FUNCn", findings)
-        return messages.stream(
-            {f"pwm{motor}_us": (f"output[{n - 1}]", 1.0) for n, motor in chosen.items()}
-        )
-    if channels:
+        return motor_outputs(messages, pulsed, motors, "PWM_MAIN_FUNCn", findings)
+    if outputs:
         text = "outputs are not pulse widths (DShot or a simulator), so there is no pwm"
-        findings.append(Finding("left out", "outputs", text, count=len(channels)))
+        findings.append(Finding("left out", "outputs", text, count=len(outputs)))
     return []
 
 

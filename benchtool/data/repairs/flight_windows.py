@@ -13,6 +13,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.text import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
+from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.import_result import Finding, ImportResult, Window
 
 _ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")
@@ -124,8 +125,6 @@ MIN_HOVER_S = 1.0  # duration of a point: tens of samples at nearly constant hei
 STEADY_M_S = 0.05  # fastest climb of a point, slow enough for the wake to settle; assumed
 MIN_SAMPLES = 10  # of a point, to estimate the acceleration; assumed
 
-_SPEED = re.compile(r"rpm\d+|pwm\d+_us")
-
 
 def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     """Return steady hover segments of a flight as points with thrust_N = m (g + a).
@@ -135,7 +134,7 @@ def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     plate_z_m is the height of the tracked point above the floor.
     """
     recording = result.recording
-    speeds = [name for name in recording.names if _SPEED.fullmatch(name)]
+    speeds = speed_columns(recording.names)
     if not {"time_s", "plate_z_m"}.issubset(recording.names) or not speeds:
         raise InputError(
             f"--hover needs time_s, plate_z_m and rpm1, ... or pwm1_us, ...; the table has "
