@@ -25,7 +25,14 @@ from benchtool.data.column_map import (
     read_column_map,
 )
 from benchtool.data.csv_header import find_header, most_frequent_delimiter, normalise_rows
-from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows, parse_rows
+from benchtool.data.csv_text import (
+    BYTE_ORDER_MARK,
+    THOUSANDS,
+    Positions,
+    TextTable,
+    pad_rows,
+    parse_rows,
+)
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -144,7 +151,6 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     texts = [arrow_table.column(str(position)).to_pylist() for position in positions]
     columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
     wrong = np.array([[_is_text(cell) for cell in column] for column in texts]) & np.isnan(columns)
-    columns[wrong] = nan
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -187,7 +193,8 @@ def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], 
     """
 
     def recognizes(head: bytes) -> bool:
-        first = find_header(normalise_rows(head.replace(b"\r", b""), []), []).text
+        text = head.removeprefix(BYTE_ORDER_MARK).replace(b"\r", b"")
+        first = find_header(normalise_rows(text, []), []).text
         columns = {
             parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
         }
