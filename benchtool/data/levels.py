@@ -41,7 +41,7 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
             "benchtool import, which accepts a column map (--columns) for any table",
         )
     result = import_file(path)
-    return split_levels(result.recording), measurement_context(result.propeller, None)
+    return split_levels(result.recording), measurement_context(result.propeller)
 
 
 def split_levels(recording: Recording) -> Recording:
