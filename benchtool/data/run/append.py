@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import BinaryIO
 
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
@@ -212,16 +213,18 @@ _INTERRUPTED = b"interrupted"
 
 @dataclass(frozen=True, slots=True)
 class SampleScan:
-    """Number of rows, end time and unmeasured points of samples.csv."""
+    """Number of rows and end time of samples.csv."""
 
     rows: int
     last_s: float  # latest time since the start of the run; 0 without rows
-    measured: frozenset[int]  # numbers of the measured points
-    unmarked_offset: int | None  # of the first row to mark as interrupted; None if there is none
 
 
-def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
-    """Read samples.csv line by line and return a summary; ignore an incomplete last line."""
+def write_marked_samples(path: Path, measured: frozenset[int]) -> SampleScan:
+    """Scan samples.csv; write a copy with phase `interrupted` in rows of unmeasured points, if any.
+
+    An incomplete last line is ignored. No other cell changes; `install_marked_samples` replaces the
+    original with the copy.
+    """
     rows, last_s, unmarked_offset = 0, 0.0, None
     finished = {b"0", *(str(point).encode() for point in measured)}
     with open_file(path, follow=False) as file:
@@ -249,22 +252,18 @@ def scan_samples(path: Path, measured: frozenset[int]) -> SampleScan:
             if unmarked_offset is None and point not in finished and phase != _INTERRUPTED:
                 unmarked_offset = offset
             offset += len(line)
-    return SampleScan(rows, last_s, measured, unmarked_offset)
+        if unmarked_offset is not None:
+            _copy_marked(file, _marked_path(path), unmarked_offset, finished)
+    return SampleScan(rows, last_s)
 
 
-def write_marked_samples(path: Path, scan: SampleScan) -> None:
-    """Write a copy of samples.csv with phase `interrupted` in rows of unmeasured points.
-
-    No other cell changes; `install_marked_samples` replaces the original with the copy.
-    """
-    if scan.unmarked_offset is None:
-        return
-    finished = {b"0", *(str(point).encode() for point in scan.measured)}
-    with open_file(path, follow=False) as old, open(_marked_path(path), "xb") as new:
-        remaining = scan.unmarked_offset
-        while remaining and (block := old.read(min(remaining, 1 << 20))):
+def _copy_marked(old: BinaryIO, path: Path, offset: int, finished: set[bytes]) -> None:
+    """Write a copy of samples.csv with the rows from this offset on marked."""
+    old.seek(0)
+    with open(path, "xb") as new:
+        while offset and (block := old.read(min(offset, 1 << 20))):
             new.write(block)
-            remaining -= len(block)
+            offset -= len(block)
         for line in old:
             cells = line.split(b",", 4)
             interrupted = len(cells) == 5 and cells[2] not in finished and line.endswith(b"\n")

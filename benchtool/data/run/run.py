@@ -36,7 +36,6 @@ from benchtool.data.run.append import (
     SampleScan,
     SampleWriter,
     read_events,
-    scan_samples,
     write_marked_samples,
 )
 from benchtool.data.run.points import PointWriter, load_settings, write_table
@@ -205,8 +204,9 @@ class Run:
             with self.locked() as log:
                 remove_leftovers(self.path)
                 before = self.metadata
-                changes = _final_state(self.path, before, n_planned, log)
-                if _count_measured(self.path):
+                n_measured = _count_measured(self.path)
+                changes = _final_state(before, n_planned, n_measured, log)
+                if n_measured:
                     settings = self.path / "settings.csv"
                     missing = not settings.is_file()
                     write_table(settings, load_settings(self.path))
@@ -233,10 +233,8 @@ class Run:
             with self.locked():
                 remove_leftovers(self.path)
                 if not os.path.lexists(samples):
-                    return SampleScan(0, 0.0, measured, None)
-                scan = scan_samples(samples, measured)
-                write_marked_samples(samples, scan)
-                return scan
+                    return SampleScan(0, 0.0)
+                return write_marked_samples(samples, measured)
         except (OSError, MemoryError) as error:
             raise resource_error(error, f"{self.path} cannot be resumed") from error
 
@@ -273,15 +271,14 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def _final_state(
-    folder: Path, metadata: dict[str, Any], n_planned: int | None, log: EventLog
+    metadata: dict[str, Any], n_planned: int | None, n_measured: int, log: EventLog
 ) -> dict[str, Any]:
     """Return the changes of state and reason in the metadata; log them as an event."""
     state, planned = metadata.get("state"), n_planned or metadata.get("visits")
     if state not in ("running", "stopped"):
         return {}
-    measured = _count_measured(folder)
-    if planned and measured >= int(planned):
-        text = f"closed afterwards; all is measured: {pluralize(measured, 'visit')}"
+    if planned and n_measured >= int(planned):
+        text = f"closed afterwards; all is measured: {pluralize(n_measured, 'visit')}"
         changes: dict[str, Any] = {"state": "ended"}
     elif state == "running":
         text = f"closed afterwards; {ENDED_UNEXPECTEDLY}"
@@ -320,9 +317,7 @@ def _seal(folder: Path, metadata: dict[str, Any]) -> dict[str, Any]:
 
 def has_rows(path: Path) -> bool:
     """Return whether a table has a complete row below its header."""
-    if not path.is_file():
-        return False
-    return scan_lines(path)[0] > 0
+    return path.is_file() and scan_lines(path)[0] > 0
 
 
 def check_not_existing(path: Path) -> None:

@@ -11,7 +11,6 @@ from benchtool.data.run.append import (
     Event,
     install_marked_samples,
     read_events,
-    scan_samples,
     write_marked_samples,
 )
 from benchtool.data.run.read import read_samples
@@ -171,17 +170,17 @@ def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path):
     path = tmp_path / "samples.csv"
     cut = "6,50,2,settle,6"
     path.write_text(HEAD + "".join(ROWS) + cut)
-    assert scan_samples(path, frozenset({1, 2})).unmarked_offset is None
-    found = scan_samples(path, frozenset({1}))
+    write_marked_samples(path, frozenset({1, 2}))
+    assert list(tmp_path.iterdir()) == [path]
+    found = write_marked_samples(path, frozenset({1}))
     assert (found.rows, found.last_s) == (5, 9.0)
-    assert found.unmarked_offset == len(HEAD + ROWS[0] + ROWS[1])
-    write_marked_samples(path, found)
     assert path.read_text() == HEAD + "".join(ROWS) + cut
     install_marked_samples(path)
     marked = ROWS[2].replace("settle", "interrupted")
     assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + ROWS[4] + cut
     install_marked_samples(path)  # nothing was written since
-    assert scan_samples(path, frozenset({1})).unmarked_offset is None
+    write_marked_samples(path, frozenset({1}))
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(
@@ -195,4 +194,4 @@ def test_a_line_that_no_writer_has_written_is_named(tmp_path, line):
     path = tmp_path / "samples.csv"
     path.write_text(HEAD + ROWS[0] + line + "\n")
     with pytest.raises(FileFormatError, match=r"samples\.csv, line 3: it starts with '"):
-        scan_samples(path, frozenset())
+        write_marked_samples(path, frozenset())
