@@ -112,14 +112,11 @@ def _write_csv(path: Path, recording: Recording) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    is_nan = np.isnan(recording.values)
-    masks = [is_nan[:, index].copy() for index in range(len(recording.channels))]
+    columns = [pa.array(values, from_pandas=True) for values in recording.values.T]
     # Readers skip a line of empty cells only, so its first cell is the text nan.
-    masks[0] &= ~is_nan.all(axis=1)
-    columns = [
-        pa.array(np.ascontiguousarray(recording.values[:, index]), mask=mask)
-        for index, mask in enumerate(masks)
-    ]
+    is_nan = np.isnan(recording.values)
+    first = np.ascontiguousarray(recording.values[:, 0])
+    columns[0] = pa.array(first, mask=is_nan[:, 0] & ~is_nan.all(axis=1))
     table = pa.table(columns, names=list(recording.names))
     with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
         file.write(f"{','.join(recording.names)}\n".encode())
