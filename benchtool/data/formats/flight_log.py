@@ -180,9 +180,8 @@ def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
 def _rank_equal_times(time_us: Times) -> NDArray[np.intp]:
     """Return the number of earlier messages of the same time, for each message (m,)."""
     order = np.argsort(time_us, kind="stable")
-    _, first, group = np.unique(time_us[order], return_index=True, return_inverse=True)
-    rank = np.empty(time_us.size, np.intp)
-    rank[order] = np.arange(time_us.size) - first[group]
+    ordered, rank = time_us[order], np.empty(time_us.size, np.intp)
+    rank[order] = np.arange(time_us.size) - np.searchsorted(ordered, ordered)
     return rank
 
 

@@ -57,14 +57,14 @@ def mark_windows(
             f"{recording.provenance.get('file', 'the file')} has no time, needed for --over and "
             f"--near-m; remove these options"
         )
-    windows, findings = list(user_windows), []
+    time_s, windows, findings = recording.column("time_s"), list(user_windows), []
     if near_m is not None:
         if "distance_m" not in recording:
             text = "--near-m needs a distance sensor, missing in the file"
             findings.append(Finding("lacks", "distance sensor", text))
         else:
-            time_s, distance_m = recording.column("time_s"), recording.column("distance_m")
-            windows += (sensed := _find_near_windows(time_s, distance_m, near_m))
+            sensed = _find_near_windows(time_s, recording.column("distance_m"), near_m)
+            windows += sensed
             text = (
                 f"{pluralize(len(sensed), 'window')} with a distance below {near_m:g} m from the "
                 f"body, applied to all rotors"
@@ -73,7 +73,6 @@ def mark_windows(
     rotors = sorted(
         {int(match[1]) for name in recording.names if (match := _ROTOR.fullmatch(name))}
     )
-    time_s = recording.column("time_s")
     end_s = float(np.nanmax(time_s))
     for window in windows:
         if window.rotor and rotors and window.rotor not in rotors:
@@ -87,14 +86,10 @@ def mark_windows(
                 f"the end of the recording"
             )
     for rotor in rotors or [1]:
-        covered = np.zeros(len(recording))
-        for window in windows:
-            if window.rotor in (0, rotor):
-                covered[(time_s >= window.start_s) & (time_s <= window.end_s)] = 1.0
-        if any(window.rotor in (0, rotor) for window in windows):
-            name = f"coverage{rotor}"
-            if name not in recording:
-                recording = recording.with_column(Channel(name, "1"), covered)
+        over = [window for window in windows if window.rotor in (0, rotor)]
+        if over and (name := f"coverage{rotor}") not in recording:
+            covered = [(time_s >= part.start_s) & (time_s <= part.end_s) for part in over]
+            recording = recording.with_column(Channel(name, "1"), np.any(covered, axis=0))
     return replace(
         result,
         recording=recording,
