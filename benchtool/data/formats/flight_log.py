@@ -199,11 +199,7 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (  # contents, pattern of channels, m
 
 
 def import_flight_log(
-    log: MessageLog,
-    streams: Sequence[Stream],
-    format_name: str,
-    where: str,
-    provenance: Mapping[str, str],
+    log: MessageLog, streams: Sequence[Stream], format_name: str, where: str, device: str
 ) -> ImportResult:
     """Return a flight log as a pitch recording."""
     findings = list(log.findings)
@@ -234,7 +230,7 @@ def import_flight_log(
         for name in stream.columns
     }
     return ImportResult(
-        recording=replace(recording, provenance={**provenance, "rows": str(len(recording))}),
+        recording=replace(recording, provenance={"device": device, "rows": str(len(recording))}),
         format=format_name,
         findings=tuple(findings),
         tally=ImportCount(

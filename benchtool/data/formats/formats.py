@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import isfinite
@@ -49,8 +49,8 @@ _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 Kind = Literal["log", "table"]
 
 
-# (bytes of the file, its path as given, provenance, options) -> import, or a FileFormatError
-FormatReader = Callable[[bytes, str, Mapping[str, str], ImportOptions], ImportResult]
+# (bytes of the file, its path as given, options) -> import, or a FileFormatError
+FormatReader = Callable[[bytes, str, ImportOptions], ImportResult]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +118,15 @@ def import_files(
 @np.errstate(over="ignore", invalid="ignore")  # a cell may be 1e308, a log value a signalling nan
 def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the import of a foreign file's bytes; see `import_file`."""
+    kind, reader = _select_reader(data, options)
+    result = reader(data, where, options)
     provenance = {
         "file": where,
         "sha256": hashlib.sha256(data).hexdigest(),
         "simulated": "not stated",
+        **result.recording.provenance,
     }
-    kind, reader = _select_reader(data, options)
-    result = reader(data, where, provenance, options)
+    result = replace(result, recording=replace(result.recording, provenance=provenance))
     if kind == "log":
         result = inspect_log(apply_options(result, options))
     else:
@@ -210,7 +212,7 @@ def _can_import(path: Path, options: ImportOptions) -> bool:
             head = head[: head.rfind(b"\n") + 1] or head
         kind, reader = _select_reader(head, options)
         if kind == "table":
-            reader(head, str(path), {}, options)
+            reader(head, str(path), options)
     except (OSError, InputError):
         return False
     return True

@@ -191,9 +191,7 @@ _ESC_STATUS = PayloadLayout.from_struct(  # of PX4 (MAVLink common.xml); not in 
 )
 
 
-def read_mavlink(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_mavlink(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
     extras = {item.number: item.crc_extra for item in layouts.values()}
@@ -215,8 +213,8 @@ def read_mavlink(
         *_battery(log["SYS_STATUS"]),
         *_distance(log),
     ]
-    facts = {**provenance, "device": f"MAVLink system {system[0]}, component {system[1]}"}
-    return import_flight_log(log, streams, "MAVLink tlog", where, facts)
+    device = f"MAVLink system {system[0]}, component {system[1]}"
+    return import_flight_log(log, streams, "MAVLink tlog", where, device)
 
 
 def _layouts() -> tuple[dict[str, PayloadLayout], Any]:

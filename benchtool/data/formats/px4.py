@@ -40,9 +40,7 @@ _FAULTS = (  # exceptions of pyulog on corrupt files, in addition to ULogExcepti
 )
 
 
-def read_px4(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_px4(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a PX4 log as a pitch recording."""
     from pyulog import ULog
     from pyulog.exceptions import ULogException
@@ -84,9 +82,7 @@ def read_px4(
     n_used = sum(stream.time_us.size for stream in streams)
     # pyulog may read one part of a log with appended data twice.
     log = replace(log, total=max(log.total, n_used))
-    return import_flight_log(
-        log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)}
-    )
+    return import_flight_log(log, streams, "PX4 ULog", where, _device(ulog))
 
 
 def _messages(topic: Any) -> Messages:

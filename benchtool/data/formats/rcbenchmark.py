@@ -46,9 +46,7 @@ CHANNELS: dict[str, str] = {  # columns of the stands by name, as in their expor
 }
 
 
-def read_rcbenchmark(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_rcbenchmark(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a stand's log."""
     table = parse_rows(data, where)
     columns, findings = map_header(
@@ -59,8 +57,8 @@ def read_rcbenchmark(
         series = "Series 1580/1585"
     else:
         series = "Series 1780" if "Torque" in names else "Series 1520"
-    facts = {**provenance, "device": f"RCbenchmark {series}"}
-    return read_columns(table, columns, f"RCbenchmark {series}", facts, findings, _select_speed)
+    name = f"RCbenchmark {series}"
+    return read_columns(table, columns, name, {"device": name}, findings, _select_speed)
 
 
 def _select_speed(

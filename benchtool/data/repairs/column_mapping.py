@@ -261,7 +261,7 @@ def read_columns(
     table: TextTable,
     columns: Sequence[MappedColumn],
     format_name: str,
-    provenance: Mapping[str, str],
+    facts: Mapping[str, str],
     findings: Sequence[Finding] = (),
     choose: Choose | None = None,
 ) -> ImportResult:
@@ -270,6 +270,7 @@ def read_columns(
     Blank columns are dropped, with a finding.
 
     Args:
+        facts: provenance in addition to that of the file.
         findings: of the header.
         choose: returns the columns to use, from their numbers.
     """
@@ -317,7 +318,7 @@ def read_columns(
             row += scale.offset
     channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in pairs)
     return ImportResult(
-        recording=Recording(channels, matrix.T, {**provenance, "rows": str(rows)}),
+        recording=Recording(channels, matrix.T, {**facts, "rows": str(rows)}),
         format=format_name,
         findings=tuple(all_findings),
         tally=ImportCount(
@@ -331,9 +332,7 @@ def read_columns(
     )
 
 
-def read_by_map(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_by_map(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV file in the user's map."""
     map_path = options.columns
     assert map_path is not None
@@ -355,14 +354,10 @@ def read_by_map(
     if unmapped:
         text = f"not in the map: {', '.join(unmapped)}"
         findings.append(Finding("left out", "columns", text, count=len(unmapped)))
-    return read_columns(
-        table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
-    )
+    return read_columns(table, columns, "column map", {"columns": str(map_path)}, findings)
 
 
-def read_by_names(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_by_names(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV with known names and units.
 
     Without a unit the channel's unit is assumed, with a warning.
@@ -376,4 +371,4 @@ def read_by_names(
             where,
             f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
         )
-    return read_columns(table, columns, "named columns", provenance, findings)
+    return read_columns(table, columns, "named columns", {}, findings)
