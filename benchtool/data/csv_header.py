@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import chain, zip_longest
 from typing import NamedTuple
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.text import pluralize
 from benchtool.data.column_map import is_unit, parse_header_cell
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 Repairs = list[tuple[str, str]]  # topic, the same for every file, and message
 START_BYTES = 1 << 16  # the header is within this part of the file; assumed
@@ -145,6 +147,25 @@ def _with_units(header: str, below: str) -> str:
         f"{name} [{unit}]" if unit and parse_header_cell(name).unit is None else name
         for name, unit in zip_longest(names, units, fillvalue="")
     )
+
+
+def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
+    """Return a function that tests a file for these columns; units in brackets are ignored.
+
+    Args:
+        names: columns that are all required.
+        any_of: columns of which one is required, if not empty.
+    """
+
+    def recognizes(head: bytes) -> bool:
+        text = head.removeprefix(BYTE_ORDER_MARK).replace(b"\r", b"")
+        first = find_header(normalise_rows(text, []), []).text
+        columns = {
+            parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
+        }
+        return columns.issuperset(names) and (not any_of or not columns.isdisjoint(any_of))
+
+    return recognizes
 
 
 def split_cells(

@@ -28,6 +28,7 @@ from benchtool.core.user_file import (
     read_file,
 )
 from benchtool.data.csv_header import (
+    BYTE_ORDER_MARK,
     START_BYTES,
     HeaderLine,
     Repairs,
@@ -47,7 +48,6 @@ THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")  # 1.234,5
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
 _PIECE_BYTES = 1 << 18
 
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # first bytes of files in these encodings
 
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import fields
 from datetime import datetime
+from math import inf
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -53,10 +54,8 @@ def list_entries(folder: RunsFolder, cache: CachedEntries | None = None) -> tupl
     entries = list(_FolderScan(folder, cache).scan(str(folder.root), MAX_DEPTH))
     for name in cache.keys() - {entry.name for entry in entries}:
         del cache[name]
-    dated = [entry for entry in entries if entry.started is not None]
-    dated.sort(key=lambda entry: entry.started.timestamp() if entry.started else 0.0, reverse=True)
-    undated = sorted((entry for entry in entries if entry.started is None), key=lambda e: e.name)
-    return (*dated, *undated)
+    entries.sort(key=lambda e: (-e.started.timestamp(), "") if e.started else (inf, e.name))
+    return tuple(entries)
 
 
 class _FolderScan:

@@ -21,6 +21,7 @@ import numpy as np
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
+from benchtool.data.csv_header import has_columns
 from benchtool.data.formats.ardupilot import HEAD, read_binary, read_text
 from benchtool.data.formats.crazyflie import read_crazyflie
 from benchtool.data.formats.mavlink_log import is_tlog, read_mavlink
@@ -28,7 +29,7 @@ from benchtool.data.formats.px4 import read_px4
 from benchtool.data.formats.rcbenchmark import read_rcbenchmark
 from benchtool.data.formats.uiuc import is_uiuc, read_uiuc
 from benchtool.data.quantities import dependent_quantities
-from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names
+from benchtool.data.repairs.column_mapping import read_by_map, read_by_names
 from benchtool.data.repairs.flight_windows import extract_hover_points, mark_windows
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 from benchtool.data.repairs.stand_checks import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import nan
 from typing import Any, NamedTuple
 
@@ -24,15 +24,7 @@ from benchtool.data.column_map import (
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_header import find_header, most_frequent_delimiter, normalise_rows
-from benchtool.data.csv_text import (
-    BYTE_ORDER_MARK,
-    THOUSANDS,
-    Positions,
-    TextTable,
-    pad_rows,
-    parse_rows,
-)
+from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows, parse_rows
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -182,25 +174,6 @@ def _number(cell: bytes | None, decimal: str) -> float:
             clean = clean.replace(b".", b"")
         clean = clean.replace(b",", b".")
     return float(clean) if _NUMBER.fullmatch(clean) else nan
-
-
-def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
-    """Return a function that tests a file for these columns; units in brackets are ignored.
-
-    Args:
-        names: columns that are all required.
-        any_of: columns of which one is required, if not empty.
-    """
-
-    def recognizes(head: bytes) -> bool:
-        text = head.removeprefix(BYTE_ORDER_MARK).replace(b"\r", b"")
-        first = find_header(normalise_rows(text, []), []).text
-        columns = {
-            parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
-        }
-        return columns.issuperset(names) and (not any_of or not columns.isdisjoint(any_of))
-
-    return recognizes
 
 
 def map_header(

@@ -9,7 +9,6 @@ from datetime import datetime
 from math import isnan, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
 
 import numpy as np
 
@@ -257,8 +256,7 @@ def ratios_by_distance(runs: Sequence[Path]) -> list[tuple[float, list[float | N
     return sorted(rows.items())
 
 
-Table = Literal["points", "settings", "samples"]
-TABLES: tuple[Table, ...] = ("points", "settings", "samples")
+TABLES = ("points", "settings", "samples")
 SUFFIXES = (".csv", ".parquet", ".mcap")
 
 
