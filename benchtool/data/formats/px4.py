@@ -264,21 +264,18 @@ def walk_ulog(data: bytes) -> tuple[bytes, MessageLog]:
 def _next_run(data: bytes, offset: int) -> int:
     """Return the offset of the next consecutive valid messages, or the end."""
     size = len(data)
-    while offset + 3 <= size:
-        if data[offset + 2] in _KINDS and _is_run(data, offset):
-            return offset
-        offset += 1
+    for start in range(offset, size - 2):
+        end = start
+        for _ in range(WHOLE_RUN):
+            if end == size:
+                return start
+            if end + 3 > size or data[end + 2] not in _KINDS:
+                break
+            length = data[end] + (data[end + 1] << 8)
+            if not 0 < length < MAX_MESSAGE_BYTES:
+                break
+            end += 3 + length
+        else:
+            if end <= size:
+                return start
     return size
-
-
-def _is_run(data: bytes, offset: int) -> bool:
-    for _ in range(WHOLE_RUN):
-        if offset == len(data):
-            return True
-        if offset + 3 > len(data) or data[offset + 2] not in _KINDS:
-            return False
-        length = data[offset] + (data[offset + 1] << 8)
-        if not 0 < length < MAX_MESSAGE_BYTES:
-            return False
-        offset += 3 + length
-    return offset <= len(data)
