@@ -9,10 +9,7 @@ from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportR
 CHANNELS: dict[str, str] = {
     "weight": "thrust_N",
     "pwm": "pwm_raw",
-    "rpm1": "rpm1",
-    "rpm2": "rpm2",
-    "rpm3": "rpm3",
-    "rpm4": "rpm4",
+    **{name: name for name in ("rpm1", "rpm2", "rpm3", "rpm4")},
     "v": "voltage_V",
     "i": "current_A",
     "p": "power_W",
