@@ -16,8 +16,7 @@ from benchtool.data.derived import (
     measurement_context,
 )
 from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
-from benchtool.data.run.run_metadata import read_recording_facts
+from benchtool.data.run.recording_file import metadata_path, read_recording, read_recording_facts
 
 AVERAGED_SHARE = 0.5  # last part of a level, after it has settled, that is averaged; assumed
 BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
@@ -29,8 +28,8 @@ AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mecha
 def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
     """Return the levels of a recording or of a test stand's table, which is imported."""
     if metadata_path(path).is_file():
-        json = metadata_path(path)
-        context = build_recording_context(read_recording_facts(json, FORMAT), str(json))
+        facts = read_recording_facts(path)
+        context = build_recording_context(facts, str(metadata_path(path)))
         return split_levels(read_recording(path)), context
     if not path.exists():
         raise FileFormatError(str(path), "there is no such file or run folder; check the path")

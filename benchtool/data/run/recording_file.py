@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
-from benchtool.core.toml_text import parse_json
+from benchtool.core.toml_text import build_dataclass, parse_json
 from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_METADATA_BYTES, check_columns, check_decoded, open_file
-from benchtool.data.atomic import atomic_writer, file_hash, make_folder, replace_json
+from benchtool.data.atomic import atomic_writer, file_hash, make_folder, read_json, replace_json
 from benchtool.data.columns import WORDS
 from benchtool.data.parquet import load_extra, read_parquet, read_stream, write_parquet
-from benchtool.data.run.run_metadata import read_recording_facts
+from benchtool.data.run.run_metadata import RECORDING_SCHEMA, check_format
 from benchtool.data.table import read_own_table
 
 FORMAT = "benchtool-recording-1"
@@ -39,6 +39,15 @@ FORMAT = "benchtool-recording-1"
 def metadata_path(path: Path) -> Path:
     """Return the path of the JSON file of a recording."""
     return path.with_name(f"{path.name}.json")
+
+
+def read_recording_facts(path: Path) -> dict[str, Any]:
+    """Return the contents of the JSON file of a recording, checked."""
+    json_path = metadata_path(path)
+    facts = read_json(json_path)
+    check_format(facts, FORMAT, str(json_path))
+    build_dataclass(RECORDING_SCHEMA, facts, str(json_path))
+    return facts
 
 
 def write_recording(
@@ -86,7 +95,7 @@ def read_recording(path: str | Path) -> Recording:
         raise FileFormatError(str(path), "there is no such recording; check the path")
     if path.suffix.lower() == ".mcap":
         return read_mcap(path)
-    facts = read_recording_facts(metadata_path(path), FORMAT)
+    facts = read_recording_facts(path)
     if facts.get("sha256") != file_hash(path):
         raise FileFormatError(
             str(path), "it has changed since it was written; import it again or restore a backup"
