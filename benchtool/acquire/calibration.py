@@ -26,10 +26,9 @@ from benchtool.data.calibration import (
     read_calibration,
 )
 from benchtool.data.columns import REJECTED, VALID_KINDS, word_to_code
-from benchtool.data.run.points import write_table
+from benchtool.data.run.points import load_settings, write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import load_settings
 from benchtool.data.run.state import load_state, state_file
 
 MAX_NONLINEARITY = 0.02  # residual over full scale; cells are rated 0.0005; assumed

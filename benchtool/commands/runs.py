@@ -172,7 +172,7 @@ def show(inputs: ShowInputs) -> None:
 def compare(inputs: ShowInputs) -> None:
     """Compare runs: metadata, and T_IGE/T_OGE by z/R."""
     from benchtool.core.text import pluralize
-    from benchtool.data.run.settings import ratios_by_distance
+    from benchtool.data.run.points import ratios_by_distance
 
     if len(inputs.runs) < 2:
         raise InputError(f"only one run, {inputs.runs[0]}; give two or more to compare")
@@ -237,8 +237,8 @@ def export(inputs: RunExportInputs) -> None:
     """Export samples, points or settings of a run as MCAP, Parquet or CSV."""
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.atomic import replace_bytes
+    from benchtool.data.run.points import export_table
     from benchtool.data.run.run import Run
-    from benchtool.data.run.settings import export_table
 
     if inputs.out.exists():
         raise WouldOverwrite(str(inputs.out))

@@ -272,43 +272,32 @@ def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     )
 
 
-NAMES: dict[str, str] = {  # channel by usual column name in lower case
-    **dict.fromkeys(("t", "time", "zeit"), "time_s"),
-    **dict.fromkeys(("thrust", "schub", "force", "kraft", "f", "fz", "lift"), "thrust_N"),
-    **dict.fromkeys(("torque", "moment", "drehmoment"), "torque_Nm"),
-    **dict.fromkeys(("voltage", "spannung"), "voltage_V"),
-    **dict.fromkeys(("current", "strom"), "current_A"),
-    **dict.fromkeys(("electrical power", "power", "leistung"), "power_W"),
-    "mechanical power": "mechanical_power_W",
-    **dict.fromkeys(("efficiency", "overall efficiency"), "efficiency_N_W"),
-    **dict.fromkeys(
-        ("propeller efficiency", "propeller mech. efficiency"), "propeller_efficiency_N_W"
+_USUAL_NAMES: dict[str, tuple[str, ...]] = {  # usual column names, lower case, by channel
+    "time_s": ("t", "time", "zeit"),
+    "thrust_N": ("thrust", "schub", "force", "kraft", "f", "fz", "lift"),
+    "torque_Nm": ("torque", "moment", "drehmoment"),
+    "voltage_V": ("voltage", "spannung"),
+    "current_A": ("current", "strom"),
+    "power_W": ("electrical power", "power", "leistung"),
+    "mechanical_power_W": ("mechanical power",),
+    "efficiency_N_W": ("efficiency", "overall efficiency"),
+    "propeller_efficiency_N_W": ("propeller efficiency", "propeller mech. efficiency"),
+    "motor_efficiency": ("motor efficiency",),
+    "rpm1": (
+        *("rpm", "rotation speed", "drehzahl", "speed", "rotor speed", "motor speed"),
+        *("motor optical speed", "motor electrical speed"),
     ),
-    "motor efficiency": "motor_efficiency",
-    **dict.fromkeys(
-        (
-            "rpm",
-            "rotation speed",
-            "drehzahl",
-            "speed",
-            "rotor speed",
-            "motor speed",
-            "motor optical speed",
-            "motor electrical speed",
-        ),
-        "rpm1",
+    "pwm1_us": ("pwm", "throttle", "esc", "esc signal", "gas"),
+    "theta_rad": ("theta",),
+    "theta_ref_rad": ("theta_ref",),
+    "gyro_rad_s": ("gyro",),
+    "plate_z_m": (
+        *("z", "plate_z", "plate z", "gap", "abstand", "distance", "plate distance", "clearance"),
     ),
-    **dict.fromkeys(("pwm", "throttle", "esc", "esc signal", "gas"), "pwm1_us"),
-    "theta": "theta_rad",
-    "theta_ref": "theta_ref_rad",
-    "gyro": "gyro_rad_s",
-    **dict.fromkeys(
-        ("z", "plate_z", "plate z", "gap", "abstand", "distance", "plate distance", "clearance"),
-        "plate_z_m",
-    ),
-    **dict.fromkeys(("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "ratio"), "thrust_ratio"),
-    "vibration": "vibration_m_s2",
+    "thrust_ratio": ("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "ratio"),
+    "vibration_m_s2": ("vibration",),
 }
+_CHANNELS = {name: channel for channel, names in _USUAL_NAMES.items() for name in names}
 
 RADII_PER_UNIT: dict[str, float] = {  # rotor radii per unit, by column name in lower case
     **dict.fromkeys(("z_over_r", "z/r", "z_r", "h/r", "h_r", "h_over_r"), 1.0),
@@ -330,7 +319,7 @@ def match_channel(name: str) -> str | None:
     """Return the channel for a column name, or None if it is ambiguous."""
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
-    return name if is_known_channel(name) else NAMES.get(name.lower())
+    return name if is_known_channel(name) else _CHANNELS.get(name.lower())
 
 
 def guess_columns(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import chain, zip_longest
 from typing import NamedTuple
 
@@ -56,17 +56,14 @@ def normalise_rows(data: bytes, repairs: Repairs) -> bytes:
     if len(cells[1]) != len(cells[0]) or not all(map(_NUMBER.fullmatch, cells[1])):
         return data
     repairs.append(("other delimiter", "cells are separated by blanks, not ','"))
-    data = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", data.removeprefix(BYTE_ORDER_MARK))
+    data = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", data)
     return re.sub(rb"[ \t]+", b"\t", data)
 
 
 def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     """Return text with comments blanked, except one with the column names of the rows below."""
-    if not any(b"\n" + mark in data for mark in _MARKS) and not data.removeprefix(
-        BYTE_ORDER_MARK
-    ).startswith(_MARKS):
+    if not data.startswith(_MARKS) and not any(b"\n" + mark in data for mark in _MARKS):
         return data
-    data = data.removeprefix(BYTE_ORDER_MARK)
     header = None
     uncommented = _COMMENT.sub(b"", data[:START_BYTES])
     first = next((line for line in uncommented.split(b"\n") if line.strip()), b"")
@@ -99,8 +96,8 @@ def _cells(text: str) -> list[str]:
 
 def _first_lines(data: bytes) -> list[tuple[str, int]]:
     """Return the first non-blank lines, each with its byte offset."""
-    lines, offset = [], len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
-    for line in data[offset:START_BYTES].split(b"\n"):
+    lines, offset = [], 0
+    for line in data[:START_BYTES].split(b"\n"):
         if line.strip() and not line.lower().startswith(b"sep="):
             lines.append((line.decode("utf-8", "replace"), offset))
         offset += len(line) + 1
@@ -109,14 +106,13 @@ def _first_lines(data: bytes) -> list[tuple[str, int]]:
 
 def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
     """Return the header line: the first, or the one below a title."""
-    offset = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
-    if data[offset : offset + 4].lower() == b"sep=":
+    if data[:4].lower() == b"sep=":
         repairs.append(("spreadsheet's line", "a first line 'sep=' was ignored"))
     lines = _first_lines(data)
     position = _below_titles([line for line, _ in lines])
     if position:
         repairs.append(("title", f"{position} lines above the names of the columns were left out"))
-    begin = lines[position][1] if lines else offset
+    begin = lines[position][1] if lines else 0
     end = data.find(b"\n", begin) + 1 or len(data)
     text = decode(data[begin:end], "the header", repairs).removesuffix("\n")
     if position + 1 < len(lines) and (with_units := _with_units(text, lines[position + 1][0])):
@@ -151,6 +147,25 @@ def _with_units(header: str, below: str) -> str:
         f"{name} [{unit}]" if unit and parse_header_cell(name).unit is None else name
         for name, unit in zip_longest(names, units, fillvalue="")
     )
+
+
+def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
+    """Return a function that tests a file for these columns; units in brackets are ignored.
+
+    Args:
+        names: columns that are all required.
+        any_of: columns of which one is required, if not empty.
+    """
+
+    def recognizes(head: bytes) -> bool:
+        text = head.removeprefix(BYTE_ORDER_MARK).replace(b"\r", b"")
+        first = find_header(normalise_rows(text, []), []).text
+        columns = {
+            parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
+        }
+        return columns.issuperset(names) and (not any_of or not columns.isdisjoint(any_of))
+
+    return recognizes
 
 
 def split_cells(

@@ -46,7 +46,6 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")  # 1.234,5
 
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
-_BLANK = re.compile(rb"(?:%b)?\s*" % BYTE_ORDER_MARK)
 _PIECE_BYTES = 1 << 18
 
 UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # first bytes of files in these encodings
@@ -108,7 +107,7 @@ def _tokenize(
     repairs: Repairs = []
     data = _decode_text(data, where, repairs)
     if cells:
-        data = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", repairs).encode()
+        data = decode(data, "the text", repairs).encode()
     if own:
         end = data.find(b"\n") + 1 or len(data)
         header = HeaderLine(data[:end].decode().rstrip("\n"), 1, end)
@@ -180,18 +179,16 @@ def _with_points(cells: NDArray[np.object_]) -> list[str]:
 
 
 def _decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
-    """Return the bytes of a text with line ends LF; UTF-16 as UTF-8, Parquet as CSV text.
-
-    A byte order mark remains, to avoid a copy of a long file.
-    """
+    """Return the bytes of a text with line ends LF; UTF-16 as UTF-8, Parquet as CSV text."""
     if data[:2] in UTF_16:
         data = data.decode("utf-16", "replace").encode()
         repairs.append(("UTF-16", "the text is UTF-16, as Excel saves it; read as UTF-8"))
     if data.startswith(BYTE_ORDER_MARK):
+        data = data.removeprefix(BYTE_ORDER_MARK)
         repairs.append(("byte order mark", "a byte order mark at the start was left out"))
     if data.startswith(PARQUET):
         data = _text_of_parquet(data, where)
-    if _BLANK.fullmatch(data):
+    if not data or data.isspace():
         raise FileFormatError(where, "the file is empty; name a file with a header line and rows")
     if b"\0" in data[:4096]:
         raise FileFormatError(where, "this is not a text file; name a CSV file or a flight log")

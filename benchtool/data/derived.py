@@ -20,7 +20,7 @@ from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.error_source import ErrorSource, UncertainValues
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Motor, Propeller, Rig, Sensor
+from benchtool.core.rig import Propeller, Rig, Sensor
 from benchtool.core.toml_text import build_dataclass
 from benchtool.core.units import Array
 from benchtool.data.calibration import zero_noise, zero_variance
@@ -58,18 +58,21 @@ class MeasurementContext:
 
 
 def measurement_context(
-    propeller: Propeller | None,
-    air: Mapping[str, Any] | None,
-    motor: Motor | None = None,
+    propeller: Propeller | None = None,
+    air: Mapping[str, Any] | None = None,
     rig: Rig | None = None,
     calibration: Mapping[str, Any] | None = None,
 ) -> MeasurementContext:
     """Return the context from the metadata of a run or recording.
 
     Args:
+        propeller: None means that of the rig, or its radius.
         air: as `Air.facts` returns it; None means the standard air.
     """
     values = dict(_air(air or {}))
+    if propeller is None and rig is not None:
+        diameter_m = 2.0 * rig.propulsion.radius_m
+        propeller = rig.propeller or Propeller(name=f"rig {rig.name}", diameter_m=diameter_m)
     if propeller is not None:
         label, relative = propeller.name, propeller.diameter_sd
         d = propeller.diameter_m
@@ -77,7 +80,7 @@ def measurement_context(
         if (c := propeller.chord_m) is not None:
             sd = c * propeller.chord_sd
             values["chord_m"] = KnownValue(value=c, sd=sd, unit="m", origin=label)
-    if motor is not None and motor.has_curve:
+    if rig is not None and (motor := rig.motor) is not None and motor.has_curve:
         for name, unit in zip(DATA_SHEET, ("1", "1", "A"), strict=True):
             value = float(getattr(motor, name))
             origin = f"data sheet, {100.0 * DATA_SHEET_SD:g} % assumed"
@@ -113,21 +116,13 @@ def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, KnownValue]]:
 def load_run_context(folder: Path) -> MeasurementContext:
     """Return the context of a run folder; only standard air for anything else."""
     if not is_run(folder):
-        return measurement_context(None, None)
+        return measurement_context()
     facts = read_metadata(folder)
     try:
         rig = run_rig(folder, facts)
     except FileFormatError:
         return measurement_context(None, facts.get("air"))
-    return build_rig_context(rig, facts.get("air"), facts.get("calibration"))
-
-
-def build_rig_context(
-    rig: Rig, air: Mapping[str, Any] | None = None, calibration: Mapping[str, Any] | None = None
-) -> MeasurementContext:
-    """Return the context of a rig; see `measurement_context`."""
-    default_propeller = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
-    return measurement_context(rig.propeller or default_propeller, air, rig.motor, rig, calibration)
+    return measurement_context(None, facts.get("air"), rig, facts.get("calibration"))
 
 
 def build_recording_context(facts: Mapping[str, Any], where: str) -> MeasurementContext:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.units import Array
-from benchtool.data.derived import MeasurementContext, build_recording_context
+from benchtool.data.derived import (
+    MeasurementContext,
+    build_recording_context,
+    measurement_context,
+)
 from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.repairs.import_result import ImportOptions, import_metadata
-from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
-from benchtool.data.run.run_metadata import read_recording_facts
+from benchtool.data.run.recording_file import metadata_path, read_recording, read_recording_facts
 
 AVERAGED_SHARE = 0.5  # last part of a level, after it has settled, that is averaged; assumed
 BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
@@ -27,10 +28,9 @@ AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mecha
 def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
     """Return the levels of a recording or of a test stand's table, which is imported."""
     if metadata_path(path).is_file():
-        facts = read_recording_facts(metadata_path(path), FORMAT)
-        return split_levels(read_recording(path)), build_recording_context(
-            facts, str(metadata_path(path))
-        )
+        facts = read_recording_facts(path)
+        context = build_recording_context(facts, str(metadata_path(path)))
+        return split_levels(read_recording(path)), context
     if not path.exists():
         raise FileFormatError(str(path), "there is no such file or run folder; check the path")
     if not path.is_file() or not is_stand_table(path):
@@ -40,11 +40,7 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
             "benchtool import, which accepts a column map (--columns) for any table",
         )
     result = import_file(path)
-    facts = {
-        **import_metadata(result, ImportOptions()),
-        "provenance": dict(result.recording.provenance),
-    }
-    return split_levels(result.recording), build_recording_context(facts, str(path))
+    return split_levels(result.recording), measurement_context(result.propeller)
 
 
 def split_levels(recording: Recording) -> Recording:
@@ -65,26 +61,13 @@ def split_levels(recording: Recording) -> Recording:
     }
     rows = []
     for number in np.unique(level[level >= 0]):
-        part = recording.values[level == number]
-        means, scatter = _means(part)
-        rows.append([*means, *scatter[list(errors.values())]])
+        part = np.ma.masked_invalid(recording.values[level == number])
+        variance = part.var(axis=0, ddof=1).filled(np.nan) / np.maximum(part.count(axis=0), 1)
+        error = np.sqrt(variance)[list(errors.values())]
+        rows.append([*part.mean(axis=0).filled(np.nan), *error])
     channels = (*recording.channels, *(Channel(name, unit_from_name(name)) for name in errors))
     values = np.array(rows, float).reshape(len(rows), len(channels))
     return Recording(channels, values, recording.provenance, recording.simulated)
-
-
-def _means(part: Array) -> tuple[Array, Array]:
-    """Return mean and standard error of each column (c,) over its finite values."""
-    finite = np.isfinite(part)
-    count = finite.sum(axis=0)
-    total = np.where(finite, part, 0.0).sum(axis=0)
-    mean = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
-    deviation = np.where(finite, part - mean, 0.0)
-    has_several = count > 1
-    variance = np.divide(
-        (deviation**2).sum(axis=0), count - 1, out=np.full(len(total), np.nan), where=has_several
-    )
-    return mean, np.sqrt(variance / np.maximum(count, 1))
 
 
 def _number_levels(recording: Recording) -> NDArray[np.intp] | None:

@@ -15,8 +15,7 @@ from benchtool.data.catalogue.index import list_entries, load_entries
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import SWEEPS, Entry
 from benchtool.data.run.read import load_rig_for_data, sample_names
-from benchtool.data.run.recording_file import FORMAT, metadata_path
-from benchtool.data.run.run_metadata import read_recording_facts
+from benchtool.data.run.recording_file import metadata_path, read_recording_facts
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.physics.model_file import model_names
 
@@ -153,7 +152,7 @@ class RecordingSources(NamedTuple):
 def _channel_names(file: Path) -> tuple[str, ...]:
     """Return the channels of a recording file or the columns of a table."""
     if metadata_path(file).is_file():
-        channels = read_recording_facts(metadata_path(file), FORMAT)["channels"]
+        channels = read_recording_facts(file)["channels"]
         return tuple(str(channel["name"]) for channel in channels)
     return read_csv_header(file)
 

@@ -19,6 +19,7 @@ from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.formats.formats import detect_format, import_bytes, import_file, is_stand_table
 from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
+from benchtool.data.run.points import export_table
 from benchtool.data.run.runs_folder import (
     RunsFolder,
     column_map_path,
@@ -26,7 +27,6 @@ from benchtool.data.run.runs_folder import (
     store_table,
     upload_name,
 )
-from benchtool.data.run.settings import export_table
 from benchtool.data.table import read_table
 from benchtool.web.drawing import Content, FigureImage, PageSection
 

@@ -16,8 +16,10 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import fields
 from datetime import datetime
+from math import inf
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.data.atomic import make_folder
@@ -26,7 +28,8 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
 MAX_DEPTH = 3  # levels of folders searched for entries; assumed
-VERSION = "2 " + " ".join(field.name for field in fields(Entry))  # others are rebuilt
+# An index of another version is rebuilt; SQLite stores 31 bits of it.
+VERSION = crc32(("3 " + " ".join(field.name for field in fields(Entry))).encode()) >> 1
 CachedEntries = dict[str, tuple[str, Entry]]  # by name: stamp of the files, entry
 
 _RUN = ("metadata.json", "points.csv")
@@ -51,10 +54,8 @@ def list_entries(folder: RunsFolder, cache: CachedEntries | None = None) -> tupl
     entries = list(_FolderScan(folder, cache).scan(str(folder.root), MAX_DEPTH))
     for name in cache.keys() - {entry.name for entry in entries}:
         del cache[name]
-    dated = [entry for entry in entries if entry.started is not None]
-    dated.sort(key=lambda entry: entry.started.timestamp() if entry.started else 0.0, reverse=True)
-    undated = sorted((entry for entry in entries if entry.started is None), key=lambda e: e.name)
-    return (*dated, *undated)
+    entries.sort(key=lambda e: (-e.started.timestamp(), "") if e.started else (inf, e.name))
+    return tuple(entries)
 
 
 class _FolderScan:
@@ -187,16 +188,14 @@ def _connect(path: Path) -> sqlite3.Connection:
     try:
         database.execute("PRAGMA journal_mode = WAL")
         database.execute("PRAGMA synchronous = NORMAL")
-        database.execute("CREATE TABLE IF NOT EXISTS version (text TEXT)")
-        if database.execute("SELECT text FROM version").fetchall() != [(VERSION,)]:
+        if database.execute("PRAGMA user_version").fetchone() != (VERSION,):
             with database:
                 database.execute("BEGIN IMMEDIATE")  # another process may create the same index
                 database.execute("DROP TABLE IF EXISTS entry")
-                database.execute("DELETE FROM version")
                 database.execute(
                     "CREATE TABLE entry (name TEXT PRIMARY KEY, stamp TEXT, text TEXT)"
                 )
-                database.execute("INSERT INTO version VALUES (?)", (VERSION,))
+                database.execute(f"PRAGMA user_version = {VERSION}")
     except BaseException:
         database.close()
         raise

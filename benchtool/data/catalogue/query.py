@@ -19,7 +19,7 @@ from benchtool.core.text import pluralize
 from benchtool.core.user_file import MAX_TABLE_BYTES, read_file
 from benchtool.data.catalogue.entry import SWEEPS, ChoiceInputs, Entry
 from benchtool.data.catalogue.index import find_entries
-from benchtool.data.columns import WORDS
+from benchtool.data.columns import WORDS, rows_to_frame
 from benchtool.data.parquet import load_extra
 from benchtool.data.run.state import state_folder
 
@@ -54,8 +54,6 @@ class RunSelection:
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: run, kind, rig, propeller, operator, UTC date, distances, tags."""
-        from benchtool.data.columns import rows_to_frame
-
         return rows_to_frame(run_rows(self.entries))
 
     def query(self, sql: str) -> pd.DataFrame:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from benchtool.data.csv_text import parse_rows
 from benchtool.data.repairs.column_mapping import map_header, read_columns
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
@@ -11,10 +9,7 @@ from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportR
 CHANNELS: dict[str, str] = {
     "weight": "thrust_N",
     "pwm": "pwm_raw",
-    "rpm1": "rpm1",
-    "rpm2": "rpm2",
-    "rpm3": "rpm3",
-    "rpm4": "rpm4",
+    **{name: name for name in ("rpm1", "rpm2", "rpm3", "rpm4")},
     "v": "voltage_V",
     "i": "current_A",
     "p": "power_W",
@@ -23,9 +18,7 @@ CHANNELS: dict[str, str] = {
 the thrust, in gram-force by default."""
 
 
-def read_crazyflie(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_crazyflie(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a Crazyflie's log: thrust of all four rotors, pwm as the raw number 0 to 65535."""
     table = parse_rows(data, where)
     loaded = any(cell.startswith("v[") or cell == "v" for cell in table.header)
@@ -35,5 +28,5 @@ def read_crazyflie(
         Finding("lacks", "time", "rows are ordered but have no time", count=table.rows_in_file),
         Finding("read as", "pwm", "the raw number 0 to 65535, not a pulse width", "pwm_raw"),
     ]
-    facts = {**provenance, "device": "Crazyflie on a load cell"}
+    facts = {"device": "Crazyflie on a load cell"}
     return read_columns(table, columns, "Crazyflie system_id", facts, [*common, *findings])

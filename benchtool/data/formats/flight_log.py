@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
+from benchtool.data.columns import find_channel
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportResult
 
 Times = NDArray[np.int64]
@@ -172,9 +172,7 @@ def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
         for channel_values in stream.columns.values():
             values[rows, column] = channel_values
             column += 1
-    channels = tuple(
-        Channel(name, unit_from_name(name)) for name in ("time_s", "device_time_us", *names)
-    )
+    channels = tuple(map(find_channel, ("time_s", "device_time_us", *names)))
     disordered = sum(int(np.count_nonzero(np.diff(stream.time_us) < 0)) for stream in streams)
     return Recording(channels, values), disordered
 
@@ -182,9 +180,8 @@ def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
 def _rank_equal_times(time_us: Times) -> NDArray[np.intp]:
     """Return the number of earlier messages of the same time, for each message (m,)."""
     order = np.argsort(time_us, kind="stable")
-    _, first, group = np.unique(time_us[order], return_index=True, return_inverse=True)
-    rank = np.empty(time_us.size, np.intp)
-    rank[order] = np.arange(time_us.size) - first[group]
+    ordered, rank = time_us[order], np.empty(time_us.size, np.intp)
+    rank[order] = np.arange(time_us.size) - np.searchsorted(ordered, ordered)
     return rank
 
 
@@ -202,11 +199,7 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (  # contents, pattern of channels, m
 
 
 def import_flight_log(
-    log: MessageLog,
-    streams: Sequence[Stream],
-    format_name: str,
-    where: str,
-    provenance: Mapping[str, str],
+    log: MessageLog, streams: Sequence[Stream], format_name: str, where: str, device: str
 ) -> ImportResult:
     """Return a flight log as a pitch recording."""
     findings = list(log.findings)
@@ -237,7 +230,7 @@ def import_flight_log(
         for name in stream.columns
     }
     return ImportResult(
-        recording=replace(recording, provenance={**provenance, "rows": str(len(recording))}),
+        recording=replace(recording, provenance={"device": device, "rows": str(len(recording))}),
         format=format_name,
         findings=tuple(findings),
         tally=ImportCount(
@@ -330,12 +323,17 @@ def parse_motor_map(
     return dict(sorted(motor_map.items(), key=lambda pair: pair[1]))
 
 
-def select_motor_channels(
-    motors: Mapping[int, int], logged: Collection[int], parameter: str, findings: list[Finding]
-) -> dict[int, int]:
-    """Return motor number by logged output channel, with a finding about the assignment.
+def motor_outputs(
+    messages: Messages,
+    fields: Mapping[int, str],
+    motors: Mapping[int, int],
+    parameter: str,
+    findings: list[Finding],
+) -> list[Stream]:
+    """Return the pulse widths of the motors, with a finding about the assignment.
 
     Args:
+        fields: of logged output channels, by channel.
         motors: motor number by channel from parameters; if empty, motor n is channel n.
     """
     if not motors:
@@ -344,12 +342,14 @@ def select_motor_channels(
             f"drive a servo"
         )
         findings.append(Finding("doubt", "motor channels", text))
-        return {channel: channel for channel in logged}
+        return messages.stream({f"pwm{n}_us": (field, 1.0) for n, field in fields.items()})
     pairs = ", ".join(f"motor {motor} on channel {channel}" for channel, motor in motors.items())
     text = f"{pairs}; rotors have the autopilot's motor numbers, not a rig's"
     findings.append(Finding("read as", "motor channels", text))
     for channel, motor in motors.items():
-        if channel not in logged:
+        if channel not in fields:
             text = f"motor {motor} is on channel {channel}, which has no pulse width in the log"
             findings.append(Finding("lacks", "outputs", text, f"pwm{motor}_us"))
-    return {channel: motor for channel, motor in motors.items() if channel in logged}
+    return messages.stream(
+        {f"pwm{motor}_us": (fields[n], 1.0) for n, motor in motors.items() if n in fields}
+    )

@@ -9,28 +9,37 @@ import hashlib
 import os
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
+from fractions import Fraction
+from math import isfinite
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
-from benchtool.data.formats.mavlink_walk import is_tlog
-from benchtool.data.formats.uiuc import is_uiuc
-from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names
+from benchtool.data.csv_header import has_columns
+from benchtool.data.formats.ardupilot import HEAD, read_binary, read_text
+from benchtool.data.formats.crazyflie import read_crazyflie
+from benchtool.data.formats.mavlink_log import is_tlog, read_mavlink
+from benchtool.data.formats.px4 import read_px4
+from benchtool.data.formats.rcbenchmark import read_rcbenchmark
+from benchtool.data.formats.uiuc import is_uiuc, read_uiuc
+from benchtool.data.quantities import dependent_quantities
+from benchtool.data.repairs.column_mapping import read_by_map, read_by_names
 from benchtool.data.repairs.flight_windows import extract_hover_points, mark_windows
-from benchtool.data.repairs.import_result import ImportOptions, ImportResult
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 from benchtool.data.repairs.stand_checks import (
-    apply_options,
     compare_speeds,
+    estimate_zero,
     inspect_log,
     inspect_stand,
+    remove_spikes,
+    repair_time_order,
 )
-from benchtool.data.repairs.time_order import remove_spikes, repair_time_order
 
 HEAD_BYTES = 1 << 16  # read for format detection: a header and some rows; assumed
 MAX_LISTED = 8  # file names in a message; assumed
@@ -41,20 +50,8 @@ _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 Kind = Literal["log", "table"]
 
 
-class FormatReader(Protocol):
-    """Reader of a format."""
-
-    def __call__(
-        self, data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-    ) -> ImportResult:
-        """Return a file's bytes as an import.
-
-        Args:
-            where: its path as given, for people.
-
-        Raises:
-            FileFormatError: nothing readable in it.
-        """
+# (bytes of the file, its path as given, options) -> import, or a FileFormatError
+FormatReader = Callable[[bytes, str, ImportOptions], ImportResult]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,40 +61,25 @@ class Format:
     name: str  # for display, and of the format's row in docs/reference/import.md
     kind: Kind  # a table's time order and known faults are checked
     recognizes: Callable[[bytes], bool]  # tests the first bytes of a file
-    reader: str  # "module:function" of a `FormatReader`; pyulog and pymavlink are slow to import
+    read: FormatReader
 
-    def load(self) -> FormatReader:
-        """Return the reader."""
-        module, _, function = self.reader.partition(":")
-        reader: FormatReader = getattr(import_module(module), function)
-        return reader
-
-
-_HERE = "benchtool.data.formats"
 
 FORMATS: tuple[Format, ...] = (  # others are read by a column map or the names of columns
-    Format(
-        "ArduPilot DataFlash", "log", lambda head: head.startswith(b"\xa3\x95"),
-        f"{_HERE}.ardupilot:read_binary",
-    ),
+    Format("ArduPilot DataFlash", "log", lambda head: head.startswith(HEAD), read_binary),
     Format(
         "ArduPilot DataFlash text", "log", lambda head: _TEXT_LOG.match(head[:4096]) is not None,
-        f"{_HERE}.ardupilot:read_text",
+        read_text,
     ),
-    Format(
-        "PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"),
-        f"{_HERE}.px4:read_px4",
-    ),
-    Format("MAVLink tlog", "log", is_tlog, f"{_HERE}.mavlink_log:read_mavlink"),
+    Format("PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"), read_px4),
+    Format("MAVLink tlog", "log", is_tlog, read_mavlink),
     Format(
         "RCbenchmark", "table", has_columns("Time", "Thrust", any_of=("ESC", "ESC signal")),
-        f"{_HERE}.rcbenchmark:read_rcbenchmark",
+        read_rcbenchmark,
     ),
     Format(
-        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"),
-        f"{_HERE}.crazyflie:read_crazyflie",
+        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"), read_crazyflie
     ),
-    Format("UIUC static", "table", is_uiuc, f"{_HERE}.uiuc:read_uiuc"),
+    Format("UIUC static", "table", is_uiuc, read_uiuc),
 )  # fmt: skip
 
 
@@ -137,13 +119,15 @@ def import_files(
 @np.errstate(over="ignore", invalid="ignore")  # a cell may be 1e308, a log value a signalling nan
 def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the import of a foreign file's bytes; see `import_file`."""
+    kind, reader = _select_reader(data, options)
+    result = reader(data, where, options)
     provenance = {
         "file": where,
         "sha256": hashlib.sha256(data).hexdigest(),
         "simulated": "not stated",
+        **result.recording.provenance,
     }
-    kind, reader = _select_reader(data, options)
-    result = reader(data, where, provenance, options)
+    result = replace(result, recording=replace(result.recording, provenance=provenance))
     if kind == "log":
         result = inspect_log(apply_options(result, options))
     else:
@@ -156,12 +140,55 @@ def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResul
     return mark_windows(result, options.over, options.near_m)
 
 
+def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
+    """Return the import with the user's repairs of its channels.
+
+    Quantities that the stand derived from repaired channels are dropped, with a finding.
+    """
+
+    def repaired(name: str, values: Array, what: str, message: str) -> ImportResult:
+        finding = Finding("repaired", what, message, name)
+        return result.with_values(name, values).with_findings([finding])
+
+    for name in options.flip:
+        values = -result.recording.column(name)
+        result = repaired(name, values, "wrong sign", "sign reversed by --flip")
+    for name in options.tare:
+        zero = estimate_zero(result.recording, name)
+        if zero is None:
+            raise InputError(
+                f"--tare {name}: no row at rest and too few speeds to extrapolate; map the channel "
+                f"with a column map"
+            )
+        message = f"{zero.value:.6g} subtracted by --tare, its reading {zero.where}"
+        result = repaired(name, result.recording.column(name) - zero.value, "untared", message)
+    for text in options.scale:
+        name, sign, ratio = (part.strip() for part in text.partition("="))
+        try:
+            factor = float(Fraction(ratio))
+        except (ValueError, ZeroDivisionError, OverflowError):
+            factor = 0.0
+        if not sign or not isfinite(factor) or factor == 0.0:
+            raise InputError(f"--scale {text!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
+        values = factor * result.recording.column(name)
+        result = repaired(name, values, "scale", f"multiplied by {ratio} by --scale")
+    names = (*options.flip, *options.tare, *(text.partition("=")[0] for text in options.scale))
+    changed = dict.fromkeys(name.strip() for name in names)
+    dependent = [other for name in changed for other in dependent_quantities(name)]
+    stale = [name for name in dict.fromkeys(dependent) if name in result.recording]
+    if not stale:
+        return result
+    text = f"derived by the stand before the repair of {', '.join(changed)}: {', '.join(stale)}"
+    result = replace(result, recording=result.recording.drop(stale))
+    return result.with_findings([Finding("left out", "stale columns", text, count=len(stale))])
+
+
 def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
     """Return kind and reader of a file with these first bytes; a user's map has priority."""
     if options.columns is not None:
         return "table", read_by_map
     entry = detect_format(head)
-    return ("table", read_by_names) if entry is None else (entry.kind, entry.load())
+    return ("table", read_by_names) if entry is None else (entry.kind, entry.read)
 
 
 def _explain_folder(folder: Path, options: ImportOptions) -> str:
@@ -186,7 +213,7 @@ def _can_import(path: Path, options: ImportOptions) -> bool:
             head = head[: head.rfind(b"\n") + 1] or head
         kind, reader = _select_reader(head, options)
         if kind == "table":
-            reader(head, str(path), {}, options)
+            reader(head, str(path), options)
     except (OSError, InputError):
         return False
     return True

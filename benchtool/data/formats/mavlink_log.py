@@ -1,12 +1,12 @@
-"""Pitch recordings from MAVLink telemetry logs (.tlog)."""
+"""Pitch recordings from MAVLink telemetry logs (.tlog): time stamps, frames and messages."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,119 @@ from benchtool.data.formats.flight_log import (
     Times,
     ardupilot_motors,
     import_flight_log,
-    select_motor_channels,
+    motor_outputs,
 )
-from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
+
+STAMP_BYTES = 8
+V1, V2 = 0xFE, 0xFD
+_START = re.compile(b"[\xfe\xfd]")
+SIGNATURE_BYTES = 13
+_SIGNED = 0x01
+MIN_STAMP_US, MAX_STAMP_US = 946684800_000000, 4102444800_000000  # 2000 to 2100
+
+
+class Frame(NamedTuple):
+    """Frame: time of reception by the host, system and component of the sender, payload."""
+
+    time_us: int
+    sender: tuple[int, int]
+    payload: bytes
+
+
+def is_tlog(data: bytes) -> bool:
+    """Return whether bytes begin like a telemetry log."""
+    if len(data) < STAMP_BYTES + 8 or data[STAMP_BYTES] not in (V1, V2):
+        return False
+    return MIN_STAMP_US <= int.from_bytes(data[:STAMP_BYTES], "big") <= MAX_STAMP_US
+
+
+def walk_tlog(
+    data: bytes, extras: dict[int, int], checksum: Callable[[bytes], int]
+) -> tuple[dict[int, list[Frame]], MessageLog]:
+    """Return the frames of the selected kinds by message number, and the counts of all frames.
+
+    Args:
+        extras: CRC_EXTRA by selected message number; others are counted without a check.
+        checksum: of MAVLink, over a frame without its first byte and with CRC_EXTRA at its end.
+    """
+    frames: dict[int, list[Frame]] = {number: [] for number in extras}
+    offset, size, total, broken, lost, first_lost = 0, len(data), 0, 0, 0, -1
+    cut = ""
+    while offset + STAMP_BYTES < size:
+        begin = offset + STAMP_BYTES
+        length = _frame_length(data, begin)
+        time_us = int.from_bytes(data[offset:begin], "big")
+        if not length or not MIN_STAMP_US <= time_us <= MAX_STAMP_US:
+            next_offset = _next_start(data, offset + 1)
+            lost += next_offset - offset
+            first_lost = offset if first_lost < 0 else first_lost
+            offset = next_offset
+            continue
+        end = begin + length
+        if end > size:
+            cut = f"the log ends at byte {size:,} in the middle of a frame that begins at {begin:,}"
+            broken += 1
+            break
+        if data[begin] == V2:
+            number = data[begin + 7] | data[begin + 8] << 8 | data[begin + 9] << 16
+            head, system = 10, begin + 5
+        else:
+            number, head, system = data[begin + 5], 6, begin + 3
+        extra = extras.get(number)
+        if extra is not None:
+            stop = begin + head + data[begin + 1]
+            if (
+                checksum(data[begin + 1 : stop] + bytes((extra,)))
+                != data[stop] | data[stop + 1] << 8
+            ):
+                broken += 1
+                is_start = end >= size or _frame_length(data, end + STAMP_BYTES) > 0
+                offset = end if is_start else _next_start(data, offset + 1)
+                continue
+            frames[number].append(
+                Frame(time_us, (data[system], data[system + 1]), data[begin + head : stop])
+            )
+        total += 1
+        offset = end
+    if not cut and 0 < size - offset <= STAMP_BYTES:
+        cut = f"the log ends at byte {size:,} in the middle of a time stamp"
+    findings = _report_losses(lost, first_lost, broken - bool(cut), cut)
+    return frames, MessageLog(total=total, broken=broken, findings=findings)
+
+
+def _frame_length(data: bytes, begin: int) -> int:
+    """Return the length of the frame that begins here, or 0 without a frame."""
+    if begin + 2 >= len(data):
+        return 0
+    if data[begin] == V1:
+        return 8 + data[begin + 1]
+    if data[begin] != V2:
+        return 0
+    return 12 + data[begin + 1] + (SIGNATURE_BYTES if data[begin + 2] & _SIGNED else 0)
+
+
+def _next_start(data: bytes, offset: int) -> int:
+    """Return the next offset of a plausible time stamp before a frame's first byte."""
+    for start in _START.finditer(data, offset + STAMP_BYTES):
+        offset = start.start() - STAMP_BYTES
+        if MIN_STAMP_US <= int.from_bytes(data[offset : start.start()], "big") <= MAX_STAMP_US:
+            return offset
+    return len(data)
+
+
+def _report_losses(lost: int, first_lost: int, n_wrong: int, cut: str) -> list[Finding]:
+    findings = []
+    if lost:
+        text = f"{pluralize(lost, 'byte')} outside frames, first at byte {first_lost:,}; skipped"
+        findings.append(Finding("refused", "corrupt bytes", text))
+    if n_wrong > 0:
+        text = f"{pluralize(n_wrong, 'frame')} with a wrong checksum"
+        findings.append(Finding("refused", "corrupt frames", text, count=n_wrong))
+    if cut:
+        findings.append(Finding("refused", "cut off", cut, count=int("frame" in cut)))
+    return findings
+
 
 ATTITUDE: Scales = {
     "theta_rad": ("pitch", -1.0),
@@ -82,9 +191,7 @@ _ESC_STATUS = PayloadLayout.from_struct(  # of PX4 (MAVLink common.xml); not in 
 )
 
 
-def read_mavlink(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_mavlink(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
     extras = {item.number: item.crc_extra for item in layouts.values()}
@@ -106,8 +213,8 @@ def read_mavlink(
         *_battery(log["SYS_STATUS"]),
         *_distance(log),
     ]
-    facts = {**provenance, "device": f"MAVLink system {system[0]}, component {system[1]}"}
-    return import_flight_log(log, streams, "MAVLink tlog", where, facts)
+    device = f"MAVLink system {system[0]}, component {system[1]}"
+    return import_flight_log(log, streams, "MAVLink tlog", where, device)
 
 
 def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
@@ -121,11 +228,7 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
         layouts[name] = PayloadLayout.from_struct(
             kind.id, kind.crc_extra, kind.unpacker.format, kind.ordered_fieldnames
         )
-
-    def checksum(text: bytes) -> int:
-        return int(dialect.x25crc(text).crc)
-
-    return layouts, checksum
+    return layouts, lambda text: dialect.x25crc(text).crc
 
 
 def _select_sender(
@@ -192,10 +295,10 @@ def _outputs(log: MessageLog) -> list[Stream]:
     main = messages.where(messages.numbers("port") == 0.0)
     if not len(main):
         return []
-    channels = [n for n in range(1, 17) if np.any(main.numbers(f"servo{n}_raw") > 0.0)]
+    fields = {n: f"servo{n}_raw" for n in range(1, 17)}
+    fields = {n: field for n, field in fields.items() if np.any(main.numbers(field) > 0.0)}
     motors = ardupilot_motors(log["PARAM_VALUE"], "param_id", "param_value")
-    chosen = select_motor_channels(motors, channels, "SERVOn_FUNCTION", log.findings)
-    return main.stream({f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()})
+    return motor_outputs(main, fields, motors, "SERVOn_FUNCTION", log.findings)
 
 
 def _speeds(log: MessageLog) -> list[Stream]:
@@ -252,7 +355,7 @@ class AutopilotClock:
     attitude messages by the host's stamps.
     """
 
-    host_us: Times  # (m,) of the attitudes
+    host_us: Times  # (m,) of the attitudes, at least one
     boot_us: Times  # (m,) continues over a reboot
     starts: tuple[int, ...]  # rows at which the autopilot rebooted
     offsets_us: Times  # (m,) added to the autopilot's time since boot
@@ -272,8 +375,6 @@ class AutopilotClock:
 
     def time_from_host(self, host_us: Times) -> Times:
         """Return the time of messages without autopilot time."""
-        if not self.host_us.size:
-            return host_us
         order = np.argsort(self.host_us, kind="stable")
         host, boot = self.host_us[order], np.maximum.accumulate(self.boot_us[order])
         inside = np.interp(host_us.astype(float), host.astype(float), boot.astype(float))
@@ -293,7 +394,5 @@ class AutopilotClock:
         return times
 
     def _offset(self, host_us: Times) -> Times:
-        if not self.host_us.size:
-            return np.zeros(host_us.size, np.int64)
         rows = np.searchsorted(np.maximum.accumulate(self.host_us), host_us, "right") - 1
         return self.offsets_us[np.clip(rows, 0, self.host_us.size - 1)]

@@ -20,22 +20,15 @@ from benchtool.data.formats.flight_log import (
     Messages,
     Stream,
     import_flight_log,
+    motor_outputs,
     parse_motor_map,
-    select_motor_channels,
 )
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 WANTED = (  # topics that are read; others are only counted
-    "vehicle_attitude",
-    "vehicle_attitude_setpoint",
-    "vehicle_angular_velocity",
-    "vehicle_rates_setpoint",
-    "sensor_combined",
-    "actuator_outputs",
-    "actuator_motors",
-    "esc_status",
-    "battery_status",
-    "distance_sensor",
+    *("vehicle_attitude", "vehicle_attitude_setpoint", "vehicle_angular_velocity"),
+    *("vehicle_rates_setpoint", "sensor_combined", "actuator_outputs", "actuator_motors"),
+    *("esc_status", "battery_status", "distance_sensor"),
 )
 
 MIN_PULSE_US, MAX_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
@@ -47,9 +40,7 @@ _FAULTS = (  # exceptions of pyulog on corrupt files, in addition to ULogExcepti
 )
 
 
-def read_px4(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_px4(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a PX4 log as a pitch recording."""
     from pyulog import ULog
     from pyulog.exceptions import ULogException
@@ -91,9 +82,7 @@ def read_px4(
     n_used = sum(stream.time_us.size for stream in streams)
     # pyulog may read one part of a log with appended data twice.
     log = replace(log, total=max(log.total, n_used))
-    return import_flight_log(
-        log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)}
-    )
+    return import_flight_log(log, streams, "PX4 ULog", where, _device(ulog))
 
 
 def _messages(topic: Any) -> Messages:
@@ -149,20 +138,16 @@ def _rates(log: MessageLog) -> list[Stream]:
 def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
     """Return pulse widths of outputs that are pulse widths."""
     used = _max_value(messages, "noutputs")
-    channels = [
-        n
-        for n in range(1, 17)
-        if messages.has(f"output[{n - 1}]") and (n in motors if motors else n <= used)
-    ]
-    pulsed = [n for n in channels if _has_pulses(messages.numbers(f"output[{n - 1}]"))]
+    outputs = {
+        n: f"output[{n - 1}]" for n in range(1, 17) if (n in motors if motors else n <= used)
+    }
+    outputs = {n: field for n, field in outputs.items() if messages.has(field)}
+    pulsed = {n: field for n, field in outputs.items() if _has_pulses(messages.numbers(field))}
     if pulsed:
-        chosen = select_motor_channels(motors, pulsed, "PWM_MAIN_FUNCn", findings)
-        return messages.stream(
-            {f"pwm{motor}_us": (f"output[{n - 1}]", 1.0) for n, motor in chosen.items()}
-        )
-    if channels:
+        return motor_outputs(messages, pulsed, motors, "PWM_MAIN_FUNCn", findings)
+    if outputs:
         text = "outputs are not pulse widths (DShot or a simulator), so there is no pwm"
-        findings.append(Finding("left out", "outputs", text, count=len(channels)))
+        findings.append(Finding("left out", "outputs", text, count=len(outputs)))
     return []
 
 
@@ -279,21 +264,18 @@ def walk_ulog(data: bytes) -> tuple[bytes, MessageLog]:
 def _next_run(data: bytes, offset: int) -> int:
     """Return the offset of the next consecutive valid messages, or the end."""
     size = len(data)
-    while offset + 3 <= size:
-        if data[offset + 2] in _KINDS and _is_run(data, offset):
-            return offset
-        offset += 1
+    for start in range(offset, size - 2):
+        end = start
+        for _ in range(WHOLE_RUN):
+            if end == size:
+                return start
+            if end + 3 > size or data[end + 2] not in _KINDS:
+                break
+            length = data[end] + (data[end + 1] << 8)
+            if not 0 < length < MAX_MESSAGE_BYTES:
+                break
+            end += 3 + length
+        else:
+            if end <= size:
+                return start
     return size
-
-
-def _is_run(data: bytes, offset: int) -> bool:
-    for _ in range(WHOLE_RUN):
-        if offset == len(data):
-            return True
-        if offset + 3 > len(data) or data[offset + 2] not in _KINDS:
-            return False
-        length = data[offset] + (data[offset + 1] << 8)
-        if not 0 < length < MAX_MESSAGE_BYTES:
-            return False
-        offset += 3 + length
-    return offset <= len(data)

@@ -12,43 +12,27 @@ from dataclasses import replace
 import numpy as np
 
 from benchtool.core.units import Array
-from benchtool.data.column_map import MappedColumn, parse_header_cell
+from benchtool.data.column_map import MappedColumn, match_channel, parse_header_cell
 from benchtool.data.csv_text import parse_rows
 from benchtool.data.repairs.column_mapping import map_header, read_columns
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
-ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
-
-CHANNELS: dict[str, str] = {  # columns of the stands by name, as in their exports of 2017 to 2023
-    "Time": "time_s",
-    "ESC signal": "pwm1_us",
-    "ESC": "pwm1_us",
+USUAL = {  # columns with the usual names of their channels
+    *("Time", "ESC signal", "ESC", "Torque", "Thrust", "Voltage", "Current", "Vibration"),
+    *("Motor Electrical Speed", "Electrical Power", "Mechanical Power", "Motor Efficiency"),
+    *("Propeller Mech. Efficiency", "Overall Efficiency"),
+}
+CHANNELS = {  # columns of the stands by name, as in their exports of 2017 to 2023
+    **{name: match_channel(name) for name in USUAL},
+    **{f"Servo {number}": f"servo{number}_us" for number in (1, 2, 3)},
+    **{f"Acc{axis.upper()}": f"acc_{axis}_m_s2" for axis in "xyz"},
     "Servo": "servo1_us",
-    "Servo 1": "servo1_us",
-    "Servo 2": "servo2_us",
-    "Servo 3": "servo3_us",
-    "AccX": "acc_x_m_s2",
-    "AccY": "acc_y_m_s2",
-    "AccZ": "acc_z_m_s2",
     "Temp": "temperature_degC",
-    "Torque": "torque_Nm",
-    "Thrust": "thrust_N",
-    "Voltage": "voltage_V",
-    "Current": "current_A",
-    ELECTRICAL: "rpm1",
-    OPTICAL: "rpm1_optical",
-    "Electrical Power": "power_W",
-    "Mechanical Power": "mechanical_power_W",
-    "Motor Efficiency": "motor_efficiency",
-    "Propeller Mech. Efficiency": "propeller_efficiency_N_W",
-    "Overall Efficiency": "efficiency_N_W",
-    "Vibration": "vibration_m_s2",
+    "Motor Optical Speed": "rpm1_optical",
 }
 
 
-def read_rcbenchmark(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_rcbenchmark(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a stand's log."""
     table = parse_rows(data, where)
     columns, findings = map_header(
@@ -59,8 +43,8 @@ def read_rcbenchmark(
         series = "Series 1580/1585"
     else:
         series = "Series 1780" if "Torque" in names else "Series 1520"
-    facts = {**provenance, "device": f"RCbenchmark {series}"}
-    return read_columns(table, columns, f"RCbenchmark {series}", facts, findings, _select_speed)
+    name = f"RCbenchmark {series}"
+    return read_columns(table, columns, name, {"device": name}, findings, _select_speed)
 
 
 def _select_speed(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -27,9 +26,7 @@ def is_uiuc(head: bytes) -> bool:
     return head.split(maxsplit=3)[:3] == [b"RPM", b"CT", b"CP"]
 
 
-def read_uiuc(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_uiuc(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return a static run: T = CT rho n^2 D^4, Q = CP rho n^2 D^5 / (2 pi), n in turns a second.
 
     The file's name contains the diameter in inches. Coefficients as in Brandt and Selig,
@@ -60,7 +57,7 @@ def read_uiuc(
     if options.air_density_kg_m3 is None:
         text = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
         findings.append(Finding("doubt", "air density", text, "thrust_N"))
-    result = read_columns(table, columns, "UIUC static", provenance, [*findings, *others])
+    result = read_columns(table, columns, "UIUC static", {}, [*findings, *others])
     recording = result.recording
     for need in ("rpm1", "ct"):
         if need not in recording:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import nan
 from typing import Any, NamedTuple
 
@@ -24,7 +24,6 @@ from benchtool.data.column_map import (
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_header import find_header, most_frequent_delimiter, normalise_rows
 from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows, parse_rows
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
@@ -144,7 +143,6 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     texts = [arrow_table.column(str(position)).to_pylist() for position in positions]
     columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
     wrong = np.array([[_is_text(cell) for cell in column] for column in texts]) & np.isnan(columns)
-    columns[wrong] = nan
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -176,24 +174,6 @@ def _number(cell: bytes | None, decimal: str) -> float:
             clean = clean.replace(b".", b"")
         clean = clean.replace(b",", b".")
     return float(clean) if _NUMBER.fullmatch(clean) else nan
-
-
-def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
-    """Return a function that tests a file for these columns; units in brackets are ignored.
-
-    Args:
-        names: columns that are all required.
-        any_of: columns of which one is required, if not empty.
-    """
-
-    def recognizes(head: bytes) -> bool:
-        first = find_header(normalise_rows(head.replace(b"\r", b""), []), []).text
-        columns = {
-            parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
-        }
-        return columns.issuperset(names) and (not any_of or not columns.isdisjoint(any_of))
-
-    return recognizes
 
 
 def map_header(
@@ -254,7 +234,7 @@ def read_columns(
     table: TextTable,
     columns: Sequence[MappedColumn],
     format_name: str,
-    provenance: Mapping[str, str],
+    facts: Mapping[str, str],
     findings: Sequence[Finding] = (),
     choose: Choose | None = None,
 ) -> ImportResult:
@@ -263,6 +243,7 @@ def read_columns(
     Blank columns are dropped, with a finding.
 
     Args:
+        facts: provenance in addition to that of the file.
         findings: of the header.
         choose: returns the columns to use, from their numbers.
     """
@@ -310,7 +291,7 @@ def read_columns(
             row += scale.offset
     channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in pairs)
     return ImportResult(
-        recording=Recording(channels, matrix.T, {**provenance, "rows": str(rows)}),
+        recording=Recording(channels, matrix.T, {**facts, "rows": str(rows)}),
         format=format_name,
         findings=tuple(all_findings),
         tally=ImportCount(
@@ -324,9 +305,7 @@ def read_columns(
     )
 
 
-def read_by_map(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_by_map(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV file in the user's map."""
     map_path = options.columns
     assert map_path is not None
@@ -348,14 +327,10 @@ def read_by_map(
     if unmapped:
         text = f"not in the map: {', '.join(unmapped)}"
         findings.append(Finding("left out", "columns", text, count=len(unmapped)))
-    return read_columns(
-        table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
-    )
+    return read_columns(table, columns, "column map", {"columns": str(map_path)}, findings)
 
 
-def read_by_names(
-    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
-) -> ImportResult:
+def read_by_names(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV with known names and units.
 
     Without a unit the channel's unit is assumed, with a warning.
@@ -369,4 +344,4 @@ def read_by_names(
             where,
             f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
         )
-    return read_columns(table, columns, "named columns", provenance, findings)
+    return read_columns(table, columns, "named columns", {}, findings)

@@ -13,6 +13,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.text import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
+from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.import_result import Finding, ImportResult, Window
 
 _ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")
@@ -56,14 +57,14 @@ def mark_windows(
             f"{recording.provenance.get('file', 'the file')} has no time, needed for --over and "
             f"--near-m; remove these options"
         )
-    windows, findings = list(user_windows), []
+    time_s, windows, findings = recording.column("time_s"), list(user_windows), []
     if near_m is not None:
         if "distance_m" not in recording:
             text = "--near-m needs a distance sensor, missing in the file"
             findings.append(Finding("lacks", "distance sensor", text))
         else:
-            time_s, distance_m = recording.column("time_s"), recording.column("distance_m")
-            windows += (sensed := _find_near_windows(time_s, distance_m, near_m))
+            sensed = _find_near_windows(time_s, recording.column("distance_m"), near_m)
+            windows += sensed
             text = (
                 f"{pluralize(len(sensed), 'window')} with a distance below {near_m:g} m from the "
                 f"body, applied to all rotors"
@@ -72,7 +73,6 @@ def mark_windows(
     rotors = sorted(
         {int(match[1]) for name in recording.names if (match := _ROTOR.fullmatch(name))}
     )
-    time_s = recording.column("time_s")
     end_s = float(np.nanmax(time_s))
     for window in windows:
         if window.rotor and rotors and window.rotor not in rotors:
@@ -86,14 +86,10 @@ def mark_windows(
                 f"the end of the recording"
             )
     for rotor in rotors or [1]:
-        covered = np.zeros(len(recording))
-        for window in windows:
-            if window.rotor in (0, rotor):
-                covered[(time_s >= window.start_s) & (time_s <= window.end_s)] = 1.0
-        if any(window.rotor in (0, rotor) for window in windows):
-            name = f"coverage{rotor}"
-            if name not in recording:
-                recording = recording.with_column(Channel(name, "1"), covered)
+        over = [window for window in windows if window.rotor in (0, rotor)]
+        if over and (name := f"coverage{rotor}") not in recording:
+            covered = [(time_s >= part.start_s) & (time_s <= part.end_s) for part in over]
+            recording = recording.with_column(Channel(name, "1"), np.any(covered, axis=0))
     return replace(
         result,
         recording=recording,
@@ -124,8 +120,6 @@ MIN_HOVER_S = 1.0  # duration of a point: tens of samples at nearly constant hei
 STEADY_M_S = 0.05  # fastest climb of a point, slow enough for the wake to settle; assumed
 MIN_SAMPLES = 10  # of a point, to estimate the acceleration; assumed
 
-_SPEED = re.compile(r"rpm\d+|pwm\d+_us")
-
 
 def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     """Return steady hover segments of a flight as points with thrust_N = m (g + a).
@@ -135,7 +129,7 @@ def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     plate_z_m is the height of the tracked point above the floor.
     """
     recording = result.recording
-    speeds = [name for name in recording.names if _SPEED.fullmatch(name)]
+    speeds = speed_columns(recording.names)
     if not {"time_s", "plate_z_m"}.issubset(recording.names) or not speeds:
         raise InputError(
             f"--hover needs time_s, plate_z_m and rpm1, ... or pwm1_us, ...; the table has "

@@ -1,4 +1,4 @@
-"""Append-only files of a run, written without a buffer."""
+"""Append-only files of a run, written without a buffer, and marking of interrupted samples."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import os
 import stat
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import BinaryIO
 
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.toml_text import build_dataclass, parse_json
 from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
-from benchtool.data.columns import SAMPLE_START
+from benchtool.data.atomic import sync_folder
+from benchtool.data.columns import MAX_DEVICE_TIME_US, MAX_RUN_DURATION_S, SAMPLE_START
 
 
 class AppendFile:
@@ -203,6 +206,81 @@ class SampleWriter(AppendTable):
             )
         ]
         self.write("".join(lines).replace("nan", "").encode("ascii"))
+
+
+_INTERRUPTED = b"interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class SampleScan:
+    """Number of rows and end time of samples.csv."""
+
+    rows: int
+    last_s: float  # latest time since the start of the run; 0 without rows
+
+
+def write_marked_samples(path: Path, measured: frozenset[int]) -> SampleScan:
+    """Scan samples.csv; write a copy with phase `interrupted` in rows of unmeasured points, if any.
+
+    An incomplete last line is ignored. No other cell changes; `install_marked_samples` replaces the
+    original with the copy.
+    """
+    rows, last_s, unmarked_offset = 0, 0.0, None
+    finished = {b"0", *(str(point).encode() for point in measured)}
+    with open_file(path, follow=False) as file:
+        offset = len(file.readline())
+        for number, line in enumerate(file, 2):
+            if not line.endswith(b"\n"):
+                break
+            cells = line.split(b",", 4)
+            try:
+                time_s, point, phase = float(cells[0]), cells[2], cells[3]
+                device_us = float(cells[1])
+                in_range = (
+                    abs(time_s) <= MAX_RUN_DURATION_S and abs(device_us) <= MAX_DEVICE_TIME_US
+                )
+                if not (in_range and point.isdigit()):
+                    raise ValueError
+            except (ValueError, IndexError):
+                raise FileFormatError(
+                    f"{path}, line {number}",
+                    f"it starts with {line[:40].decode('utf-8', 'replace').strip()!r}; expected: "
+                    f"finite time_s, device time, point and phase; correct or delete that line",
+                ) from None
+            rows += 1
+            last_s = max(last_s, time_s)
+            if unmarked_offset is None and point not in finished and phase != _INTERRUPTED:
+                unmarked_offset = offset
+            offset += len(line)
+        if unmarked_offset is not None:
+            _copy_marked(file, _marked_path(path), unmarked_offset, finished)
+    return SampleScan(rows, last_s)
+
+
+def _copy_marked(old: BinaryIO, path: Path, offset: int, finished: set[bytes]) -> None:
+    """Write a copy of samples.csv with the rows from this offset on marked."""
+    old.seek(0)
+    with open(path, "xb") as new:
+        while offset and (block := old.read(min(offset, 1 << 20))):
+            new.write(block)
+            offset -= len(block)
+        for line in old:
+            cells = line.split(b",", 4)
+            interrupted = len(cells) == 5 and cells[2] not in finished and line.endswith(b"\n")
+            new.write(b",".join([*cells[:3], _INTERRUPTED, cells[4]]) if interrupted else line)
+        new.flush()
+        os.fsync(new.fileno())
+
+
+def install_marked_samples(path: Path) -> None:
+    """Replace samples.csv atomically with the copy of `write_marked_samples`, if there is one."""
+    with suppress(FileNotFoundError):
+        os.replace(_marked_path(path), path)
+        sync_folder(path.parent)
+
+
+def _marked_path(path: Path) -> Path:
+    return path.with_name(f".{path.name}.marked.new")
 
 
 ANNOTATION = "annotation"  # event name of an operator's note

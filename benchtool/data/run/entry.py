@@ -33,12 +33,10 @@ from benchtool.data.catalogue.entry import Entry as Entry
 from benchtool.data.catalogue.entry import detect_kind as detect_kind
 from benchtool.data.columns import KINDS, word_to_code
 from benchtool.data.csv_text import read_csv_header
-from benchtool.data.run.closing import has_rows
 from benchtool.data.run.read import find_parts, is_run, read_points
-from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
-from benchtool.data.run.recording_file import metadata_path
-from benchtool.data.run.run import RUN_FORMAT
-from benchtool.data.run.run_metadata import read_metadata, read_recording_facts
+from benchtool.data.run.recording_file import read_recording_facts
+from benchtool.data.run.run import RUN_FORMAT, has_rows
+from benchtool.data.run.run_metadata import check_format, read_metadata
 from benchtool.data.run.runs_folder import RunsFolder
 
 FIT_FORMAT = "benchtool-fit-1"
@@ -111,10 +109,7 @@ def read_result(folder: Path) -> dict[str, Any]:
     """Return the contents of a fit folder's result.json."""
     path = folder / FIT_FILE
     tables = read_json(path)
-    if tables.get("format") != FIT_FORMAT:
-        raise FileFormatError(
-            str(path), f"format {tables.get('format')!r} is not supported; allowed: {FIT_FORMAT!r}"
-        )
+    check_format(tables, FIT_FORMAT, str(path))
     return tables
 
 
@@ -137,11 +132,7 @@ def _run(entry: Entry, path: Path) -> Entry:
             entry.name, "there is no metadata.json in it, which names the rig; restore that file"
         )
     facts = read_metadata(path)
-    if facts.get("format") != RUN_FORMAT:
-        raise FileFormatError(
-            f"{entry.name}/metadata.json",
-            f"format {facts.get('format')!r} is not supported; allowed: {RUN_FORMAT!r}",
-        )
+    check_format(facts, RUN_FORMAT, f"{entry.name}/metadata.json")
     channels = _table(_table(facts, "device"), "channels")
     is_pitch, is_live = "theta_rad" in channels, facts.get("experiment") == "live"
     entry = replace(
@@ -222,7 +213,7 @@ def _explanation(entry: Entry, path: Path) -> Entry:
 
 
 def _recording(entry: Entry, path: Path) -> Entry:
-    facts = read_recording_facts(metadata_path(path), RECORDING_FORMAT)
+    facts = read_recording_facts(path)
     rig = str(_table(facts, "provenance").get("rig", ""))
     rows = pluralize(facts["rows"], "row")
     return replace(entry, rig=rig, simulated=bool(facts["simulated"]), summary=rows)

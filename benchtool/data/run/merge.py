@@ -20,7 +20,7 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, sync_folder
 from benchtool.data.columns import VALID_KINDS
-from benchtool.data.run.points import write_table
+from benchtool.data.run.points import load_settings, write_table
 from benchtool.data.run.read import (
     PARTS,
     find_parts,
@@ -31,7 +31,6 @@ from benchtool.data.run.read import (
 )
 from benchtool.data.run.run import Run, check_not_existing
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.settings import load_settings
 
 _AIR = ("temperature_degC", "pressure_Pa", "humidity")
 

@@ -26,9 +26,7 @@ VOLTAGE_POWER, VOLTAGE_POWER_SD = 2.0, 0.25  # 1.5 to 2, less with windings; ass
 class Ratios(UncertainValues):
     """Thrust ratio T_IGE/T_OGE of each point; nan if a point has no reference."""
 
-    reference_weights: (
-        Array  # (n, n) weight of each point (column) in the T_OGE of each point (row)
-    )
+    reference_weights: Array  # (n, n) of each point (column) in the T_OGE of each point (row)
     thrust_jacobian: Array  # (n, n) derivative of each ratio (row) by each thrust (column): 1/N
 
 

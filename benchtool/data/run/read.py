@@ -55,7 +55,7 @@ def read_points(
     path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
 ) -> Recording:
     """Return the points of some kinds (`columns.KINDS`) of a run folder, or of any points.csv."""
-    recording = _read(_find_file(path, "points.csv"), Path(path))
+    recording = read_own_recording(path, "points.csv")
     for warning in changed_points(path):
         warnings.warn(warning, DataWarning, stacklevel=1)  # shown once for all callers
     if "kind" not in recording:
@@ -84,9 +84,9 @@ def changed_points(path: str | Path) -> tuple[str, ...]:
     )
 
 
-def read_settings(path: str | Path) -> Recording:
-    """Return the settings of a closed run folder, or of any settings.csv."""
-    return _read(_find_file(path, "settings.csv"), Path(path))
+def read_own_recording(path: str | Path, name: str) -> Recording:
+    """Return the table `name` of a run folder, or any file of that kind, with its provenance."""
+    return _read(_find_file(path, name), Path(path))
 
 
 def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Recording:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.errors import (
@@ -21,25 +24,29 @@ from benchtool.core.errors import (
     check_name,
 )
 from benchtool.core.recording import Recording
+from benchtool.core.text import pluralize
 from benchtool.core.user_file import is_exhaustion, read_text, resource_error
 from benchtool.data.atomic import file_hash, make_folder, replace_json, replace_text, sync_folder
-from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
-from benchtool.data.run.closing import (
-    LEFTOVER_PATTERN,
+from benchtool.data.columns import VALID_KINDS, word_to_code
+from benchtool.data.parquet import finalize_parquet, scan_lines
+from benchtool.data.run.append import (
+    AppendFile,
+    Event,
+    EventLog,
     SampleScan,
-    close_run,
-    has_rows,
-    remove_leftovers,
-    scan_samples,
+    SampleWriter,
+    read_events,
     write_marked_samples,
 )
-from benchtool.data.run.points import PointWriter, write_table
-from benchtool.data.run.read import changed_points, is_run
-from benchtool.data.run.read import read_settings as read_settings_file
+from benchtool.data.run.points import PointWriter, load_settings, write_table
+from benchtool.data.run.read import changed_points, is_run, read_own_recording, read_points
 from benchtool.data.run.run_metadata import read_metadata
-from benchtool.data.run.settings import load_settings
 
 RUN_FORMAT = "benchtool-run-1"
+
+ENDED_UNEXPECTEDLY = "the program that measured it ended unexpectedly (killed, or the power failed)"
+
+LEFTOVER_PATTERN = re.compile(r"\.[^/]+\.new")  # temporary files of a killed writer
 
 
 class Run:
@@ -177,17 +184,44 @@ class Run:
         return EventLog(self.path / "events.jsonl")
 
     def close(self, n_planned: int | None = None) -> bool:
-        """Close the run and return whether anything was missing; see `closing.close_run`.
+        """Write the files and metadata of a closed run; return whether anything was missing.
+
+        The state becomes `ended` if every point is measured, else `stopped` after an unexpected
+        exit. settings.csv is derived from points.csv, samples.parquet in batches from samples.csv.
+        Every step is idempotent, so closing can be killed at any time and repeated.
+
+        Args:
+            n_planned: number of points in the plan; default: from the metadata.
 
         Raises:
+            InputError: another process measures or closes the run.
+            FileFormatError: a file of the run cannot be read.
             ResourceExhausted: the run cannot be written.
         """
+        missing = False
         try:
-            return close_run(self, n_planned)
+            self.check_in_place()
+            with self.locked() as log:
+                remove_leftovers(self.path)
+                before = self.metadata
+                n_measured = _count_measured(self.path)
+                changes = _final_state(before, n_planned, n_measured, log)
+                if n_measured:
+                    settings = self.path / "settings.csv"
+                    missing = not settings.is_file()
+                    write_table(settings, load_settings(self.path))
+                changes |= _seal(self.path, before)
+                points = self.path / "points.csv"
+                unsealed = missing or changes or not before.get("samples")
+                if unsealed and not before.get("points") and has_rows(points):
+                    changes["points"] = {"csv_sha256": file_hash(points, follow=False)}
+                if changes:
+                    self.update_metadata(**changes)
         except (OSError, MemoryError) as error:
             raise resource_error(
                 error, f"{self.path} cannot be closed", f"then: benchtool runs close {self.path}"
             ) from error
+        return missing or bool(changes)
 
     def prepare_samples(self, measured: frozenset[int]) -> SampleScan:
         """Scan the samples and prepare a copy in which interrupted points are marked.
@@ -199,10 +233,8 @@ class Run:
             with self.locked():
                 remove_leftovers(self.path)
                 if not os.path.lexists(samples):
-                    return SampleScan(0, 0.0, measured, None)
-                scan = scan_samples(samples, measured)
-                write_marked_samples(samples, scan)
-                return scan
+                    return SampleScan(0, 0.0)
+                return write_marked_samples(samples, measured)
         except (OSError, MemoryError) as error:
             raise resource_error(error, f"{self.path} cannot be resumed") from error
 
@@ -229,6 +261,63 @@ class Run:
             yield log
         finally:
             log.close()
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files of a killed process."""
+    for path in folder.iterdir():
+        if LEFTOVER_PATTERN.fullmatch(path.name) and not path.is_dir():
+            path.unlink()
+
+
+def _final_state(
+    metadata: dict[str, Any], n_planned: int | None, n_measured: int, log: EventLog
+) -> dict[str, Any]:
+    """Return the changes of state and reason in the metadata; log them as an event."""
+    state, planned = metadata.get("state"), n_planned or metadata.get("visits")
+    if state not in ("running", "stopped"):
+        return {}
+    if planned and n_measured >= int(planned):
+        text = f"closed afterwards; all is measured: {pluralize(n_measured, 'visit')}"
+        changes: dict[str, Any] = {"state": "ended"}
+    elif state == "running":
+        text = f"closed afterwards; {ENDED_UNEXPECTEDLY}"
+        changes = {"state": "stopped", "reason": ENDED_UNEXPECTEDLY}
+    else:
+        return {}
+    events = read_events(log.path)
+    if not events or events[-1].text != text:
+        log.append(Event(events[-1].time_s if events else 0.0, "closed", text))
+    return changes
+
+
+def _count_measured(folder: Path) -> int:
+    if not has_rows(folder / "points.csv"):
+        return 0
+    points = read_points(folder, VALID_KINDS)
+    measured = points.column("kind") != word_to_code("kind", "tare")
+    return len(np.unique(points.column("point")[measured]))
+
+
+def _seal(folder: Path, metadata: dict[str, Any]) -> dict[str, Any]:
+    """Write samples.parquet unless it is up to date; return its new hashes, {} if unchanged."""
+    csv, parquet = folder / "samples.csv", folder / "samples.parquet"
+    if not has_rows(csv):
+        return {}
+    hashes, csv_hash = metadata.get("samples") or {}, file_hash(csv, follow=False)
+    if (
+        hashes.get("csv_sha256") == csv_hash
+        and parquet.is_file()
+        and hashes.get("parquet_sha256") == file_hash(parquet, follow=False)
+    ):
+        return {}
+    finalize_parquet(csv, parquet, csv_hash)
+    return {"samples": {"parquet_sha256": file_hash(parquet), "csv_sha256": csv_hash}}
+
+
+def has_rows(path: Path) -> bool:
+    """Return whether a table has a complete row below its header."""
+    return path.is_file() and scan_lines(path)[0] > 0
 
 
 def check_not_existing(path: Path) -> None:
@@ -268,7 +357,7 @@ def read_settings(path: str | Path) -> Recording:
             Run.open(folder).close()
         except BenchtoolError:
             return load_settings(folder)
-    return read_settings_file(path)
+    return read_own_recording(path, "settings.csv")
 
 
 def free_run_path(folder: Path, date: str, name: str) -> Path:

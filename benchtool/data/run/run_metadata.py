@@ -70,7 +70,7 @@ _RUN = _table(
     visits=Count | None, experiment=str,
     merged_from=_list("Merged", run_=str, sha256=str),
 )  # fmt: skip
-_RECORDING = _table(
+RECORDING_SCHEMA = _table(
     "Recording", format_=str, sha256_=str, rows_=Count, simulated_=bool,
     channels_=_list("Channel", name_=str, unit_=str), provenance_=Texts,
     imported_as=str, software=str, versions=Texts | None, findings=tuple[Finding, ...] | None,
@@ -86,12 +86,9 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     return facts
 
 
-def read_recording_facts(path: Path, format_: str) -> dict[str, Any]:
-    """Return the contents of a recording's JSON file."""
-    facts = read_json(path)
-    if facts.get("format") != format_:
+def check_format(facts: Mapping[str, Any], expected: str, where: str) -> None:
+    """Raise FileFormatError for a JSON file of another format."""
+    if facts.get("format") != expected:
         raise FileFormatError(
-            str(path), f"format {facts.get('format')!r} is not supported; allowed: {format_!r}"
+            where, f"format {facts.get('format')!r} is not supported; allowed: {expected!r}"
         )
-    build_dataclass(_RECORDING, facts, str(path))
-    return facts

@@ -13,8 +13,7 @@ from benchtool.core.errors import BenchtoolError, RunInterrupted
 from benchtool.core.units import Array
 from benchtool.core.user_file import resource_error
 from benchtool.data.atomic import sync_folder
-from benchtool.data.run.append import AppendFile, Event
-from benchtool.data.run.closing import install_marked_samples
+from benchtool.data.run.append import AppendFile, Event, install_marked_samples
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run, free_path
 from benchtool.data.run.state import state_folder

@@ -19,9 +19,9 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.data.columns import word_to_code
 from benchtool.data.derived import QuantityValues, derive_quantities, load_run_context
 from benchtool.data.levels import read_levels, split_levels
+from benchtool.data.run.points import average_settings, settings_quantities
 from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import average_settings, settings_quantities
 
 AXES: dict[Over, tuple[str, str]] = {  # column and label of each axis
     "thrust": ("thrust_N", "thrust [N]"),

@@ -21,9 +21,8 @@ from benchtool.data.derived import add_quantities, build_recording_context, deri
 from benchtool.data.formats.formats import import_file
 from benchtool.data.repairs.import_result import ImportOptions, import_metadata
 from benchtool.data.run.read import read_pitch
-from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
+from benchtool.data.run.recording_file import metadata_path, read_recording, read_recording_facts
 from benchtool.data.run.run import Run
-from benchtool.data.run.run_metadata import read_recording_facts
 from benchtool.explain.pitch.replay import read_provenance
 from benchtool.report.figure import Page, figure
 from benchtool.report.numbers import display_unit, format_number
@@ -86,7 +85,7 @@ def read_recorded(path: Path) -> ReplaySource:
             raise FileFormatError(str(path), "file or run folder not found; check the path")
         is_mcap = path.suffix.lower() == ".mcap"  # contains its metadata
         if is_mcap or metadata_path(path).exists():
-            facts = {} if is_mcap else read_recording_facts(metadata_path(path), FORMAT)
+            facts = {} if is_mcap else read_recording_facts(path)
             recording = read_recording(path)
         else:
             imported = import_file(path)

@@ -20,10 +20,10 @@ from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import REJECTED, code_to_word, speed_columns, word_to_code
 from benchtool.data.derived import QuantityValues
 from benchtool.data.run.append import Event, read_events
+from benchtool.data.run.points import average_settings, settings_quantities
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples, run_rig, sample_names
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import average_settings, settings_quantities
 from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget

@@ -15,7 +15,7 @@ from benchtool.core.channel import Channel, channel_family, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
 from benchtool.core.units import Array
-from benchtool.data.derived import MeasurementContext, build_rig_context, evaluate_quantities
+from benchtool.data.derived import MeasurementContext, evaluate_quantities, measurement_context
 from benchtool.data.quantities import QUANTITIES
 from benchtool.web.bench_process.messages import (
     SPEED_LIMIT,
@@ -108,7 +108,7 @@ class Telemetry:
         self._rate_samples, self._rate_time_s = 0, 0.0
         self._channels: tuple[Channel, ...] = ()
         self._samples: list[Array] = []
-        self._rig_context = build_rig_context(rig)
+        self._rig_context = measurement_context(rig=rig)
 
     def set_limits(self, limits: Limits) -> None:
         self._rig = replace(self._rig, limits=limits)

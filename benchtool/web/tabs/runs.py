@@ -16,8 +16,8 @@ from benchtool.commands.report import ReportInputs
 from benchtool.core.inputs import items
 from benchtool.data.catalogue.entry import ChoiceInputs, filter_entries
 from benchtool.data.run.entry import ANSWER_FILE, ENTRY_KINDS, FIT_FILE, SWEEPS, Entry, build_entry
+from benchtool.data.run.points import TABLES
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.settings import TABLES
 from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.entries import (

@@ -39,9 +39,10 @@ STATEMENTS = {
     "; from benchtool.data.run.read import read_samples",
     "close": "from benchtool.data.run.run import Run; Run.open(run).close()",
     "read for --resume": (
-        "from benchtool.data.run.closing import scan_samples, take_marked, write_marked\n"
-        "found = scan_samples(run / 'samples.csv', frozenset(range(1, 100)))\n"
-        "write_marked(run / 'samples.csv', found); take_marked(run / 'samples.csv')"
+        "from benchtool.data.run.append import install_marked_samples\n"
+        "from benchtool.data.run.run import Run\n"
+        "Run(run).prepare_samples(frozenset(range(1, 100)))\n"
+        "install_marked_samples(run / 'samples.csv')"
     ),
     "mean thrust of closed samples": (
         "from benchtool.data.run.read import read_samples\n"

@@ -11,8 +11,8 @@ import numpy as np
 
 from benchtool.core.recording import Recording
 from benchtool.data.columns import find_channel
-from benchtool.data.mcap_file import read_mcap, write_mcap
 from benchtool.data.parquet import read_parquet, write_parquet
+from benchtool.data.run.recording_file import read_mcap, write_mcap
 
 NAMES = ("time_s", "thrust_N", "rpm1", "voltage_V")
 

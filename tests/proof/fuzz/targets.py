@@ -43,9 +43,9 @@ from benchtool.data.formats.formats import import_bytes
 from benchtool.data.repairs.import_result import ImportOptions
 from benchtool.data.run.append import read_events
 from benchtool.data.run.entry import FIT_FILE, read_result
-from benchtool.data.run.read import read_points, read_samples, read_settings
+from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.recording_file import metadata_path, read_recording, write_recording
-from benchtool.data.run.run import Run
+from benchtool.data.run.run import Run, read_settings
 from benchtool.data.table import RowFilter, parse_column
 from benchtool.fit.recipe import FitInputs, read_recipe
 from benchtool.physics.model_file import model_from_toml

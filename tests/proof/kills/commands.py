@@ -12,9 +12,8 @@ from benchtool.acquire.pitch import CHUNK_S, RAMP_UP_S
 from benchtool.acquire.record import STEP_S
 from benchtool.data.calibration import read_calibration
 from benchtool.data.run.append import read_events
-from benchtool.data.run.closing import has_rows
-from benchtool.data.run.read import is_run, read_points, read_samples, read_settings
-from benchtool.data.run.run import Run, check_not_existing
+from benchtool.data.run.read import is_run, read_points, read_samples
+from benchtool.data.run.run import Run, check_not_existing, has_rows, read_settings
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan
 from tests.proof.kills.disk import Disk, recorded, write_tree
 

@@ -54,10 +54,7 @@ GROUPS = {
         ("benchtool/acquire/resume.py",),
         ("tests/unit/acquire/test_resume.py",),
     ),
-    "close": Group(
-        ("benchtool/data/run/closing.py",),
-        ("tests/unit/data/test_closing.py", "tests/unit/data/test_syncs.py"),
-    ),
+    "close": Group(("benchtool/data/run/run.py",), STORED),
     "link": Group(
         (f"{BENCH}/serial/frames.py", f"{BENCH}/mavlink/frames.py"),
         (

@@ -19,8 +19,8 @@ from benchtool.core.errors import InputError, RunInterrupted
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import word_to_code
 from benchtool.data.run.entry import build_entry
-from benchtool.data.run.read import read_points, read_samples, read_settings
-from benchtool.data.run.run import Run
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run, read_settings
 from benchtool.data.run.runs_folder import RunsFolder
 
 RIG = load_rig_by_name("pquad")

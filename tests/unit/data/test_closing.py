@@ -7,17 +7,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, ResourceExhausted
-from benchtool.data.run.append import Event, read_events
-from benchtool.data.run.closing import (
-    ENDED_UNEXPECTEDLY,
-    has_rows,
+from benchtool.data.run.append import (
+    Event,
     install_marked_samples,
-    remove_leftovers,
-    scan_samples,
+    read_events,
     write_marked_samples,
 )
 from benchtool.data.run.read import read_samples
-from benchtool.data.run.run import Run
+from benchtool.data.run.run import ENDED_UNEXPECTEDLY, Run, has_rows, remove_leftovers
 from tests.unit.data.run_of import small_run
 
 ALL = "closed afterwards; all is measured: 4 visits"
@@ -173,17 +170,17 @@ def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path):
     path = tmp_path / "samples.csv"
     cut = "6,50,2,settle,6"
     path.write_text(HEAD + "".join(ROWS) + cut)
-    assert scan_samples(path, frozenset({1, 2})).unmarked_offset is None
-    found = scan_samples(path, frozenset({1}))
+    write_marked_samples(path, frozenset({1, 2}))
+    assert list(tmp_path.iterdir()) == [path]
+    found = write_marked_samples(path, frozenset({1}))
     assert (found.rows, found.last_s) == (5, 9.0)
-    assert found.unmarked_offset == len(HEAD + ROWS[0] + ROWS[1])
-    write_marked_samples(path, found)
     assert path.read_text() == HEAD + "".join(ROWS) + cut
     install_marked_samples(path)
     marked = ROWS[2].replace("settle", "interrupted")
     assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + ROWS[4] + cut
     install_marked_samples(path)  # nothing was written since
-    assert scan_samples(path, frozenset({1})).unmarked_offset is None
+    write_marked_samples(path, frozenset({1}))
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(
@@ -197,4 +194,4 @@ def test_a_line_that_no_writer_has_written_is_named(tmp_path, line):
     path = tmp_path / "samples.csv"
     path.write_text(HEAD + ROWS[0] + line + "\n")
     with pytest.raises(FileFormatError, match=r"samples\.csv, line 3: it starts with '"):
-        scan_samples(path, frozenset())
+        write_marked_samples(path, frozenset())

@@ -5,9 +5,9 @@ from io import BytesIO
 import numpy as np
 
 from benchtool.data.parquet import read_parquet
+from benchtool.data.run.points import export_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
-from benchtool.data.run.settings import export_table
 from tests.unit.data.run_of import small_run
 
 

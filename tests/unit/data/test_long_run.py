@@ -20,7 +20,7 @@ from pathlib import Path
 import pyarrow.csv, pyarrow.parquet, pyarrow.compute
 from benchtool.data.run.run import Run
 from benchtool.data.run.read import read_samples
-from benchtool.data.run.closing import scan_samples, write_marked_samples
+from benchtool.data.run.append import write_marked_samples
 
 def most_MB():
     status = dict(line.split(":", 1) for line in open("/proc/self/status"))
@@ -52,7 +52,7 @@ def long_runs(tmp_path_factory):
     ("statement", "limit_MB"),
     [
         ("run.close()", 60.0),
-        ("write_marked_samples(s := run.path / 'samples.csv', scan_samples(s, frozenset()))", 3.0),
+        ("write_marked_samples(run.path / 'samples.csv', frozenset())", 3.0),
         ("read_samples(run.path / 'samples.csv', ['thrust_N'])", WHOLE_MB / 7 + 60.0),
     ],
     ids=["close", "resume", "one channel"],

@@ -13,9 +13,9 @@ import benchtool as bt
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.data import mcap_file
 from benchtool.data.columns import PHASES, find_channel
-from benchtool.data.mcap_file import read_mcap, write_mcap
+from benchtool.data.run import recording_file
+from benchtool.data.run.recording_file import read_mcap, write_mcap
 
 
 def recording(rows: int, extra: int = 0) -> Recording:
@@ -33,7 +33,7 @@ def recording(rows: int, extra: int = 0) -> Recording:
 
 @pytest.mark.parametrize(("rows", "extra"), [(0, 0), (1, 0), (25, 0), (700, 30)])
 def test_what_was_written_comes_back(tmp_path, rows, extra, monkeypatch):
-    monkeypatch.setattr(mcap_file, "CHUNK_BYTES", 20_000)
+    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 20_000)
     made = recording(rows, extra)
     write_mcap(tmp_path / "a.mcap", made)
     back = read_mcap(tmp_path / "a.mcap")
@@ -45,7 +45,7 @@ def test_what_was_written_comes_back(tmp_path, rows, extra, monkeypatch):
 
 
 def test_the_format_s_own_reader_sees_messages_units_and_calibration(tmp_path, monkeypatch):
-    monkeypatch.setattr(mcap_file, "CHUNK_BYTES", 2_000)
+    monkeypatch.setattr(recording_file, "CHUNK_BYTES", 2_000)
     made, path = recording(100), tmp_path / "a.mcap"
     start_ns = 1_790_000_000_000_000_000
     calibration = {"id": "cal-7", "slope_N_per_count": 2e-4}

@@ -15,8 +15,8 @@ from benchtool.core.errors import BenchtoolError, DataWarning, InputError, Would
 from benchtool.data.atomic import data_hash
 from benchtool.data.run.entry import verify_run
 from benchtool.data.run.merge import merge_runs
-from benchtool.data.run.read import find_parts, read_points, read_settings
-from benchtool.data.run.run import Run
+from benchtool.data.run.read import find_parts, read_points
+from benchtool.data.run.run import Run, read_settings
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from tests.unit.data.run_of import small_run

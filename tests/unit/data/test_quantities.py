@@ -24,8 +24,8 @@ from benchtool.data.derived import (
     measurement_context,
 )
 from benchtool.data.quantities import QUANTITIES
+from benchtool.data.run.points import average_settings, settings_quantities
 from benchtool.data.run.read import read_points
-from benchtool.data.run.settings import average_settings, settings_quantities
 
 ROOT = Path(__file__).parents[3]
 
@@ -88,7 +88,8 @@ def test_every_quantity_of_the_table_is_checked_by_hand():
 def test_torque_of_a_data_sheet_is_the_winding_current_over_kv():
     motor = Motor(Kv_rpm_V=900.0, resistance_ohm=0.1, no_load_current_A=0.6)
     row = {key: value for key, value in ROW.items() if key != "torque_Nm"}
-    got = derive(table(**row), propeller=PROPELLER, air=AIR, motor=motor)
+    rig = replace(load_rig_by_name("pquad_single"), motor=motor, sensors={})
+    got = derive(table(**row), propeller=PROPELLER, air=AIR, rig=rig)
     # (6.66667 + 0.1 I) I = 103.6 W has I = 13.00359 A;
     # (13.00359 - 0.6) A * 0.01061033 V s = 0.131606 N m.
     assert got["torque_Nm"].value[0] == pytest.approx(0.131606, rel=1e-5)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.data.formats.dataflash import read_dataflash
+from benchtool.data.formats.ardupilot import read_dataflash
 from benchtool.data.formats.formats import import_bytes
 from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from tests.unit.data.flight_logs import dataflash, hop

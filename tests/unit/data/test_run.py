@@ -11,8 +11,14 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import data_hash, json_ready
 from benchtool.data.columns import KINDS, to_frame, word_to_code
-from benchtool.data.run.append import AppendFile, Event, EventLog, read_events
-from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
+from benchtool.data.run.append import (
+    AppendFile,
+    Event,
+    EventLog,
+    install_marked_samples,
+    read_events,
+    write_marked_samples,
+)
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
 from tests.unit.data.run_of import CHANNELS, point, small_run
@@ -139,12 +145,11 @@ def test_another_bench_cannot_go_on_with_a_run(tmp_path):
 def test_interrupted_visits_keep_their_rows(tmp_path):
     run = small_run(tmp_path / "run")
     before = read_samples(run.path)
-    found = scan_samples(run.path / "samples.csv", frozenset())
+    found = write_marked_samples(run.path / "samples.csv", frozenset())
     assert (found.rows, found.last_s) == (10, 0.045)
-    write_marked_samples(run.path / "samples.csv", found)
-    assert scan_samples(run.path / "samples.csv", frozenset()) == found
     install_marked_samples(run.path / "samples.csv")
-    assert scan_samples(run.path / "samples.csv", frozenset()).unmarked_offset is None
+    assert write_marked_samples(run.path / "samples.csv", frozenset()) == found
+    assert not list(run.path.glob(".*"))
     after = read_samples(run.path)
     assert set(after.column("phase")) == {word_to_code("phase", "interrupted")}
     np.testing.assert_array_equal(after.column("thrust_N"), before.column("thrust_N"))

@@ -10,8 +10,13 @@ import pytest
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.atomic import make_folder, replace_text
-from benchtool.data.run.append import AppendFile, Event, EventLog
-from benchtool.data.run.closing import install_marked_samples, scan_samples, write_marked_samples
+from benchtool.data.run.append import (
+    AppendFile,
+    Event,
+    EventLog,
+    install_marked_samples,
+    write_marked_samples,
+)
 from benchtool.data.run.run import Run
 from tests.unit.data.run_of import CHANNELS, small_run
 
@@ -20,7 +25,7 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="need
 
 def mark(run: Run) -> None:
     samples = run.path / "samples.csv"
-    write_marked_samples(samples, scan_samples(samples, frozenset()))
+    write_marked_samples(samples, frozenset())
     install_marked_samples(samples)
 
 

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from benchtool.core.channel import Channel
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.data.derived import build_rig_context
+from benchtool.data.derived import measurement_context
 from benchtool.web.bench_process.publisher import (
     HEADER_LENGTH,
     Decimator,
@@ -92,7 +92,7 @@ def test_power_and_efficiency_follow_from_means_while_motors_turn():
     )  # fmt: skip
     nan = float("nan")
     samples = np.array([[6000.0, 3.0, 0.05, 11.0, 5.0], [6000.0, 5.0, 0.07, nan, 7.0]])
-    context = build_rig_context(load_rig_by_name("pquad_single"))
+    context = measurement_context(rig=load_rig_by_name("pquad_single"))
     live = live_values(channels, samples, context, is_driven=True)
     values = {value.name: (value.value, value.unit) for value in live}
     assert values["thrust"] == (4.0, "N")
