@@ -17,8 +17,8 @@ from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
-from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, FilterGains, LoggedTick
-from benchtool.simulate.pitch.records import Setpoint
+from benchtool.simulate.pitch.lane import FREE, RESTART, FilterGains, Setpoint
+from benchtool.simulate.pitch.loops import LoggedTick
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 MIN_PARKED_Z_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
@@ -36,7 +36,7 @@ class LoggedPitch:
         plate_share: (n,) inserted share of the plate, 0 (parked) to 1.
         theta_rad, gyro_rad_s: (n,) readings; nan where there is none.
         speed_rad_s: (n_discs, n) readings; nan where there is none.
-        mode: (n,) filter mode, see `filter_ticks`.
+        mode: (n,) filter mode, see `lane`.
         from_speeds: use the measured speeds instead of the model from pulse width to speed.
     """
 

@@ -1,13 +1,19 @@
-"""Loops of the pitch bench for a set of effects, a law, and numbers of discs and lanes."""
+"""Loops of the pitch bench for a set of effects, a law, and numbers of discs and lanes.
+
+All numbers of a run are in one block of floats, row by row with adjacent lanes: only then can a
+compiler prove that rows do not overlap, and vectorise over lanes. A phase of the loop reads the
+records that it needs and writes those that it changes.
+"""
 
 from __future__ import annotations
 
 from collections import namedtuple
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
@@ -27,11 +33,14 @@ from benchtool.simulate.controllers.blocks import compensated_thrust, expected_f
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import PULSES, Build, Phases, always_true, no_phase, run_ticks
-from benchtool.simulate.layout import Layout
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.motors import Targets
 from benchtool.simulate.noise import later_state
-from benchtool.simulate.pitch.filter_ticks import GAINS, correct_lane, logged_slot
 from benchtool.simulate.pitch.lane import (
+    Delayed,
+    FilterGains,
+    Setpoint,
+    correct_lane,
     heights_over,
     plane_below,
     rounded,
@@ -39,16 +48,76 @@ from benchtool.simulate.pitch.lane import (
     sense_lane,
     step_lane,
 )
-from benchtool.simulate.pitch.records import (
-    FRESH,
-    PAST,
-    Delayed,
-    Geometry,
-    PitchArrays,
-    tick_slot,
-)
 
+PAST = 64  # longest sensor delay in control ticks; a power of two, see `PAST_MASK`
 PAST_MASK = PAST - 1  # index of a tick in the ring of `PAST` ticks
+
+Tick = namedtuple(
+    "Tick", "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us"
+)
+"""One column of the schedule.
+
+Attributes:
+    nominal_plate_z_m, nominal_share: plate according to the map.
+    observer, feedforward: 1 while enabled.
+    dither_us: added to the pulse width of discs that push nose down.
+    pwm_us: pulse width of each disc, where a log drives the bench.
+"""
+
+Fresh = namedtuple("Fresh", "theta gyro plate speed", defaults=(0.0, 0.0, 0.0, 0.0))  # new readings
+
+# One column of a log: setpoint and pulse widths as in `Tick`, filter mode, and readings of
+# pitch (rad), gyro (rad/s) and speed of each disc (rad/s); nan where there is none.
+LoggedTick = namedtuple("LoggedTick", "setpoint pwm_us mode theta_rad gyro_rad_s speed_rad_s")
+
+FRESH, GAINS = Slot(0, Fresh()), Slot(0, FilterGains())
+
+
+class PitchArrays(NamedTuple):
+    """Arrays of a run.
+
+    Attributes:
+        w: records of all lanes, flat: row times lanes plus lane.
+        states: random number state of each lane (n_lanes,).
+        sent: ring buffer of commanded speeds (n_discs, n_ring, n_lanes).
+        past: ring buffer of true pitch, rate and plate distance (3, n_past, n_lanes).
+        log: (n_ticks, n_logged, n_lanes), the rows `logged` of `w` at each tick.
+        schedule: (n_rows, n_ticks), a `Tick` per column; for a filter `LoggedTick`.
+        fresh: (n_sensors, n_ticks + 1), 1 for a new reading at a tick.
+        geometry: a `Geometry` (n_numbers,).
+        gains: `FilterGains` of a filter (n_gains,).
+    """
+
+    w: Any = LINE
+    states: Any = COUNTS
+    sent: Any = SOLID
+    past: Any = SOLID
+    log: Any = SOLID
+    logged: Any = COUNTS
+    schedule: Any = PLANE
+    fresh: Any = PLANE
+    geometry: Any = LINE
+    gains: Any = LINE
+
+
+def tick_slot(n_discs: int) -> Slot:
+    """Return the slot of one column of a schedule."""
+    return Slot(0, Tick(Setpoint(), 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * n_discs))
+
+
+class Geometry(NamedTuple):
+    """Plant step; sum of the squared rotor arms; disc positions (n,); root of the number of rotors
+    per disc (n,); distances between discs (n, n); sources of the body term (n_body,).
+    """
+
+    dt_s: Any
+    span_m2: Any
+    x_m: Any
+    y_m: Any
+    roots: Any
+    distances_m: Any
+    body: BodyImages
+
 
 # Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
 # the same along a log.
@@ -139,8 +208,9 @@ def pitch_loops(
 ) -> PitchLoops:
     """Return the loops for these effects and this law; `geometry_type` contains zeros."""
     n_discs, slots = len(geometry_type.x_m), layout.slots
-    build, ones = Build(tuple(range(lanes)), slots), (1.0,) * n_discs
-    entry, log_entry = tick_slot(n_discs), logged_slot(n_discs)
+    build, ones, zeros = Build(tuple(range(lanes)), slots), (1.0,) * n_discs, (0.0,) * n_discs
+    entry = tick_slot(n_discs)
+    log_entry = Slot(0, LoggedTick(Setpoint(), zeros, 0.0, 0.0, 0.0, zeros))
     slot, like = Slot(0, geometry_type), PitchArrays()
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
     geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))

@@ -30,10 +30,28 @@ from benchtool.simulate.layout import Layout, lend_rows, record_layout, rows_in,
 from benchtool.simulate.loop import Loop, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
-from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench
-from benchtool.simulate.pitch.filter_ticks import FilterGains
-from benchtool.simulate.pitch.loops import PitchLoops, pitch_loops
+from benchtool.simulate.pitch.lane import (
+    Delayed,
+    FilterGains,
+    Hinge,
+    HingedBody,
+    PulseLimits,
+    PulseMap,
+    SensorErrors,
+    SensorReadings,
+    Sensors,
+    Setpoint,
+)
+from benchtool.simulate.pitch.loops import (
+    PAST,
+    Geometry,
+    PitchArrays,
+    PitchLoops,
+    Tick,
+    pitch_loops,
+    tick_slot,
+)
 from benchtool.simulate.pitch.result import LOGGED
 
 MAX_DISCS = 8  # of a loop: more would take minutes to compile
@@ -67,7 +85,7 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
     )
 
 
-def build_geometry(model: Model, dt_s: float) -> r.Geometry:
+def build_geometry(model: Model, dt_s: float) -> Geometry:
     """Return the geometry of a model for plant steps."""
     rig = model.rig
     x_m, y_m = rig.disc_positions_m.T.tolist()
@@ -82,7 +100,7 @@ def build_geometry(model: Model, dt_s: float) -> r.Geometry:
     span_m2 = sum(root * root * x * x for root, x in zip(roots, x_m, strict=True))
     distances_m = tuple(map(tuple, rig.disc_distances_m.tolist()))
     body = BodyImages(*(tuple(part.tolist()) for part in model.body_images))
-    return r.Geometry(dt_s, span_m2, tuple(x_m), tuple(y_m), tuple(roots), distances_m, body)
+    return Geometry(dt_s, span_m2, tuple(x_m), tuple(y_m), tuple(roots), distances_m, body)
 
 
 def lane_records(job: PitchJob, effects: Sequence[Effect]) -> dict[str, Any]:
@@ -92,25 +110,25 @@ def lane_records(job: PitchJob, effects: Sequence[Effect]) -> dict[str, Any]:
     zeros, pulse = (0.0,) * rig.n_discs, rig.propulsion
     plant = PitchPlant(rig.body.inertia_yy_kgm2, torque_limit_Nm(bench))
     return {
-        "hinge": r.Hinge(),
+        "hinge": Hinge(),
         "rotors": Rotors(zeros),
         "targets": Targets(zeros, zeros, zeros),
-        "delayed": r.Delayed(),
-        "readings": r.SensorReadings(0.0, 0.0, 0.0, zeros),
-        "setpoint": r.Setpoint(),
+        "delayed": Delayed(),
+        "readings": SensorReadings(0.0, 0.0, 0.0, zeros),
+        "setpoint": Setpoint(),
         "command": PitchCommand(0.0, 0.0),  # for the mixer
         "factor": (1.0,) * rig.n_discs,  # of the feedforward
         "pwm_us": zeros,
         "law_state": control.law.state,
-        "body": r.HingedBody(
+        "body": HingedBody(
             dt_s / bench.inertia_kgm2, rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
             values["R_m"].value, bench.stop_rad, tuple(bench.covered),
         ),
-        "pulses": r.PulseMap(pulse.speed_per_us_rad_s, pulse.pwm_start_us),
-        "limits": r.PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
+        "pulses": PulseMap(pulse.speed_per_us_rad_s, pulse.pwm_start_us),
+        "limits": PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
         "motion": build_motion(model, dt_s),
-        "sensors": r.Sensors(
-            *(r.SensorErrors(one.noise, one.bias, one.quantum) for one in bench.loop_sensors)
+        "sensors": Sensors(
+            *(SensorErrors(one.noise, one.bias, one.quantum) for one in bench.loop_sensors)
         ),
         "strength": control.feedforward.strength,
         "law": control.law.numbers(control, plant),
@@ -173,11 +191,11 @@ class PitchLoop(Loop):
         shape = (len(schedule), len(rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
         rates_Hz = tuple(sensor.rate_Hz for sensor in bench.loop_sensors)
-        arrays = r.PitchArrays(
+        arrays = PitchArrays(
             w=w.reshape(-1),
             states=lane_states(seed, runs),
             sent=np.zeros((self.n_discs, ring, self.lanes)),
-            past=np.zeros((3, r.PAST, self.lanes)),
+            past=np.zeros((3, PAST, self.lanes)),
             log=self.log,
             logged=rows,
             schedule=schedule_rows(
@@ -200,7 +218,7 @@ class PitchLoop(Loop):
 
     def schedule_view(self, field: str) -> Array:
         """Return a view of a field of `Tick` in the schedule (n, n_ticks)."""
-        view: Array = self.arrays.schedule[rows_in(r.tick_slot(self.n_discs), field)]
+        view: Array = self.arrays.schedule[rows_in(tick_slot(self.n_discs), field)]
         return view
 
     def set_speeds(self, speed_rad_s: Array | float) -> None:
@@ -227,7 +245,7 @@ class PitchLoop(Loop):
         """Filter along a log and return the rows `FILTERED` (n_ticks, n_rows, n_lanes).
 
         Args:
-            log: (n_numbers, n_ticks), a `filter_ticks.LoggedTick` per column.
+            log: (n_numbers, n_ticks), a `LoggedTick` per column.
             before: number of ticks of the experiment before the first row of the log.
             span: first row of the commands (earlier than the filter, for the delay), first row of
                 the filter, and end (exclusive).
@@ -319,8 +337,8 @@ def schedule_rows(
     delay_ticks = round(map_settings.late_s * schedule.rate_Hz)
     map_rows = np.clip(np.arange(len(schedule)) - delay_ticks, 0, len(schedule) - 1)
     zeros = np.zeros(len(schedule))
-    tick = r.Tick(
-        r.Setpoint(
+    tick = Tick(
+        Setpoint(
             schedule.reference_rad, schedule.collective * hover_N, schedule.plate_z_m,
             schedule.plate_share,
         ),
@@ -346,9 +364,8 @@ def sensor_delays(bench: PitchBench, rate_Hz: float) -> list[int]:
     delays = []
     for name, sensor in zip(SENSOR_NAMES[:3], bench.loop_sensors, strict=False):
         delays.append(round(sensor.delay_s * rate_Hz))
-        if delays[-1] >= r.PAST:
+        if delays[-1] >= PAST:
             raise InputError(
-                f"{name}.delay_s is {sensor.delay_s:g} s; allowed: up to "
-                f"{(r.PAST - 1) / rate_Hz:g} s"
+                f"{name}.delay_s is {sensor.delay_s:g} s; allowed: up to {(PAST - 1) / rate_Hz:g} s"
             )
     return delays

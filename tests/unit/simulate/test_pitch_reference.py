@@ -12,7 +12,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M, LoggedPitch, predict_windows
-from benchtool.simulate.pitch.filter_ticks import FREE
+from benchtool.simulate.pitch.lane import FREE
 
 WINDOW, TICKS = 250, 7500
 
