@@ -21,10 +21,19 @@ from benchtool.simulate.controllers.controller import (
     FlightReference,
 )
 from benchtool.simulate.controllers.laws import find_law
-from benchtool.simulate.flight import records as r
 from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.ground import Below, DiscBelow
-from benchtool.simulate.flight.loops import flight_loops
+from benchtool.simulate.flight.loops import (
+    LOST,
+    STRUCK,
+    TICK,
+    FlightArrays,
+    FlightOutcome,
+    FlightTick,
+    GroundTorque,
+    MapUse,
+    flight_loops,
+)
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
@@ -122,7 +131,7 @@ class FlightLoop(Loop):
         dt_s = 1.0 / rate_Hz / substeps
         effects, law = loop_effects(model, in_flight=True), find_law(case.control, "free")
         feeds_forward = case.feeds_forward
-        map_use = r.MapUse(
+        map_use = MapUse(
             case.map_strength if feeds_forward and not external else 0.0,
             -inf if external else case.compensation_from_s,
             float(case.whole_discs),
@@ -150,7 +159,7 @@ class FlightLoop(Loop):
         below = map_tables = case.below.tables(radius_m)
         if map_use.is_used and any(case.map_offset_m):
             map_tables = case.below.moved(*case.map_offset_m).tables(radius_m)
-        arrays = r.FlightArrays(
+        arrays = FlightArrays(
             w=w,
             states=lane_states(case.seed, [0]),
             sent=np.zeros((rig.n_rotors, ring, 1)),
@@ -184,7 +193,7 @@ class FlightLoop(Loop):
         return _new(FlightMeasurement, readings)
 
     def references(self, first: int, last: int) -> list[FlightReference]:
-        rows = self.arrays.schedule[rows_in(r.TICK, "reference"), first:last].T.tolist()
+        rows = self.arrays.schedule[rows_in(TICK, "reference"), first:last].T.tolist()
         return [_new(FlightReference, row) for row in rows]
 
     def write_command(self, command: FlightCommand) -> None:
@@ -214,12 +223,12 @@ class FlightLoop(Loop):
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
         ending, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
-        if rows <= 1 and ending == r.STRUCK:
+        if rows <= 1 and ending == STRUCK:
             raise InputError(
                 f"the vehicle touches a surface at its start {case.start_m} m; change the start"
             )
         ending_name: Ending = (
-            "struck" if ending == r.STRUCK else "lost" if ending == r.LOST else "flown"
+            "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
         )
         log = self.arrays.log[:rows, :, 0]
         return Flight(
@@ -241,13 +250,13 @@ def flight_records(
         "rotors": Rotors((hover_rad_s,) * rig.n_rotors),
         "targets": Targets(rotors, rotors, rotors),
         "measured": FlightMeasurement._make([*[0.0] * 13, discs, discs]),
-        "scheduled": r.FlightTick(),
+        "scheduled": FlightTick(),
         "command": FlightCommand(0.0, 0.0, 0.0, 0.0, (1.0,) * rig.n_discs),
         "law_state": law.state,
         "below": Below(discs, discs, discs, discs),
         "expected": Below(discs, discs, discs, discs),
-        "ground": r.GroundTorque(),
-        "outcome": r.FlightOutcome(),
+        "ground": GroundTorque(),
+        "outcome": FlightOutcome(),
         "craft": craft,
         "motion": build_motion(vehicle.model, dt_s),
         "law": law.numbers(case, rig.body),
@@ -287,7 +296,7 @@ def build_schedule(
     yaw, hover = np.full(ticks, yaw_rad), np.full(ticks, hover_N)
     values = (reference_x, reference_y, z[current], yaw, speed[current], hover)
     reference = FlightReference._make(values)
-    tick = r.FlightTick(reference, x[current], y[current], z[current])
+    tick = FlightTick(reference, x[current], y[current], z[current])
     return np.array(flat_values(tick), float)
 
 

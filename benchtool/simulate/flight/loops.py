@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,20 +25,13 @@ from benchtool.physics.fold import chain_hooks, source_key, unrolled
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
-from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
-from benchtool.simulate.flight.ground import build_look_below
-from benchtool.simulate.flight.records import (
-    GOING,
-    GUST,
-    LOST,
-    NOISE,
-    STRUCK,
-    TICK,
-    FlightArrays,
-    FlightGeometry,
-    FlightOutcome,
-    GroundTorque,
+from benchtool.simulate.controllers.controller import (
+    FlightCommand,
+    FlightMeasurement,
+    FlightReference,
 )
+from benchtool.simulate.flight.environment import Tables
+from benchtool.simulate.flight.ground import build_look_below
 from benchtool.simulate.flight.rigid_body import (
     apply_impulse,
     drift,
@@ -48,11 +41,72 @@ from benchtool.simulate.flight.rigid_body import (
     upward,
     yaw_angle,
 )
+from benchtool.simulate.flight.vehicle import FlightGeometry
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import Build, Phases, run_ticks
-from benchtool.simulate.layout import Layout
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
+
+GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # flying; touched a surface; state not finite
+
+# Use of the map: strength and start time of the feedforward, 1 if a disc is covered as a whole or
+# not at all, 1 if the map is used.
+MapUse = namedtuple("MapUse", "strength from_s whole_discs is_used", defaults=(0.0, 0.0, 0.0, 0.0))
+
+FlightTick = namedtuple(  # one column of the schedule: setpoint and current goal (m)
+    "FlightTick",
+    "reference goal_x_m goal_y_m goal_z_m",
+    defaults=(FlightReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
+)
+
+GustRow = namedtuple(  # gust of 1 - cos shape: start (s), duration (s), peak velocity (m/s)
+    "GustRow",
+    "from_s length_s wind_x_m_s wind_y_m_s wind_z_m_s",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
+)
+
+# Noise of the gyro reading in a control period.
+GyroNoise = namedtuple("GyroNoise", "p_rad_s q_rad_s r_rad_s", defaults=(0.0, 0.0, 0.0))
+
+FlightOutcome = namedtuple(  # ending, plant steps with a clamped height, least height of a disc (m)
+    "FlightOutcome", "ending clamped_steps nearest_m", defaults=(GOING, 0.0, float("inf"))
+)
+
+# Torques by ground effect, for the log.
+GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0))
+
+TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
+
+
+class FlightArrays(NamedTuple):
+    """Arrays of a flight.
+
+    Attributes:
+        w: the records.
+        sent: ring buffer of commanded speeds (n_rotors, n_ring, 1).
+        log: (n_rows, n_logged, 1), the rows `logged` of `w`.
+        schedule: (n_numbers, n_ticks), a `FlightTick` per column.
+        noise: (3, n_ticks), a `GyroNoise` per column; or one column for all ticks.
+        gusts: (n_numbers, n_gusts), a `GustRow` per column.
+        scratch: a column of `ground.DISC` per disc.
+        geometry: a `FlightGeometry` (n_numbers,).
+        below, map: tables of the environment, and of its map.
+    """
+
+    w: Any = LINE
+    states: Any = COUNTS
+    sent: Any = SOLID
+    log: Any = SOLID
+    logged: Any = COUNTS
+    schedule: Any = PLANE
+    noise: Any = PLANE
+    gusts: Any = PLANE
+    scratch: Any = PLANE
+    geometry: Any = LINE
+    below: Tables = Tables()
+    map: Tables = Tables()
+
 
 # Loops of a flight: run(arrays, plan, first, last) -> the tick at which it ended, with arrays from
 # `layout.lend_rows`; and look_below, see `ground.build_look_below`.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import dataclass, fields, replace
 from math import cos, radians, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
 from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
-from benchtool.simulate.flight.records import Craft, FlightGeometry
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.setup import check_range
 
@@ -37,6 +37,31 @@ RANGES = {
     "inertia_scale": (0.01, 100.0),
     "undercarriage_m": (0.0, 10.0),
 }
+
+Craft = namedtuple(
+    "Craft",
+    "mass_kg inertia_kgm2 k_N_s2 c_Nm_s2 top_speed_rad_s drag_N_s_m gravity_m_s2 radius_m "
+    "effective_radius_m depth_m x_m y_m spin per_thrust per_roll per_pitch per_yaw",
+)
+"""Numbers of a vehicle.
+
+Attributes:
+    inertia_kgm2: principal moments (3,).
+    radius_m, effective_radius_m: of a disc, for areas and for the strength of the images.
+    depth_m: depth of hub and legs below the discs.
+    x_m, y_m, spin: of the rotors (n,).
+    per_thrust, per_roll, per_pitch, per_yaw: mixer weights of each rotor (n,).
+"""
+
+
+class FlightGeometry(NamedTuple):
+    """Plant step, disc positions (n,) and distances (n, n), body sources (n_body,)."""
+
+    dt_s: Any
+    x_m: Any
+    y_m: Any
+    distances_m: Any
+    body: BodyImages
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
