@@ -16,7 +16,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.core.units import Array
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
-from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
+from benchtool.simulate.loop import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch.loops import Fresh
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop

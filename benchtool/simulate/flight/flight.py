@@ -36,9 +36,8 @@ from benchtool.simulate.flight.loops import (
 )
 from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.hooks import loop_effects, loop_numbers
-from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
 from benchtool.simulate.layout import record_layout, rows_in, zero_record
-from benchtool.simulate.loop import Loop, command_ring
+from benchtool.simulate.loop import BUILT_IN, CALLER, Loop, LoopPlan, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
 

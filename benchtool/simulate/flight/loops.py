@@ -43,8 +43,8 @@ from benchtool.simulate.flight.rigid_body import (
 )
 from benchtool.simulate.flight.vehicle import FlightGeometry
 from benchtool.simulate.hooks import identities, joined_hooks
-from benchtool.simulate.kernel import Build, Phases, run_ticks
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
+from benchtool.simulate.loop import Build, Phases, run_ticks
 from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 

@@ -32,8 +32,8 @@ from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
 from benchtool.simulate.hooks import identities, joined_hooks
-from benchtool.simulate.kernel import PULSES, Build, Phases, always_true, no_phase, run_ticks
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
+from benchtool.simulate.loop import PULSES, Build, Phases, always_true, no_phase, run_ticks
 from benchtool.simulate.motors import Targets
 from benchtool.simulate.noise import later_state
 from benchtool.simulate.pitch.lane import (

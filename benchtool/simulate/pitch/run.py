@@ -25,9 +25,8 @@ from benchtool.simulate.controllers.controller import (
 )
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects, loop_numbers
-from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
 from benchtool.simulate.layout import Layout, lend_rows, record_layout, rows_in, zero_record
-from benchtool.simulate.loop import Loop, command_ring
+from benchtool.simulate.loop import BUILT_IN, CALLER, PULSES, Loop, LoopPlan, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench
