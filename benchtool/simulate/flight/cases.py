@@ -21,7 +21,7 @@ from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
-from benchtool.simulate.setup import check_range
+from benchtool.simulate.inputs import check_range
 
 OBSTACLE_X_M = (3.0, 5.0)  # extent of the paper's obstacle (section 3.1)
 GYRO_NOISE_RAD_S = 0.015  # paper, section 3.2: normal, standard deviation 0.015 rad/s

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, Self
@@ -18,9 +18,8 @@ from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.study import check_duration, measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains, load_gains
-from benchtool.simulate.inputs import FlightInputs
+from benchtool.simulate.inputs import CONTROL_HZ, FlightInputs, Point, Row, Setup, check_range
 from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.setup import CONTROL_HZ, Point, Row, Setup, check_range
 
 FLIGHT_NUMBERS = (
     "z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m", "step_s",
@@ -153,18 +152,13 @@ class FlightSetup(Setup):
     def campaign_title(self) -> str:
         return f"{self.build_case('pid').title}, {self.vehicle.rig.name}"
 
-    def with_changes(self, values: Mapping[str, float]) -> Self:
-        """Return the setup with some numbers changed, by name.
+    def with_number(self, name: str, value: float) -> Self:
+        """Return the setup with one number changed, by name.
 
         A name is one of `CHANGEABLE` (the value of a table of gains is a factor on its gains), or a
         single gain ("gains.attitude.k_q_per_s").
         """
-        setup = self
-        for name, value in values.items():
-            setup = setup._with_number(full_name(name), float(value))
-        return setup
-
-    def _with_number(self, name: str, value: float) -> Self:
+        name = full_name(name)
         numbers: dict[str, Any] = {name: value}
         if name.startswith("gains."):
             gains = self.gains.with_values(**{name.removeprefix("gains."): value})

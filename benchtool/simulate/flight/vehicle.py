@@ -21,7 +21,7 @@ from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
 from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-from benchtool.simulate.setup import check_range
+from benchtool.simulate.inputs import check_range
 
 # Short names of effect parameters, with their own names.
 SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
