@@ -14,7 +14,7 @@ from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.choices import BenchMode
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.simulate.user_controller import load_controller_class
+from benchtool.simulate.controllers.controller import load_controller_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable

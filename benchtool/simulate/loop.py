@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.physics.expression import Slot, inlined_expression, read_record
+from benchtool.simulate.controllers.controller import controller_error, invalid_command_error
 from benchtool.simulate.layout import Layout, lend_rows
 from benchtool.simulate.motors import apply_delayed_commands
-from benchtool.simulate.user_controller import controller_error, invalid_command_error
 
 T = TypeVar("T")
 
