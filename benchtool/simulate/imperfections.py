@@ -227,3 +227,27 @@ class Axis:
         true = np.clip(self.true, reported - self._backlash, reported)
         self.reported, self.true = float(reported[-1]), float(true[-1])
         return reported, true
+
+
+class BacklashState:
+    """State of a load cell with play of constant width, as caused by dry friction.
+
+    The initial state is that after an unloading.
+    """
+
+    def __init__(self, half_width_N: float) -> None:
+        self._half_N = half_width_N
+        self._reading_N = half_width_N
+
+    def follow(self, load_N: Array) -> Array:
+        """Return the side (m,) of the play after each load: +1 from below, -1 from above.
+
+        The reading of the load cell is the load minus side times half the width.
+        """
+        reading_N, half_N = self._reading_N, self._half_N
+        side = np.empty(len(load_N))
+        for row, load in enumerate(load_N.tolist()):
+            reading_N = min(max(reading_N, load - half_N), load + half_N)
+            side[row] = (load - reading_N) / half_N
+        self._reading_N = reading_N
+        return side

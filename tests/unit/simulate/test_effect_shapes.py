@@ -9,12 +9,11 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
-from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.imperfections import BacklashState, Imperfections
 from benchtool.simulate.motors import build_motion, first_order_lag
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.simulate.true_thrust import BacklashState
 
 TAU_S, DT_S, REFERENCE = 0.025, 0.002, 600.0
 RIG = load_rig_by_name("beam")
