@@ -23,10 +23,14 @@ from benchtool.simulate.controllers.controller import make_controller
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.pitch.result import PitchRun, measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
-from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
+from benchtool.simulate.pitch.simulate import (
+    PitchRun,
+    measure_plate_visit,
+    simulate_controller,
+    simulate_pitch,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -119,6 +119,21 @@ class Geometry(NamedTuple):
     body: BodyImages
 
 
+COLUMNS = {  # first columns of a log with their record fields
+    "reference_rad": "setpoint.reference_rad",
+    "theta_rad": "readings.theta_rad",
+    "gyro_rad_s": "readings.gyro_rad_s",
+    "plate_z_m": "setpoint.plate_z_m",
+    "plate_read_m": "readings.plate_z_m",
+    "plate_share": "setpoint.plate_share",
+    "torque_Nm": "command.torque_Nm",
+    "estimate_Nm": "law_state.estimate_Nm",
+    "true_theta_rad": "hinge.theta_rad",
+    "true_rate_rad_s": "hinge.rate_rad_s",
+}
+
+LOGGED = (*COLUMNS.values(), "pwm_us", "readings.speed_rad_s")  # fields of a log
+
 # Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
 # the same along a log.
 PitchLoops = namedtuple("PitchLoops", "run filter")

@@ -43,6 +43,7 @@ from benchtool.simulate.pitch.lane import (
     Setpoint,
 )
 from benchtool.simulate.pitch.loops import (
+    LOGGED,
     PAST,
     Geometry,
     PitchArrays,
@@ -51,7 +52,6 @@ from benchtool.simulate.pitch.loops import (
     pitch_loops,
     tick_slot,
 )
-from benchtool.simulate.pitch.result import LOGGED
 
 MAX_DISCS = 8  # of a loop: more would take minutes to compile
 _new = tuple.__new__  # faster than the constructors of named tuples by 0.5 us a tick

@@ -23,9 +23,8 @@ from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.inputs import CONTROL_HZ, PitchInputs, Point, Row, Setup, check_range
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
-from benchtool.simulate.pitch.result import measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop, count_substeps, shared_key
-from benchtool.simulate.pitch.simulate import extract_run, simulate_many
+from benchtool.simulate.pitch.simulate import extract_run, measure_plate_visit, simulate_many
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
