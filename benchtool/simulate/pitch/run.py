@@ -25,8 +25,8 @@ from benchtool.simulate.controllers.controller import (
 )
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects, loop_numbers
-from benchtool.simulate.layout import Layout, lend_rows, record_layout, rows_in, zero_record
-from benchtool.simulate.loop import BUILT_IN, CALLER, PULSES, Loop, LoopPlan, command_ring
+from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_record
+from benchtool.simulate.loop import BUILT_IN, PULSES, Loop, LoopPlan, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench
@@ -149,18 +149,11 @@ def torque_limit_Nm(bench: PitchBench) -> float:
     return float(margin_N * np.sum(x_m * x_m) / np.max(np.abs(x_m)))
 
 
-FILTERED = (  # record fields from a filter, in the order of `Predictions`
-    "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
-    "hinge.wake_Nm", "hinge.deflection", "readings.speed_rad_s", "rotors.speed_rad_s",
-)  # fmt: skip
-
-
 class PitchLoop(Loop):
     """Loop of the pitch bench, for lanes that share schedule and structure.
 
     Args:
         seed, runs: of the noise; run number of each lane.
-        external: the caller is the controller, tick by tick.
         neutral_too: compile inactive effects, too; see `loop_effects`.
         log: (n_ticks, n_rows, n_lanes) to reuse; a new one is allocated if the shape differs.
     """
@@ -172,7 +165,6 @@ class PitchLoop(Loop):
         seed: int,
         runs: Sequence[int],
         *,
-        external: bool = False,
         neutral_too: bool = False,
         log: Array | None = None,
     ) -> None:
@@ -204,8 +196,8 @@ class PitchLoop(Loop):
             geometry=geometry,
             gains=np.zeros(len(FilterGains._fields)),
         )
-        driver, delays = CALLER if external else BUILT_IN, sensor_delays(bench, schedule.rate_Hz)
-        self.use(arrays, LoopPlan(substeps, driver, is_delayed, 1, 0, 0, *delays))
+        delays = sensor_delays(bench, schedule.rate_Hz)
+        self.use(arrays, LoopPlan(substeps, BUILT_IN, is_delayed, 1, 0, 0, *delays))
         self._read, self._command = self.view("readings")[:, 0].tolist, self.view("command")[:, 0]
         # At rest, level, rotors at the first collective, sensors read.
         speed_rad_s = np.sqrt(schedule.collective[0] * bench.hover_N / self.view("body.k"))
@@ -239,26 +231,6 @@ class PitchLoop(Loop):
         self.use(self.arrays._replace(schedule=self.arrays.schedule.copy()))
         self.schedule_view("pwm_us")[:] = pwm_us
         self.set_driver(PULSES)
-
-    def filter(self, log: Array, gains: Array, before: int, span: tuple[int, int, int]) -> Array:
-        """Filter along a log and return the rows `FILTERED` (n_ticks, n_rows, n_lanes).
-
-        Args:
-            log: (n_numbers, n_ticks), a `LoggedTick` per column.
-            before: number of ticks of the experiment before the first row of the log.
-            span: first row of the commands (earlier than the filter, for the delay), first row of
-                the filter, and end (exclusive).
-        """
-        rows = self.layout.row_numbers(FILTERED)
-        filtered = np.empty((len(self.schedule), len(rows), self.lanes))
-        arrays = self.arrays._replace(log=filtered, logged=rows, schedule=log, gains=gains)
-        run = self.loops.filter
-        for is_at_rest, first, last in ((1, *span[:2]), (0, *span[1:])):
-            plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN)
-            plan = plan._replace(ticks_before=before, is_at_rest=is_at_rest)
-            run(lend_rows(run, arrays), np.array(plan, np.int64), first, last)
-        part = filtered[slice(*span[1:])]
-        return part if len(part) == len(filtered) else part.copy()
 
     def measure(self, time_s: float) -> PitchMeasurement:
         numbers = self._read()

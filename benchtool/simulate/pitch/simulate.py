@@ -28,7 +28,7 @@ from benchtool.simulate.controllers.controller import (
     PitchMeasurement,
     PitchReference,
 )
-from benchtool.simulate.loop import results_in_order
+from benchtool.simulate.loop import CALLER, results_in_order
 from benchtool.simulate.pitch.loops import COLUMNS
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
@@ -127,7 +127,8 @@ def simulate_controller(
     Raises:
         InputError: the controller raised, or returned numbers that are not finite.
     """
-    loop = PitchLoop([job], schedule, seed, [0], external=True)
+    loop = PitchLoop([job], schedule, seed, [0])
+    loop.set_driver(CALLER)
     loop.run_controller(controller, 0, len(schedule))
     return extract_run(loop, 0, name)
 
