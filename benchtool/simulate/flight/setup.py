@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import load_rig_by_name
@@ -86,7 +86,9 @@ class FlightSetup(Setup):
             check_range("duration_s", self.duration_s, 0.0, MAX_DURATION_S)
 
     def build_case(self, control: str, seed: int = 1) -> FlightCase:
-        """Return the case of one controller and noise seed."""
+        """Return the case of one controller and noise seed; `OGE` is PID without surfaces."""
+        if control == OGE:
+            return replace(self.build_case("pid", seed), below=Environment())
         if self.case not in FLIGHTS:
             raise UnknownChoice("flight", self.case, FLIGHTS)
         built_in = FLIGHTS[self.case]
@@ -182,7 +184,7 @@ class FlightSetup(Setup):
                 f"set --gyro-noise-rad-s (paper: 0.015) or remove --seeds"
             )
         try:
-            case = self.build_run(controller, point).build_case(1)
+            case = self.with_changes(point).build_case(controller)
             if warning := check_duration(case):
                 raise InputError(warning)
             fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))
@@ -191,36 +193,25 @@ class FlightSetup(Setup):
         except InputError as error:
             raise _at_point(error, point) from error
 
-    def build_run(self, controller: str, point: Point) -> FlightPoint:
-        return FlightPoint(self.with_changes(point), controller, point)
+    def build_run(self, controller: str, point: Point) -> FlightRun:
+        return self.with_changes(point), controller, point
 
     @staticmethod
     def measure_runs(
-        runs: Iterator[tuple[FlightPoint, int]], seed: int, threads: int | None
+        runs: Iterator[tuple[FlightRun, int]], seed: int, threads: int | None
     ) -> Iterator[Row]:
-        flights = (partial(_measure_flight, run, seed + number) for run, number in runs)
+        flights = (partial(_measure_flight, *run, seed + number) for run, number in runs)
         return results_in_order(flights, threads)
 
 
-class FlightPoint(NamedTuple):
-    """Flight at a point of a design."""
-
-    setup: FlightSetup
-    control: str
-    point: Point
-
-    def build_case(self, seed: int) -> FlightCase:
-        """Return the case with one noise seed."""
-        if self.control == OGE:
-            return replace(self.setup.build_case("pid", seed), below=Environment())
-        return self.setup.build_case(self.control, seed)
+FlightRun = tuple[FlightSetup, str, Point]  # set-up at a point, controller, and the point
 
 
-def _measure_flight(run: FlightPoint, seed: int) -> Row:
+def _measure_flight(setup: FlightSetup, controller: str, point: Point, seed: int) -> Row:
     try:
-        measures = measure(fly(run.build_case(seed)))
+        measures = measure(fly(setup.build_case(controller, seed)))
     except InputError as error:
-        raise _at_point(error, run.point) from error
+        raise _at_point(error, point) from error
     # "struck" is an ending, not an attribute.
     numbers = {name: float(getattr(measures, name, measures.ending == name)) for name in MEASURES}
     return {"ending": measures.ending, **numbers, "held_ticks": float(measures.held_ticks)}
