@@ -11,7 +11,6 @@ import numpy as np
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import Array
-from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
 from benchtool.simulate.controllers.controller import (
     ControlLaw,
@@ -28,15 +27,17 @@ from benchtool.simulate.flight.loops import (
     STRUCK,
     TICK,
     FlightArrays,
+    FlightLoops,
     FlightOutcome,
     FlightTick,
     GroundTorque,
     MapUse,
     flight_loops,
 )
-from benchtool.simulate.flight.rigid_body import at_rest
+from benchtool.simulate.flight.rigid_body import FreeBody, at_rest
+from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.hooks import loop_effects, loop_numbers
-from benchtool.simulate.layout import record_layout, rows_in, zero_record
+from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_record
 from benchtool.simulate.loop import BUILT_IN, CALLER, Loop, LoopPlan, command_ring
 from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
@@ -120,29 +121,27 @@ class FlightLoop(Loop):
 
     def __init__(self, case: FlightCase, external: bool = False) -> None:
         vehicle, rate_Hz = case.vehicle, case.gains.control_rate_Hz
-        model, rig, radius_m = vehicle.model, vehicle.rig, vehicle.rig.propulsion.radius_m
+        rig, radius_m = vehicle.rig, vehicle.rig.propulsion.radius_m
         self.case, self.rate_Hz = case, rate_Hz
         if case.below.grid is not None:
             case.below.grid.check_coverage(case.path_m(), vehicle.reach_m, "the path")
         self.n_ticks = round(case.duration_s * rate_Hz)
         substeps = max(1, int(np.ceil(1.0 / rate_Hz / case.step_s - 1e-9)))
         self.log_every = max(1, round(rate_Hz / case.log_Hz))
-        dt_s = 1.0 / rate_Hz / substeps
-        effects, law = loop_effects(model, in_flight=True), find_law(case.control, "free")
-        feeds_forward = case.feeds_forward
+        law, feeds_forward = find_law(case.control, "free"), case.feeds_forward
+        numbers = law.numbers(case, rig.body)
         map_use = MapUse(
             case.map_strength if feeds_forward and not external else 0.0,
             -inf if external else case.compensation_from_s,
             float(case.whole_discs),
             float(external or (feeds_forward and case.map_strength > 0.0)),
         )
-        records = flight_records(case, law, effects, dt_s) | {"map_use": map_use}
-        self.layout, geometry = record_layout(**records), vehicle.geometry(dt_s)
-        rotor_disc = tuple(rig.disc_of_rotor.tolist())
-        self.loops = flight_loops(
-            effects, self.layout, rotor_disc, zero_record(geometry), model.image_rules, law.step
+        self.layout, self.loops, geometry, shared = prepare_loop(
+            vehicle, law, zero_record(numbers), 1.0 / rate_Hz / substeps
         )
-        w = np.array(flat_values(tuple(records.values())), float)
+        w, body = shared.copy(), at_rest(case.start_m, case.yaw_rad)
+        for name, record in (("body", body), ("law", numbers), ("map_use", map_use)):
+            w[self.layout.rows(name)] = flat_values(record)
         ring, is_delayed = command_ring(self.layout, w, substeps)
         rows = (self.n_ticks + self.log_every - 1) // self.log_every
         fields = [*LOGGED.values(), "below.coverage", "below.height_m", "below.factor"]
@@ -172,17 +171,15 @@ class FlightLoop(Loop):
             noise=noise,
             gusts=gusts.reshape(-1, 5).T.copy(),
             scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
-            geometry=np.array(flat_values(geometry), float),
+            geometry=geometry,
             below=below,
             map=map_tables,
         )  # fmt: skip
         driver = CALLER if external else BUILT_IN
         self.use(arrays, LoopPlan(substeps, driver, is_delayed, self.log_every))
         self.ended = self.n_ticks
-        self._read_measured, command = (
-            self.view("measured")[:, 0].tolist,
-            self.view("command")[:, 0],
-        )
+        self._read_measured = self.view("measured")[:, 0].tolist
+        command = self.view("command")[:, 0]
         self._wrench, self._factors, self._n_discs = command[:4], command[4:], rig.n_discs
 
     def measure(self, time_s: float) -> FlightMeasurement:
@@ -237,15 +234,22 @@ class FlightLoop(Loop):
         )  # fmt: skip
 
 
-def flight_records(
-    case: FlightCase, law: ControlLaw, effects: tuple[Effect, ...], dt_s: float
-) -> dict[str, Any]:
-    """Return the records of a flight, without the use of its map."""
-    vehicle, rig, craft = case.vehicle, case.vehicle.rig, case.vehicle.craft()
+@lru_cache(maxsize=64)
+def prepare_loop(
+    vehicle: FlightVehicle, law: ControlLaw, numbers: Any, dt_s: float
+) -> tuple[Layout, FlightLoops, Array, Array]:
+    """Return layout, loops, geometry, and the records that flights of a vehicle share (cached).
+
+    Args:
+        numbers: those of the law, with zeros.
+        dt_s: length of a plant step.
+    """
+    rig, craft, geometry = vehicle.rig, vehicle.craft(), vehicle.geometry(dt_s)
+    effects = loop_effects(vehicle.model, in_flight=True)
     discs, rotors = (0.0,) * rig.n_discs, (0.0,) * rig.n_rotors
     hover_rad_s = (vehicle.hover_thrust_N / craft.k_N_s2) ** 0.5
-    return {
-        "body": at_rest(case.start_m, case.yaw_rad),
+    records = {
+        "body": FreeBody(),
         "rotors": Rotors((hover_rad_s,) * rig.n_rotors),
         "targets": Targets(rotors, rotors, rotors),
         "measured": FlightMeasurement._make([*[0.0] * 13, discs, discs]),
@@ -258,10 +262,17 @@ def flight_records(
         "outcome": FlightOutcome(),
         "craft": craft,
         "motion": build_motion(vehicle.model, dt_s),
-        "law": law.numbers(case, rig.body),
+        "law": numbers,
         "effects": loop_numbers(vehicle.model, effects),
         "nothing": float("nan"),
+        "map_use": MapUse(),
     }
+    layout, rotor_disc = record_layout(**records), tuple(rig.disc_of_rotor.tolist())
+    loops = flight_loops(
+        effects, layout, rotor_disc, zero_record(geometry), vehicle.model.image_rules, law.step
+    )
+    values = np.array(flat_values(tuple(records.values())), float)
+    return layout, loops, np.array(flat_values(geometry), float), values
 
 
 @lru_cache(maxsize=4)

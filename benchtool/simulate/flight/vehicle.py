@@ -64,7 +64,7 @@ class FlightGeometry(NamedTuple):
     body: BodyImages
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FlightVehicle:
     """Flying vehicle.
 
