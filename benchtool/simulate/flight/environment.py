@@ -32,7 +32,7 @@ from functools import lru_cache
 from itertools import combinations
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,17 +107,10 @@ class Block(FileTable):
         )  # fmt: skip
 
 
-class DiscGrid(NamedTuple):
-    """Averages over a disc at the nodes of a grid; see `environment.Tables`."""
+# Averages over a disc at the nodes of a grid: cells, first node and steps, as in `Tables`.
+DiscGrid = tuple[Array, float, float, float, float]
 
-    cells: Array
-    grid_x_m: float
-    grid_y_m: float
-    step_x_m: float
-    step_y_m: float
-
-
-NO_GRID = DiscGrid(np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
+NO_GRID: DiscGrid = (np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,8 +202,7 @@ def average_grid(grid: HeightGrid, radius_m: float) -> DiscGrid:
     height = np.where(share > 0.0, total / np.maximum(share, 1e-12), 0.0)
     height = _extend_by_one(height, share > 0.0)
     x0_m, x1_m, y0_m, y1_m = map(float, (*grid.x_m[:2], *grid.y_m[:2]))
-    cells = np.array([share / SAMPLES, height])
-    return DiscGrid(cells, x0_m, y0_m, x1_m - x0_m, y1_m - y0_m)
+    return np.array([share / SAMPLES, height]), x0_m, y0_m, x1_m - x0_m, y1_m - y0_m
 
 
 def _extend_by_one(height: Array, is_covered: NDArray[np.bool_]) -> Array:
@@ -271,9 +263,8 @@ class Environment:
         planes = list(dict.fromkeys(block.plane for block in self.blocks))
         rows = [block.row(planes.index(block.plane)) for block in self.blocks]
         blocks = np.array(rows, float).reshape(len(rows), len(BlockRow._fields)).T.copy()
-        grid = NO_GRID if self.grid is None else average_grid(self.grid, radius_m)
-        cells, *grid_numbers = grid
-        return Tables(blocks, cells, np.array([*grid_numbers, self.floor_m, len(planes)], float))
+        cells, *grid = NO_GRID if self.grid is None else average_grid(self.grid, radius_m)
+        return Tables(blocks, cells, np.array([*grid, self.floor_m, len(planes)], float))
 
 
 BlockRow = namedtuple(  # a `Block` in the compiled loop, with the number of its surface

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, groupby
@@ -102,24 +102,24 @@ class PitchSetup(Setup):
         head, _, field = name.partition(".")
         number: dict[str, Any] = {field: value}
         if head == "gains" and field:
-            return self._with_controls(
-                lambda control: (
-                    control
-                    if control.gains is None
-                    else replace(control, gains=control.gains.with_values(**number))
-                )
-            )
+            controls = [
+                replace(control, gains=control.gains.with_values(**number))
+                if control.gains
+                else control
+                for control in self.controls
+            ]
+            return replace(self, controls=tuple(controls))
         if head == "feedforward":
             if field not in FEEDFORWARD_NUMBERS:
                 raise UnknownChoice("number of the feedforward", field, FEEDFORWARD_NUMBERS)
             check_range(name, value, *FEEDFORWARD_NUMBERS[field])
-            return self._with_controls(
-                lambda control: (
-                    replace(control, feedforward=replace(control.feedforward, **number))
-                    if control.feedforward.strength > 0.0
-                    else control
-                )
-            )
+            controls = [
+                replace(control, feedforward=replace(control.feedforward, **number))
+                if control.feedforward.strength > 0.0
+                else control
+                for control in self.controls
+            ]
+            return replace(self, controls=tuple(controls))
         if head == "bench" and field != "inertia_kgm2":
             if field not in BENCH_NUMBERS:
                 raise UnknownChoice("number of the bench", field, BENCH_NUMBERS)
@@ -133,9 +133,6 @@ class PitchSetup(Setup):
         model = _with_parameter(self.bench.model, field if head == "bench" else name, value)
         inertia_kgm2 = model.parameters["inertia_kgm2"].value
         return replace(self, bench=replace(self.bench, model=model, inertia_kgm2=inertia_kgm2))
-
-    def _with_controls(self, change: Callable[[PitchControl], PitchControl]) -> Self:
-        return replace(self, controls=tuple(map(change, self.controls)))
 
     def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
         changed = self.with_changes(point)
