@@ -20,7 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.physics.expression import Slot, inlined_expression, read_record
+from benchtool.physics.expression import (
+    Slot,
+    compiled_closure,
+    inlined_expression,
+    read_record,
+    shared_view,
+)
 from benchtool.simulate.controllers.controller import controller_error, invalid_command_error
 from benchtool.simulate.layout import Layout, lend_rows
 from benchtool.simulate.motors import apply_delayed_commands
@@ -46,18 +52,17 @@ Attributes:
 PLAN = Slot(0, LoopPlan())
 
 
-Build = namedtuple("Build", "lanes slots")  # compile-time settings: lanes, slots of records
+# Compile-time settings: lanes; slots of records, of the geometry and of one column of a schedule.
+Build = namedtuple("Build", "lanes slots geometry scheduled")
 
 # State of the loop: tick, its start time, plant step within it, plan; the geometry with the length
 # of a plant step `dt_s`, common to all lanes, and the schedule entry of the tick.
 Instant = namedtuple("Instant", "tick time_s part plan geometry scheduled")
 
-Phases = namedtuple("Phases", "geometry scheduled law mix move sense is_running")
+Phases = namedtuple("Phases", "law mix move sense is_running")
 """Phases of a tick.
 
 Attributes:
-    geometry: geometry(arrays) -> the geometry, read once; it has `dt_s`.
-    scheduled: scheduled(arrays, tick) -> the schedule entry.
     mix: from commands to target speeds of the motors.
     move: a plant step: heights and coverages, forces and torques, motion.
     is_running: is_running(arrays) -> false at the end of the run.
@@ -88,14 +93,14 @@ def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases:
         build: the number of lanes is known at compile time, and the loops over lanes contain no
             other loop.
     """
-    w, slots, n_lanes = arrays.w, build.slots, len(build.lanes)
+    w, slots, n_lanes, schedule = arrays.w, build.slots, len(build.lanes), arrays.schedule
     settings = read_record(plan, PLAN, 0, 1)
-    geometry, ring = phases.geometry(arrays), arrays.sent.shape[1]
+    geometry, ring = read_record(arrays.geometry, build.geometry, 0, 1), arrays.sent.shape[1]
     substeps, log_every = settings.substeps, settings.log_every
     steps = substeps * (1 - settings.is_at_rest)
     position, row = max(first, 0) % ring, (max(first, 0) + log_every - 1) // log_every
     for tick in range(first, last):
-        scheduled = phases.scheduled(arrays, max(tick, 0))
+        scheduled = read_record(schedule, build.scheduled, max(tick, 0), schedule.shape[1])
         if tick >= 0:
             time_s = (settings.ticks_before + tick) * substeps * geometry.dt_s
             now = Instant(tick, time_s, 0, settings, geometry, scheduled)
@@ -125,6 +130,20 @@ def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases:
         time_s = (settings.ticks_before + tick + 1) * substeps * geometry.dt_s
         phases.sense(arrays, Instant(tick + 1, time_s, 0, settings, geometry, scheduled))
     return last
+
+
+def compile_loop(like: Any, build: Build, phases: Callable[[], Phases], key: str) -> Any:
+    """Return the compiled run(arrays, plan, first, last) -> the tick at which it ended.
+
+    Args:
+        like: a record of array types; arrays are lent by `lend_rows`.
+        key: of everything that the phases depend on.
+    """
+
+    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())
+
+    return compiled_closure(run, key)
 
 
 def command_ring(layout: Layout, w: Array, substeps: int) -> tuple[int, bool]:

@@ -13,11 +13,9 @@ from benchtool.physics.disc_thrust import ImageRules, bound_hooks
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     Slot,
-    compiled_closure,
     expression,
     inlined_expression,
     read_record,
-    shared_view,
     with_fields,
     write_record,
 )
@@ -44,7 +42,7 @@ from benchtool.simulate.flight.rigid_body import (
 from benchtool.simulate.flight.vehicle import FlightGeometry
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
-from benchtool.simulate.loop import Build, Phases, run_ticks
+from benchtool.simulate.loop import Build, Phases, compile_loop
 from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 
@@ -108,8 +106,7 @@ class FlightArrays(NamedTuple):
     map: Tables = Tables()
 
 
-# Loops of a flight: run(arrays, plan, first, last) -> the tick at which it ended, with arrays from
-# `layout.lend_rows`; and look_below, see `ground.build_look_below`.
+# Loops of a flight: run, see `compile_loop`; and look_below, see `ground.build_look_below`.
 FlightLoops = namedtuple("FlightLoops", "run look_below")
 
 
@@ -326,17 +323,11 @@ def flight_loops(
 ) -> FlightLoops:
     """Return the loops for these effects and this law; `geometry_type` contains zeros."""
     n, slots = len(geometry_type.x_m), layout.slots
-    ones, n_rotors, like = (1.0,) * n, len(rotor_disc), FlightArrays()
-    hooks = joined_hooks(effects, n, rules)
-    slot, build = Slot(0, geometry_type), Build((0,), slots)
+    ones, n_rotors, hooks = (1.0,) * n, len(rotor_disc), joined_hooks(effects, n, rules)
     look_below = build_look_below(n, hooks)
     change_speed = chain_hooks(bound_hooks(effects, "speed"))
     rotor_speeds = unrolled(
         n_rotors, expression(lambda i, flow, p: change_speed(i, flow.speed_rad_s[i], flow, p))
-    )
-    geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
-    scheduled = inlined_expression(
-        lambda arrays, tick: read_record(arrays.schedule, TICK, tick, arrays.schedule.shape[1])
     )
     law = inlined_expression(lambda arrays, now: control_vehicle(arrays, now, slots, step))
     mix = inlined_expression(
@@ -351,12 +342,9 @@ def flight_loops(
     is_running = inlined_expression(
         lambda arrays: read_record(arrays.w, slots.outcome, 0, 1).ending == GOING
     )
-    phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
+    phases: Any = expression(lambda: Phases(law, mix, move, sense, is_running))
     key = repr(
         (rotor_disc, rules, source_key(step), layout.key, geometry_type, identities(effects))
     )
-
-    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())
-
-    return FlightLoops(compiled_closure(run, key), look_below)
+    build = Build((0,), slots, Slot(0, geometry_type), TICK)
+    return FlightLoops(compile_loop(FlightArrays(), build, phases, key), look_below)

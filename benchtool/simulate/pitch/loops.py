@@ -18,11 +18,9 @@ from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     Slot,
-    compiled_closure,
     expression,
     inlined_expression,
     read_record,
-    shared_view,
     with_fields,
     write_record,
 )
@@ -33,7 +31,7 @@ from benchtool.simulate.controllers.blocks import compensated_thrust, expected_f
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
-from benchtool.simulate.loop import PULSES, Build, Phases, always_true, no_phase, run_ticks
+from benchtool.simulate.loop import PULSES, Build, Phases, always_true, compile_loop, no_phase
 from benchtool.simulate.motors import Targets
 from benchtool.simulate.noise import later_state
 from benchtool.simulate.pitch.lane import (
@@ -134,8 +132,7 @@ COLUMNS = {  # first columns of a log with their record fields
 
 LOGGED = (*COLUMNS.values(), "pwm_us", "readings.speed_rad_s")  # fields of a log
 
-# Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
-# the same along a log.
+# Compiled loops, see `compile_loop`: run, and filter along a log.
 PitchLoops = namedtuple("PitchLoops", "run filter")
 
 
@@ -223,18 +220,10 @@ def pitch_loops(
 ) -> PitchLoops:
     """Return the loops for these effects and this law; `geometry_type` contains zeros."""
     n_discs, slots = len(geometry_type.x_m), layout.slots
-    build, ones, zeros = Build(tuple(range(lanes)), slots), (1.0,) * n_discs, (0.0,) * n_discs
-    entry = tick_slot(n_discs)
-    log_entry = Slot(0, LoggedTick(Setpoint(), zeros, 0.0, 0.0, 0.0, zeros))
-    slot, like = Slot(0, geometry_type), PitchArrays()
+    ones, zeros = (1.0,) * n_discs, (0.0,) * n_discs
+    build = Build(tuple(range(lanes)), slots, Slot(0, geometry_type), tick_slot(n_discs))
+    logged = Slot(0, LoggedTick(Setpoint(), zeros, 0.0, 0.0, 0.0, zeros))
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
-    geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
-    scheduled = inlined_expression(
-        lambda arrays, tick: read_record(arrays.schedule, entry, tick, arrays.schedule.shape[1])
-    )
-    logged = inlined_expression(
-        lambda arrays, tick: read_record(arrays.schedule, log_entry, tick, arrays.schedule.shape[1])
-    )
 
     @inlined_expression
     def control(arrays: Any, now: Any) -> None:
@@ -306,18 +295,12 @@ def pitch_loops(
             for lane in range(lanes):
                 arrays.states[lane] = later_state(arrays.states[lane], 2 * (3 + n_discs))
 
-    control_phases: Any = expression(
-        lambda: Phases(geometry, scheduled, control, mix, move, sense, always_true)
-    )
-    filter_phases: Any = expression(
-        lambda: Phases(geometry, logged, correct, drive, move, no_phase, always_true)
-    )
+    control_phases: Any = expression(lambda: Phases(control, mix, move, sense, always_true))
+    filter_phases: Any = expression(lambda: Phases(correct, drive, move, no_phase, always_true))
     key = repr((lanes, rules, source_key(step), layout.key, geometry_type, identities(effects)))
-
-    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, control_phases())
-
-    def filter_(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, filter_phases())
-
-    return PitchLoops(compiled_closure(run, key), compiled_closure(filter_, key))
+    return PitchLoops(
+        compile_loop(PitchArrays(), build, control_phases, key),
+        compile_loop(
+            PitchArrays(), build._replace(scheduled=logged), filter_phases, f"filter {key}"
+        ),
+    )
