@@ -7,7 +7,7 @@ ticks are split into calls: runs are repeatable, and a long settling costs one c
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,20 +83,12 @@ class TrueThrust:
                 truth = truth.without(effect.name)
         self._bare, self._play = truth, BacklashState(half_N) if half_N > 0.0 else None
 
-    def thrust_N(
-        self,
-        speed_rad_s: Array,
-        position: PlatePosition,
-        voltage_V: Array,
-        elapsed_s: Array,
-        time_s: Array,
-    ) -> Array:
-        """Return the reading (m,): N, for speeds (n_rotors, m) and times since tare and start.
+    def thrust_N(self, position: PlatePosition, **numbers: Any) -> Array:
+        """Return the reading (m,): N, for further numbers of `Conditions.build`.
 
         Samples must be in order, because hysteresis has a state.
         """
-        conditions = self._conditions(speed_rad_s, position, voltage_V, elapsed_s, time_s)
-        conditions, n_clamped = self._clamp_distance(conditions)
+        conditions, n_clamped = self._clamp_distance(self._conditions(position, **numbers))
         self.clamped += n_clamped
         if self._play is not None:
             bare_N = self._bare.thrust_N(conditions)
@@ -106,38 +98,26 @@ class TrueThrust:
 
     def drag_factors(self, speed_rad_s: Array, position: PlatePosition) -> Array:
         """Return the drag torque of each rotor relative to OGE (n,), for a position (1,)."""
-        ones = np.ones(1)
-        conditions = self._conditions(speed_rad_s[:, None], position, ones, 0.0 * ones, 0.0 * ones)
+        conditions = self._conditions(position, speed_rad_s=speed_rad_s[:, None], voltage_V=1.0)
         flow = self._truth.flow(self._clamp_distance(conditions)[0], self._values)
         return np.ravel(self._truth.drag_factors(flow, self._values))[self._rig.disc_of_rotor]
 
     def at_rest_N(self, position: PlatePosition, elapsed_s: float, time_s: float) -> float:
         """Return the reading of the model with all rotors at rest, `elapsed_s` after a tare."""
-        ones = np.ones(1)
-        at_rest = np.zeros((self._rig.n_rotors, 1))
-        nominal_V = self._rig.propulsion.voltage_nominal_V * ones
-        conditions = self._conditions(at_rest, position, nominal_V, elapsed_s * ones, time_s * ones)
-        unloaded = replace(conditions, load_direction=-ones)
+        unloaded = self._conditions(
+            position, speed_rad_s=np.zeros((self._rig.n_rotors, 1)), elapsed_s=elapsed_s,
+            time_s=time_s, load_direction=-1.0,
+        )  # fmt: skip
         return float(self._truth.thrust_N(unloaded, self._values)[0])
 
-    def _conditions(
-        self,
-        speed_rad_s: Array,
-        position: PlatePosition,
-        voltage_V: Array,
-        elapsed_s: Array,
-        time_s: Array,
-    ) -> Conditions:
+    def _conditions(self, position: PlatePosition, **numbers: Any) -> Conditions:
         return Conditions.build(
             self._rig,
-            speed_rad_s=speed_rad_s,
             plate_z_m=position.z_m,
             plate_x_m=position.x_m,
             plate_tilt_rad=position.tilt_rad,
             coverage=self._coverage(position.x_m),
-            voltage_V=voltage_V,
-            elapsed_s=elapsed_s,
-            time_s=time_s,
+            **numbers,
         )
 
     def _coverage(self, x_m: Array) -> Array:
@@ -329,7 +309,10 @@ class PlateBench:
         position = PlatePosition(*(part[is_converted] for part in positions))
         speed, angle_rad, _, voltage_V, *_ = (part[..., is_converted] for part in run)
         at_s = time_s[is_converted]
-        force_N = self._thrust.thrust_N(speed, position, voltage_V, at_s - self._tared_s, at_s)
+        force_N = self._thrust.thrust_N(
+            position, speed_rad_s=speed, voltage_V=voltage_V, elapsed_s=at_s - self._tared_s,
+            time_s=at_s,
+        )  # fmt: skip
         relative_speed = speed / self._powertrain.top_speed_rad_s
         vibration = np.sum(relative_speed**2 * np.sin(angle_rad), axis=0)
         force_N = force_N + self._vibration_N * vibration
