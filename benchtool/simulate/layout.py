@@ -94,8 +94,9 @@ def zero_record(record: Any) -> Any:
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
-# Array types: floats with 1, 2 and 3 axes, and integers.
-LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)
+# Array types, as defaults of records of arrays: floats with 1, 2 and 3 axes, and integers.
+ARRAY_TYPES: Any = ((0.0,), ((0.0,),), (((0.0,),),), (0,))
+LINE, PLANE, SOLID, COUNTS = ARRAY_TYPES
 
 
 def lend_rows(loop: Callable[..., Any], arrays: Any) -> Any:

@@ -32,7 +32,7 @@ from functools import lru_cache
 from itertools import combinations
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -285,14 +285,19 @@ MapNumbers = namedtuple(
 
 MAP = Slot(0, MapNumbers())  # `Tables.numbers`
 
-Tables = namedtuple("Tables", "blocks cells numbers", defaults=(PLANE, SOLID, LINE))
-"""Environment in the compiled loop.
 
-Attributes:
-    blocks: (n_numbers, b), a `BlockRow` per column.
-    cells: (2, nx, ny) of a disc centred on a node of the grid: fraction over raised cells, and the
-        mean height of these.
-"""
+class Tables(NamedTuple):
+    """Environment in the compiled loop.
+
+    Attributes:
+        blocks: (n_numbers, b), a `BlockRow` per column.
+        cells: (2, nx, ny) of a disc centred on a node of the grid: fraction over raised cells, and
+            the mean height of these.
+    """
+
+    blocks: Array = PLANE
+    cells: Array = SOLID
+    numbers: Array = LINE
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:

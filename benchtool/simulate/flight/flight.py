@@ -119,6 +119,9 @@ def fly_user_controller(case: FlightCase, controller: FlightController, name: st
 class FlightLoop(Loop):
     """Loop of one flight; with `external` the caller is the controller and gets the map."""
 
+    loops: FlightLoops
+    arrays: FlightArrays
+
     def __init__(self, case: FlightCase, external: bool = False) -> None:
         vehicle, rate_Hz = case.vehicle, case.gains.control_rate_Hz
         rig, radius_m = vehicle.rig, vehicle.rig.propulsion.radius_m

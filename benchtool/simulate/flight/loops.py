@@ -8,7 +8,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchtool.core.units import Array
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
@@ -92,16 +94,16 @@ class FlightArrays(NamedTuple):
         below, map: tables of the environment, and of its map.
     """
 
-    w: Any = LINE
-    states: Any = COUNTS
-    sent: Any = SOLID
-    log: Any = SOLID
-    logged: Any = COUNTS
-    schedule: Any = PLANE
-    noise: Any = PLANE
-    gusts: Any = PLANE
-    scratch: Any = PLANE
-    geometry: Any = LINE
+    w: Array = LINE
+    states: NDArray[np.int64] = COUNTS
+    sent: Array = SOLID
+    log: Array = SOLID
+    logged: NDArray[np.int64] = COUNTS
+    schedule: Array = PLANE
+    noise: Array = PLANE
+    gusts: Array = PLANE
+    scratch: Array = PLANE
+    geometry: Array = LINE
     below: Tables = Tables()
     map: Tables = Tables()
 

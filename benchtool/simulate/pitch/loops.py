@@ -12,7 +12,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchtool.core.units import Array
 from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
@@ -86,16 +88,16 @@ class PitchArrays(NamedTuple):
         gains: `FilterGains` of a filter (n_gains,).
     """
 
-    w: Any = LINE
-    states: Any = COUNTS
-    sent: Any = SOLID
-    past: Any = SOLID
-    log: Any = SOLID
-    logged: Any = COUNTS
-    schedule: Any = PLANE
-    fresh: Any = PLANE
-    geometry: Any = LINE
-    gains: Any = LINE
+    w: Array = LINE
+    states: NDArray[np.int64] = COUNTS
+    sent: Array = SOLID
+    past: Array = SOLID
+    log: Array = SOLID
+    logged: NDArray[np.int64] = COUNTS
+    schedule: Array = PLANE
+    fresh: Array = PLANE
+    geometry: Array = LINE
+    gains: Array = LINE
 
 
 def tick_slot(n_discs: int) -> Slot:

@@ -158,6 +158,9 @@ class PitchLoop(Loop):
         log: (n_ticks, n_rows, n_lanes) to reuse; a new one is allocated if the shape differs.
     """
 
+    loops: PitchLoops
+    arrays: PitchArrays
+
     def __init__(
         self,
         jobs: Sequence[PitchJob],
