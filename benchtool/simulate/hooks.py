@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from benchtool.core.errors import InputError
+from benchtool.core.parameter import Parameter
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks, disc_thrust
 from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, N_WITH_THRUST, Effect, Flow
@@ -135,11 +136,16 @@ def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
     for effect in effects:
         for parameter in effect.parameters:
             full_name = f"{effect.name}.{parameter.name}"
-            neutral = parameter.value if parameter.neutral is None else parameter.neutral
+            is_present = full_name in model.parameters
             values.append(
-                model.parameters[full_name].value if full_name in model.parameters else neutral
+                model.parameters[full_name].value if is_present else neutral_value(parameter)
             )
     return tuple(values) or (0.0,)
+
+
+def neutral_value(parameter: Parameter) -> float:
+    """Return the value at which a parameter is absent, its default if there is none."""
+    return parameter.value if parameter.neutral is None else parameter.neutral
 
 
 def identities(effects: Sequence[Effect]) -> list[Any]:

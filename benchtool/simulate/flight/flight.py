@@ -229,9 +229,16 @@ class FlightLoop(Loop):
         ending_name: Ending = (
             "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
         )
-        log = self.arrays.log[:rows, :, 0]
+        log, discs = self.arrays.log[:rows, :, 0], range(1, rig.n_discs + 1)
+        names = (
+            *LOGGED,
+            *(f"coverage{i}" for i in discs),
+            *(f"height{i}_m" for i in discs),
+            *(f"factor{i}" for i in discs),
+            *(f"speed{i}_rad_s" for i in range(1, rig.n_rotors + 1)),
+        )
         return Flight(
-            case, column_names(rig.n_discs, rig.n_rotors), log, ending_name,
+            case, names, log, ending_name,
             case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
             nearest_m, user_controller,
         )  # fmt: skip
@@ -311,14 +318,3 @@ def build_schedule(
     reference = FlightReference._make(values)
     tick = FlightTick(reference, x[current], y[current], z[current])
     return np.array(flat_values(tick), float)
-
-
-def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:
-    """Return the columns of a flight log."""
-    return (
-        *LOGGED,
-        *(f"coverage{i + 1}" for i in range(n_discs)),
-        *(f"height{i + 1}_m" for i in range(n_discs)),
-        *(f"factor{i + 1}" for i in range(n_discs)),
-        *(f"speed{i + 1}_rad_s" for i in range(n_rotors)),
-    )

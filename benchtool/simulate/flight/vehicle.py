@@ -21,6 +21,7 @@ from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
 from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
+from benchtool.simulate.hooks import neutral_value
 from benchtool.simulate.inputs import check_range
 
 # Short names of effect parameters, with their own names.
@@ -133,7 +134,7 @@ class FlightVehicle:
         effect, parameter = find_effect_parameter(self.model, name)
         if (full_name := f"{effect.name}.{parameter.name}") in self.model.parameters:
             return self.model.parameters[full_name].value
-        return parameter.value if parameter.neutral is None else parameter.neutral
+        return neutral_value(parameter)
 
     @property
     def rig(self) -> Rig:

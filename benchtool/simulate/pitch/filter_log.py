@@ -16,6 +16,7 @@ from benchtool.core.units import Array
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.hooks import neutral_value
 from benchtool.simulate.layout import lend_rows
 from benchtool.simulate.loop import LoopPlan
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -226,20 +227,14 @@ def _build_loop(
 
 def _with_lag_alone(model: Model, lag_s: float) -> Model:
     """Return the model with only a lag between pulse width and speed."""
-    values = {
-        f"{effect.name}.{effect.parameters[0].name}": lag_s
-        for effect in model.effects
-        if effect.hooks.lag_s is not None
-    }
+    parameters = dict(model.parameters)
     for effect in model.effects:
+        values = {}
         if effect.subsystem == "pwm_to_rpm":
-            for parameter in effect.parameters:
-                neutral = parameter.value if parameter.neutral is None else parameter.neutral
-                values.setdefault(f"{effect.name}.{parameter.name}", neutral)
-    parameters = model.parameters
-    return model.with_values(
-        Parameters(
-            (name, parameter.with_value(values.get(name, parameter.value)))
-            for name, parameter in parameters.items()
-        )
-    )
+            values = {parameter.name: neutral_value(parameter) for parameter in effect.parameters}
+        if effect.hooks.lag_s is not None:
+            values[effect.parameters[0].name] = lag_s
+        for name, value in values.items():
+            full_name = f"{effect.name}.{name}"
+            parameters[full_name] = parameters[full_name].with_value(value)
+    return model.with_values(Parameters(parameters.items()))
