@@ -245,7 +245,7 @@ def flight_numbers(case: Any, body: Body) -> FlightNumbers:
     )
 
 
-FLIGHT_LAW = ControlLaw(
+LAW = ControlLaw(
     name="pid",
     title="PID",
     body="free",
@@ -254,7 +254,7 @@ FLIGHT_LAW = ControlLaw(
     numbers=flight_numbers,
 )
 
-LAWS: tuple[ControlLaw, ...] = (pitch.LAW, FLIGHT_LAW)  # built-in laws; add a new one here
+LAWS: tuple[ControlLaw, ...] = (pitch.LAW, LAW)  # built-in laws; add a new one here
 
 _HINGED, _FREE = (
     {law.name: law.title for law in LAWS if law.body == body and law.name != "pid"}
@@ -270,7 +270,7 @@ PITCH_CONTROLLERS = {  # built-in controllers of the pitch bench with their titl
 }
 
 FLIGHT_CONTROLLERS = {  # built-in controllers of a flight with their labels in figures
-    "pid": FLIGHT_LAW.title,
+    "pid": LAW.title,
     "observer": "PID + observer",
     "feedforward": "PID + feedforward",
     "both": "PID + observer + feedforward",
