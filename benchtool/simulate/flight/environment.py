@@ -99,13 +99,6 @@ class Block(FileTable):
         at_origin = self.top_m - self.slope_x * x - self.slope_y * y
         return (round(at_origin, 9), self.slope_x, self.slope_y)
 
-    def row(self, surface: int) -> BlockRow:
-        """Return the column of `Tables.blocks`."""
-        return BlockRow(
-            *self.x_m, *self.y_m, self.top_m, self.slope_x, self.slope_y,
-            *self.times_s, *self.slide_m, surface,
-        )  # fmt: skip
-
 
 # Averages over a disc at the nodes of a grid: cells, first node and steps, as in `Tables`.
 DiscGrid = tuple[Array, float, float, float, float]
@@ -261,7 +254,13 @@ class Environment:
     def tables(self, radius_m: float) -> Tables:
         """Return the tables for the compiled loop, for a disc radius."""
         planes = list(dict.fromkeys(block.plane for block in self.blocks))
-        rows = [block.row(planes.index(block.plane)) for block in self.blocks]
+        rows = [
+            BlockRow(
+                *block.x_m, *block.y_m, block.top_m, block.slope_x, block.slope_y, *block.times_s,
+                *block.slide_m, planes.index(block.plane),
+            )
+            for block in self.blocks
+        ]  # fmt: skip
         blocks = np.array(rows, float).reshape(len(rows), len(BlockRow._fields)).T.copy()
         cells, *grid = NO_GRID if self.grid is None else average_grid(self.grid, radius_m)
         return Tables(blocks, cells, np.array([*grid, self.floor_m, len(planes)], float))

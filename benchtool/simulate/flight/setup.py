@@ -16,7 +16,7 @@ from benchtool.simulate.flight.cases import FLIGHTS, GYRO_NOISE_RAD_S, FlightCas
 from benchtool.simulate.flight.environment import Environment, read_map
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.study import check_duration, measure
-from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.flight.vehicle import RANGES, FlightVehicle
 from benchtool.simulate.gain_file import Gains, load_gains
 from benchtool.simulate.inputs import CONTROL_HZ, FlightInputs, Point, Row, Setup, check_range
 from benchtool.simulate.loop import results_in_order
@@ -24,9 +24,7 @@ from benchtool.simulate.loop import results_in_order
 FLIGHT_NUMBERS = (
     "z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m", "step_s",
 )  # fmt: skip
-VEHICLE_NUMBERS = (
-    "K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale", "undercarriage_m",
-)  # fmt: skip
+VEHICLE_NUMBERS = tuple(name for name in RANGES if name not in FLIGHT_NUMBERS)
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
 MAX_DISTANCE_M = 1000.0  # of a goal, and of a map offset; assumed
