@@ -28,8 +28,8 @@ from benchtool.physics.expression import (
     shared_view,
 )
 from benchtool.simulate.controllers.controller import controller_error, invalid_command_error
+from benchtool.simulate.hooks import apply_delayed_commands
 from benchtool.simulate.layout import Layout, lend_rows
-from benchtool.simulate.motors import apply_delayed_commands
 
 T = TypeVar("T")
 

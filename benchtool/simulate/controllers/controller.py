@@ -16,6 +16,8 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.user_code import CodePermit, check_code_allowed, load_user_module
 
+GRAVITY_M_S2 = 9.81  # standard gravity, rounded as in the paper
+
 MeasurementT = TypeVar("MeasurementT", contravariant=True)
 ReferenceT = TypeVar("ReferenceT", contravariant=True)
 CommandT = TypeVar("CommandT", covariant=True)

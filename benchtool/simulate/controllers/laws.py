@@ -29,9 +29,8 @@ from benchtool.simulate.controllers.blocks import (
     next_explained_momentum,
     next_pid_state,
 )
-from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
+from benchtool.simulate.controllers.controller import GRAVITY_M_S2, ControlLaw, FlightCommand
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
-from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.gain_file import Gains
 
 RAMP_MAX_SPEED_M_S = 3.0  # speed limit with a ramp: the ramp sets the speed; assumed

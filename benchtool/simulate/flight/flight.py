@@ -34,12 +34,10 @@ from benchtool.simulate.flight.loops import (
     MapUse,
     flight_loops,
 )
-from benchtool.simulate.flight.rigid_body import FreeBody, at_rest
-from benchtool.simulate.flight.vehicle import FlightVehicle
-from benchtool.simulate.hooks import loop_effects, loop_numbers
+from benchtool.simulate.flight.vehicle import FlightVehicle, FreeBody, at_rest
+from benchtool.simulate.hooks import Rotors, Targets, build_motion, loop_effects, loop_numbers
 from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_record
 from benchtool.simulate.loop import BUILT_IN, CALLER, Loop, LoopPlan, command_ring
-from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
 
 Ending = Literal["flown", "struck", "lost"]

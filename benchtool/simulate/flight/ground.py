@@ -31,7 +31,7 @@ from benchtool.physics.expression import (
 from benchtool.physics.fold import unrolled
 from benchtool.physics.tilt import LEVEL, Plane
 from benchtool.simulate.flight.environment import BLOCK, MAP
-from benchtool.simulate.flight.rigid_body import forward, leftward
+from benchtool.simulate.flight.vehicle import forward, leftward
 from benchtool.simulate.hooks import LoopHooks
 
 Below = namedtuple(

@@ -32,7 +32,8 @@ from benchtool.simulate.controllers.controller import (
 )
 from benchtool.simulate.flight.environment import Tables
 from benchtool.simulate.flight.ground import build_look_below
-from benchtool.simulate.flight.rigid_body import (
+from benchtool.simulate.flight.vehicle import (
+    FlightGeometry,
     apply_impulse,
     drift,
     pitch_angle,
@@ -41,11 +42,9 @@ from benchtool.simulate.flight.rigid_body import (
     upward,
     yaw_angle,
 )
-from benchtool.simulate.flight.vehicle import FlightGeometry
-from benchtool.simulate.hooks import identities, joined_hooks
+from benchtool.simulate.hooks import Rotors, Targets, first_order_lag, identities, joined_hooks
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.loop import Build, Phases, compile_loop
-from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 
 GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # flying; touched a surface; state not finite

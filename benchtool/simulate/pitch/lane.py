@@ -27,7 +27,7 @@ from benchtool.physics.expression import (
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.physics.tilt import Plane, height_over
 from benchtool.simulate.controllers.blocks import clip
-from benchtool.simulate.motors import Rotors, first_order_lag
+from benchtool.simulate.hooks import Rotors, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 
 MIN_DIVISOR = 1e-300  # avoids 0/0 for a hinge without friction

@@ -31,10 +31,9 @@ from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_t
 from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
-from benchtool.simulate.hooks import identities, joined_hooks
+from benchtool.simulate.hooks import Targets, identities, joined_hooks
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.loop import PULSES, Build, Phases, always_true, compile_loop, no_phase
-from benchtool.simulate.motors import Targets
 from benchtool.simulate.noise import later_state
 from benchtool.simulate.pitch.lane import (
     Delayed,

@@ -18,18 +18,18 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import (
+    GRAVITY_M_S2,
     PitchCommand,
     PitchMeasurement,
     PitchPlant,
     PitchReference,
 )
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
-from benchtool.simulate.hooks import loop_effects, loop_numbers
+from benchtool.simulate.hooks import Rotors, Targets, build_motion, loop_effects, loop_numbers
 from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_record
 from benchtool.simulate.loop import BUILT_IN, PULSES, Loop, LoopPlan, command_ring
-from benchtool.simulate.motors import Rotors, Targets, build_motion
 from benchtool.simulate.noise import lane_states
-from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench
+from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench
 from benchtool.simulate.pitch.lane import (
     Delayed,
     FilterGains,

@@ -8,10 +8,16 @@ import pytest
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
-from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
+from benchtool.simulate.controllers.controller import GRAVITY_M_S2
+from benchtool.simulate.hooks import (
+    build_motion,
+    first_order_lag,
+    joined_hooks,
+    loop_effects,
+    loop_numbers,
+)
 from benchtool.simulate.imperfections import BacklashState, Imperfections
-from benchtool.simulate.motors import build_motion, first_order_lag
-from benchtool.simulate.pitch.bench import GRAVITY_M_S2, PitchBench
+from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.plate_bench import PlateBench
 
