@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameters
@@ -114,39 +113,42 @@ def filter_log(
     mode = np.array(logged.mode, float)
     if states is None:
         mode[0] = RESTART
-    whole, before = [(0, 0, len(logged))], round(start_s * logged.rate_Hz)
-    logged = replace(logged, mode=mode)
-    return _filter_windows(benches, logged, gains, whole, [states], None, before)[0]
+    whole, before = [(0, 0, len(logged), states)], round(start_s * logged.rate_Hz)
+    return _filter_windows(benches, replace(logged, mode=mode), gains, whole, None, before)[0]
 
 
 def predict_windows(
     benches: Sequence[PitchBench],
     logged: LoggedPitch,
-    starts: Sequence[int] | NDArray[np.intp],
+    states: Mapping[int, Array],
     rows: int,
     lead: int,
-    states: Sequence[Array],
     seed: int | None = None,
 ) -> list[Predictions]:
     """Return the predictions of each bench in windows of a log, without corrections.
 
-    Pulse widths of `lead` rows before a window are still in a delay.
+    Args:
+        states: initial values as in `filter_log`, by the first row of a window.
+        lead: pulse widths of so many rows before a window are still in a delay.
     """
-    windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
+    windows = [(max(row - lead, 0), row, row + rows, values) for row, values in states.items()]
     free = replace(logged, mode=np.full(len(logged), float(FREE)))
-    return _filter_windows(benches, free, np.zeros(len(FilterGains._fields)), windows, states, seed)
+    return _filter_windows(benches, free, np.zeros(len(FilterGains._fields)), windows, seed)
 
 
 def _filter_windows(
     benches: Sequence[PitchBench],
     logged: LoggedPitch,
     gains: Array,
-    windows: Sequence[tuple[int, int, int]],
-    states: Sequence[Array | None],
+    windows: Sequence[tuple[int, int, int, Array | None]],
     seed: int | None,
     before: int = 0,
 ) -> list[Predictions]:
-    """Return the predictions in windows: first row of the commands, first row, end (exclusive)."""
+    """Return the predictions in windows.
+
+    Args:
+        windows: first row of the commands, first row, end (exclusive), and initial states.
+    """
     rig, zeros = benches[0].model.rig, np.zeros(len(logged))
     if logged.n_discs != rig.n_discs:
         raise InputError(
@@ -175,7 +177,7 @@ def _filter_windows(
         log = np.empty((len(logged), len(rows), loop.lanes))
         arrays = loop.arrays._replace(log=log, logged=rows, schedule=table, gains=gains)
         addresses, plan = lend_rows(run, arrays), LoopPlan(*loop.plan)._replace(ticks_before=before)
-        for (first, start, stop), initial_states in zip(windows, states, strict=True):
+        for first, start, stop, initial_states in windows:
             if initial_states is not None:
                 lane_states = initial_states[:, k : k + LANES[-1]]
                 n_missing = loop.lanes - lane_states.shape[1]

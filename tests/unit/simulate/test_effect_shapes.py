@@ -99,7 +99,7 @@ def settled_rad(load: float, give_rad: float) -> float:
         plate_share=row, theta_rad=row, gyro_rad_s=row, speed_rad_s=rotors, mode=row,
     )  # fmt: skip
     state = np.zeros((4 + RIG.n_discs, 1))
-    return float(predict_windows([bench], logged, [0], ROWS, 0, [state])[0].theta_rad[-1, 0])
+    return float(predict_windows([bench], logged, {0: state}, ROWS, 0)[0].theta_rad[-1, 0])
 
 
 @pytest.mark.parametrize("load", [0.25, -0.5])
