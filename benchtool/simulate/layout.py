@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -64,11 +64,17 @@ _LAYOUTS: dict[str, Layout] = {}  # by key: a layout costs a third of a millisec
 
 def record_layout(**records: Any) -> Layout:
     """Return the layout of records; only their types matter."""
-    examples = {name: zero_record(record) for name, record in records.items()}
-    key = repr(examples)
+    key = "; ".join(f"{name} {_type_key(record)}" for name, record in records.items())
     if key not in _LAYOUTS:
+        examples = {name: zero_record(record) for name, record in records.items()}
         _LAYOUTS[key] = Layout(key, examples)
     return _LAYOUTS[key]
+
+
+@lru_cache(maxsize=256, typed=True)
+def _type_key(record: Any) -> str:
+    """Return a text that is equal for records of the same types (cached)."""
+    return repr(zero_record(record))
 
 
 @cache
