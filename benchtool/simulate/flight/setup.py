@@ -166,11 +166,9 @@ class FlightSetup(Setup):
         if name in VEHICLE_NUMBERS:
             return replace(self, vehicle=self.vehicle.with_numbers(**numbers))
         if name in MAP_OFFSETS:
-            x_m, y_m, z_m = (
-                value if offset_name == name else offset_m
-                for offset_name, offset_m in zip(MAP_OFFSETS, self.map_offset_m, strict=True)
-            )
-            return replace(self, map_offset_m=(x_m, y_m, z_m))
+            offsets_m = list(self.map_offset_m)
+            offsets_m[MAP_OFFSETS.index(name)] = value
+            numbers = {"map_offset_m": tuple(offsets_m)}
         return replace(self, **numbers)
 
     def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
