@@ -46,10 +46,10 @@ from benchtool.report.style import look as figure_style
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.results import explain_result, fit_result, flight_result, pitch_result, pool_result
+from benchtool.simulate.controllers.controller import Controllers
 from benchtool.simulate.flight.study import FlownCase
 from benchtool.simulate.flight.study import fly_and_measure as fly
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
-from benchtool.simulate.user_controller import Controllers
 
 if TYPE_CHECKING:
     import pandas as pd

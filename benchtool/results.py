@@ -32,12 +32,12 @@ from benchtool.report.result import (
     gap_frame,
     probabilities_frame,
 )
+from benchtool.simulate.controllers.controller import Controllers, split_controllers
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.setup import flight_setup
 from benchtool.simulate.flight.study import FlownCase, build_recording, controller_label
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.simulate.pitch.setup import pitch_setup
-from benchtool.simulate.user_controller import Controllers, split_controllers
 
 
 def fit_result(

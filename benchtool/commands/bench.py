@@ -138,8 +138,8 @@ def _build_pitch_server(
     inputs: ServeInputs, rig: Rig, link: ServerLink, options: ServerOptions
 ) -> tuple[BenchServer, str]:
     from benchtool.bench.drivers import SimAddress
+    from benchtool.simulate.controllers.controller import load_controller_class
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.user_controller import load_controller_class
     from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant
 
     controller = inputs.controller

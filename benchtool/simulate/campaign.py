@@ -23,9 +23,8 @@ from benchtool.core.text import pluralize
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.parquet import write_campaign
 from benchtool.simulate.flight.setup import OGE, flight_setup
-from benchtool.simulate.inputs import FlightInputs, PitchInputs
+from benchtool.simulate.inputs import FlightInputs, PitchInputs, Row, Setup
 from benchtool.simulate.pitch.setup import pitch_setup
-from benchtool.simulate.setup import Row, Setup
 from benchtool.tasks import TaskStore, Work, run_tasks
 
 MAX_RUNS = 10_000_000  # about an hour of pitch runs; larger designs are typing errors; assumed

@@ -1,4 +1,7 @@
-"""Hooks of a set of effects, joined into the functions that a loop calls."""
+"""Effects in a loop: hooks joined into the functions that it calls, and motion of the rotors.
+
+Rotor speeds follow commands by a first-order lag and a delay, exact over plant steps.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,20 @@ from collections import namedtuple
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from benchtool.core.errors import InputError
+from benchtool.core.parameter import Parameter
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks, disc_thrust
 from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, N_WITH_THRUST, Effect, Flow
-from benchtool.physics.expression import expression, with_fields
+from benchtool.physics.expression import (
+    expression,
+    inlined_expression,
+    read_record,
+    with_fields,
+    write_record,
+)
 from benchtool.physics.fold import chain_hooks, source_key, sum_hooks
 from benchtool.physics.images import LEVEL
 from benchtool.physics.model import Model
@@ -135,11 +147,16 @@ def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
     for effect in effects:
         for parameter in effect.parameters:
             full_name = f"{effect.name}.{parameter.name}"
-            neutral = parameter.value if parameter.neutral is None else parameter.neutral
+            is_present = full_name in model.parameters
             values.append(
-                model.parameters[full_name].value if full_name in model.parameters else neutral
+                model.parameters[full_name].value if is_present else neutral_value(parameter)
             )
     return tuple(values) or (0.0,)
+
+
+def neutral_value(parameter: Parameter) -> float:
+    """Return the value at which a parameter is absent, its default if there is none."""
+    return parameter.value if parameter.neutral is None else parameter.neutral
 
 
 def identities(effects: Sequence[Effect]) -> list[Any]:
@@ -155,3 +172,75 @@ def identities(effects: Sequence[Effect]) -> list[Any]:
         (len(effect.parameters), [source_key(hook) for hook in effect_hooks])
         for effect, effect_hooks in zip(effects, hooks, strict=True)
     ]
+
+
+Rotors = namedtuple("Rotors", "speed_rad_s")  # per disc, in flight per rotor: speed (rad/s)
+
+# Per disc, in flight per rotor: last commanded speed, and the delayed commands at the beginning and
+# the end of a plant step.
+Targets = namedtuple("Targets", "sent_rad_s old_rad_s new_rad_s")
+
+# Weights over half a plant step: of the speed before it, and of the delayed commands at beginning
+# and end of the step.
+Lag = namedtuple("Lag", "remains old new", defaults=(0.0, 0.0, 0.0))
+
+# Over a plant step: lag of both halves, decay factor of the random torque and standard deviation of
+# its innovation (N m), and delay of commands in whole steps.
+Motion = namedtuple(
+    "Motion",
+    "first second wake_decay wake_innovation_Nm delay_steps",
+    defaults=(Lag(), Lag(), 0.0, 0.0, 0.0),
+)
+
+
+@expression
+def first_order_lag(lag: Any, speed: Any, old: Any, new: Any) -> Any:
+    """Return the speed of each rotor after half a plant step: rad/s."""
+    speeds = speed
+    for i in range(len(speed)):
+        next_speed = lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i]
+        speeds = with_fields(speeds, i, next_speed)
+    return speeds
+
+
+@inlined_expression
+def apply_delayed_commands(
+    w: Any, lane: Any, lanes: Any, sent: Any, step: Any, substeps: Any, slots: Any
+) -> None:
+    """Write the delayed commands at beginning and end of a plant step."""
+    motion = read_record(w, slots.motion, lane, lanes)
+    targets = read_record(w, slots.targets, lane, lanes)
+    delayed_step, ring = step - int(motion.delay_steps), sent.shape[1]
+    before, after = ((delayed_step - 1) // substeps) % ring, (delayed_step // substeps) % ring
+    old, new = targets.old_rad_s, targets.new_rad_s
+    for i in range(len(old)):
+        old = with_fields(old, i, sent[i, before, lane])
+        new = with_fields(new, i, sent[i, after, lane])
+    write_record(w, slots.targets, lane, lanes, Targets(targets.sent_rad_s, old, new))
+
+
+def build_motion(model: Model, dt_s: float) -> Motion:
+    """Return lag, delay and random torque of a model for plant steps."""
+    tau_s, delay_s = model.lag_s, model.delay_s
+    delay_steps = int(np.floor(delay_s / dt_s + 1e-9))
+    remaining_delay_s, half_s = max(delay_s - delay_steps * dt_s, 0.0), 0.5 * dt_s
+
+    def decay(duration_s: float) -> float:
+        """Return the share of the distance to a command that remains after a duration."""
+        if duration_s <= 0.0:
+            return 1.0
+        return float(np.exp(-duration_s / tau_s)) if tau_s > 0.0 else 0.0
+
+    def half_step_lag(old_s: float) -> Lag:
+        """Return the lag over half a step, of which the first `old_s` use the old command."""
+        before, after = decay(old_s), decay(half_s - old_s)
+        return Lag(before * after, (1.0 - before) * after, 1.0 - after)
+
+    wake_decay = wake_innovation = 0.0
+    if model.random_torque is not None:
+        sd, correlation_s = model.random_torque
+        wake_decay = np.exp(-dt_s / correlation_s)
+        wake_innovation = sd * np.sqrt(1.0 - wake_decay**2)
+    first = half_step_lag(min(remaining_delay_s, half_s))
+    second = half_step_lag(max(remaining_delay_s - half_s, 0.0))
+    return Motion(first, second, wake_decay, wake_innovation, float(delay_steps))

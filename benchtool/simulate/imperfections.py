@@ -23,32 +23,26 @@ FROM_RIG = nan  # the value of the rig
 class Imperfections(FiniteTable):
     """Imperfections of a virtual bench; zero always means absent.
 
-    The default nan ("rig") means the value of the rig, so that a file contains only differences.
-    The other defaults are assumptions about a hobby-class bench; none is measured.
+    The default nan ("rig") means the value of the rig: of its propulsion for the motor lag, of its
+    plate for the backlash, else of the sensor. So a file contains only differences. The other
+    defaults are assumptions about a hobby-class bench; none is measured.
 
     Attributes:
-        motor_lag_s: first-order time constant of rotor speed; default: the rig's propulsion.
+        *_noise_*, *_quantum_*: white noise (sd) and resolution of the readings of a sensor; of
+            the load cell each sample and one count of its amplifier, of the speeds only turning
+            rotors.
+        motor_lag_s: first-order time constant of rotor speed.
         battery_resistance_ohm: internal resistance of the pack and its leads.
         battery_drop_V_per_Ah: decrease of the open-circuit voltage with the charge drawn.
         battery_excess_V: open-circuit voltage of the fresh pack above the nominal one.
-        thrust_noise_N: white noise of each load-cell sample (sd); default: the rig's sensor.
-        thrust_quantum_N: one count of the load-cell amplifier; default: the rig's sensor.
-        thrust_rate_Hz: conversions per second, 0 for one at every stream tick; default: the rig's
-            sensor.
+        thrust_rate_Hz: conversions per second, 0 for one at every stream tick.
         drift_N_per_s: steady zero drift of the load cell since power-on.
-        drift_walk_N_per_sqrt_s: random walk of the zero (sd after one second); default: the rig's
-            sensor.
+        drift_walk_N_per_sqrt_s: random walk of the zero (sd after one second).
         start_offset_N: reading of the untared cell at power-on.
         vibration_N: amplitude at the frequency of each rotor's shaft, at its highest speed; it
             grows with the square of speed and reaches the samples aliased.
-        rpm_noise_rpm: white noise of a turning rotor's reading (sd); default: the rig's sensor.
-        rpm_quantum_rpm: resolution of the speed reading; default: the rig's sensor.
-        voltage_noise_V, voltage_quantum_V: of the voltage reading; default: the rig's sensor.
-        current_noise_A, current_quantum_A: of the current reading; default: the rig's sensor.
         esc_heating_K: steady temperature rise of the ESC at full throttle.
         esc_time_s: first-order time constant of that temperature.
-        plate_noise_m, plate_quantum_m: of the plate distance reading; default: the rig's sensor.
-        backlash_m: of the plate stage; default: the rig's plate.
     """
 
     motor_lag_s: NotNegative = FROM_RIG
@@ -227,3 +221,27 @@ class Axis:
         true = np.clip(self.true, reported - self._backlash, reported)
         self.reported, self.true = float(reported[-1]), float(true[-1])
         return reported, true
+
+
+class BacklashState:
+    """State of a load cell with play of constant width, as caused by dry friction.
+
+    The initial state is that after an unloading.
+    """
+
+    def __init__(self, half_width_N: float) -> None:
+        self._half_N = half_width_N
+        self._reading_N = half_width_N
+
+    def follow(self, load_N: Array) -> Array:
+        """Return the side (m,) of the play after each load: +1 from below, -1 from above.
+
+        The reading of the load cell is the load minus side times half the width.
+        """
+        reading_N, half_N = self._reading_N, self._half_N
+        side = np.empty(len(load_N))
+        for row, load in enumerate(load_N.tolist()):
+            reading_N = min(max(reading_N, load - half_N), load + half_N)
+            side[row] = (load - reading_N) / half_N
+        self._reading_N = reading_N
+        return side

@@ -1,11 +1,12 @@
-"""Inputs of closed-loop simulations, from the command line, the page or Python."""
+"""Inputs of closed-loop simulations, and what the set-ups of hinged and free bodies share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import Ge, Gt, Le, Len
 
@@ -164,3 +165,56 @@ class FlightInputs(Inputs):
         "plus"
     )
     study: StudyInputs = field(default_factory=StudyInputs)
+
+
+Row = Mapping[str, float | str]
+Point = Mapping[str, float]
+
+CONTROL_HZ = (1.0, 1e5)  # range of control rates: up to 1000 times that of an autopilot; assumed
+
+
+class Setup(ABC):
+    """Set-up of a simulation by names and numbers."""
+
+    measures: ClassVar[Mapping[str, str]]  # label with unit by column; the main measure first
+
+    @property
+    @abstractmethod
+    def campaign_title(self) -> str:
+        """Title of a campaign."""
+
+    @abstractmethod
+    def to_metadata(self) -> dict[str, str]:
+        """Return the settings as text by name."""
+
+    @abstractmethod
+    def with_number(self, name: str, value: float) -> Self:
+        """Return the set-up with one number changed, by name."""
+
+    def with_changes(self, values: Mapping[str, float]) -> Self:
+        """Return the set-up with some numbers changed, by name."""
+        setup = self
+        for name, value in values.items():
+            setup = setup.with_number(name, float(value))
+        return setup
+
+    @abstractmethod
+    def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
+        """Raise for a point of a campaign that cannot be run."""
+
+    @abstractmethod
+    def build_run(self, controller: str, point: Point) -> Any:
+        """Return a run at a point, for `measure_runs` with any seed."""
+
+    @staticmethod
+    @abstractmethod
+    def measure_runs(
+        runs: Iterator[tuple[Any, int]], seed: int, threads: int | None
+    ) -> Iterator[Row]:
+        """Yield the measures of pairs of run and seed number, counted from `seed`, in order."""
+
+
+def check_range(name: str, value: float, low: float, high: float) -> None:
+    """Raise InputError if a number is outside its range or NaN."""
+    if not low <= value <= high:
+        raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")

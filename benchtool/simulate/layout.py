@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -64,11 +64,17 @@ _LAYOUTS: dict[str, Layout] = {}  # by key: a layout costs a third of a millisec
 
 def record_layout(**records: Any) -> Layout:
     """Return the layout of records; only their types matter."""
-    examples = {name: zero_record(record) for name, record in records.items()}
-    key = repr(examples)
+    key = "; ".join(f"{name} {_type_key(record)}" for name, record in records.items())
     if key not in _LAYOUTS:
+        examples = {name: zero_record(record) for name, record in records.items()}
         _LAYOUTS[key] = Layout(key, examples)
     return _LAYOUTS[key]
+
+
+@lru_cache(maxsize=256, typed=True)
+def _type_key(record: Any) -> str:
+    """Return a text that is equal for records of the same types (cached)."""
+    return repr(zero_record(record))
 
 
 @cache
@@ -94,8 +100,9 @@ def zero_record(record: Any) -> Any:
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
-# Array types: floats with 1, 2 and 3 axes, and integers.
-LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)
+# Array types, as defaults of records of arrays: floats with 1, 2 and 3 axes, and integers.
+ARRAY_TYPES: Any = ((0.0,), ((0.0,),), (((0.0,),),), (0,))
+LINE, PLANE, SOLID, COUNTS = ARRAY_TYPES
 
 
 def lend_rows(loop: Callable[..., Any], arrays: Any) -> Any:

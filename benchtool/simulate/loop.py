@@ -1,10 +1,15 @@
-"""Compiled loop with its arrays, common to hinged and free bodies, and runs in threads."""
+"""Closed loop of a hinged or free vehicle: control ticks that consist of plant steps.
+
+The same source runs a single run, a batch (lanes that the compiler vectorises), a controller in
+Python (one tick per call), a filter along a log, and plain NumPy without numba. A phase is a part
+of a tick, phase(arrays, now): it reads and writes records of every lane.
+"""
 
 from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections import deque
+from collections import deque, namedtuple
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
@@ -15,10 +20,130 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
+from benchtool.physics.expression import (
+    Slot,
+    compiled_closure,
+    inlined_expression,
+    read_record,
+    shared_view,
+)
+from benchtool.simulate.controllers.controller import controller_error, invalid_command_error
+from benchtool.simulate.hooks import apply_delayed_commands
 from benchtool.simulate.layout import Layout, lend_rows
-from benchtool.simulate.user_controller import controller_error, invalid_command_error
 
 T = TypeVar("T")
+
+BUILT_IN, CALLER, PULSES = range(3)  # source of commands: law, caller, or scheduled pulse widths
+
+LoopPlan = namedtuple(
+    "LoopPlan",
+    "substeps driver delayed log_every ticks_before is_at_rest theta_delay rate_delay plate_delay",
+    defaults=(1, 0, 0, 1, 0, 0, 0, 0, 0),
+)
+"""Integer settings of a run.
+
+Attributes:
+    substeps: plant steps per tick.
+    ticks_before: number of earlier ticks, for the time of the first one.
+    is_at_rest: 1 for a plant at rest: commands are stored for the delay, and nothing moves.
+    theta_delay, rate_delay, plate_delay: delays of the sensors of a bench in ticks.
+"""
+
+PLAN = Slot(0, LoopPlan())
+
+
+# Compile-time settings: lanes; slots of records, of the geometry and of one column of a schedule.
+Build = namedtuple("Build", "lanes slots geometry scheduled")
+
+# State of the loop: tick, its start time, plant step within it, plan; the geometry with the length
+# of a plant step `dt_s`, common to all lanes, and the schedule entry of the tick.
+Instant = namedtuple("Instant", "tick time_s part plan geometry scheduled")
+
+Phases = namedtuple("Phases", "law mix move sense is_running")
+"""Phases of a tick.
+
+Attributes:
+    mix: from commands to target speeds of the motors.
+    move: a plant step: heights and coverages, forces and torques, motion.
+    is_running: is_running(arrays) -> false at the end of the run.
+"""
+
+
+@inlined_expression
+def no_phase(arrays: Any, now: Any) -> None:
+    """Empty phase (no-op)."""
+
+
+@inlined_expression
+def always_true(arrays: Any) -> bool:
+    """Return True: the run has no other end than its last tick."""
+    return True
+
+
+@inlined_expression
+def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any) -> Any:
+    """Run control ticks of all lanes, and return the tick at which the run ended.
+
+    Args:
+        arrays: `w`, the records of all lanes, flat, row times lanes plus lane; `sent`, ring buffer
+            of commanded speeds (n_rotors, n_ring, n_lanes); `log` (n_rows, n_logged, n_lanes) of
+            the rows `logged` of `w`; and further arrays for the phases.
+        first: first control tick; -1 only reads the sensors.
+        last: end of the control ticks (exclusive).
+        build: the number of lanes is known at compile time, and the loops over lanes contain no
+            other loop.
+    """
+    w, slots, n_lanes, schedule = arrays.w, build.slots, len(build.lanes), arrays.schedule
+    settings = read_record(plan, PLAN, 0, 1)
+    geometry, ring = read_record(arrays.geometry, build.geometry, 0, 1), arrays.sent.shape[1]
+    substeps, log_every = settings.substeps, settings.log_every
+    steps = substeps * (1 - settings.is_at_rest)
+    position, row = max(first, 0) % ring, (max(first, 0) + log_every - 1) // log_every
+    for tick in range(first, last):
+        scheduled = read_record(schedule, build.scheduled, max(tick, 0), schedule.shape[1])
+        if tick >= 0:
+            time_s = (settings.ticks_before + tick) * substeps * geometry.dt_s
+            now = Instant(tick, time_s, 0, settings, geometry, scheduled)
+            if settings.driver == BUILT_IN:
+                phases.law(arrays, now)
+            phases.mix(arrays, now)
+            for i in range(len(slots.targets.like.sent_rad_s)):
+                for lane in range(n_lanes):
+                    sent_rad_s = read_record(w, slots.targets, lane, n_lanes).sent_rad_s
+                    arrays.sent[i, position, lane] = sent_rad_s[i]
+            position = (
+                position + 1 if position + 1 < ring else 0
+            )  # a remainder costs a tenth of a tick
+            if tick == row * log_every:
+                for channel in range(len(arrays.logged)):
+                    for lane in range(n_lanes):
+                        arrays.log[row, channel, lane] = w[arrays.logged[channel] * n_lanes + lane]
+                row += 1
+            for part in range(steps):
+                if settings.delayed > 0:
+                    for lane in range(n_lanes):
+                        step = tick * substeps + part
+                        apply_delayed_commands(w, lane, n_lanes, arrays.sent, step, substeps, slots)
+                phases.move(arrays, Instant(tick, time_s, part, settings, geometry, scheduled))
+                if not phases.is_running(arrays):
+                    return tick
+        time_s = (settings.ticks_before + tick + 1) * substeps * geometry.dt_s
+        phases.sense(arrays, Instant(tick + 1, time_s, 0, settings, geometry, scheduled))
+    return last
+
+
+def compile_loop(like: Any, build: Build, phases: Callable[[], Phases], key: str) -> Any:
+    """Return the compiled run(arrays, plan, first, last) -> the tick at which it ended.
+
+    Args:
+        like: a record of array types; arrays are lent by `lend_rows`.
+        key: of everything that the phases depend on.
+    """
+
+    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())
+
+    return compiled_closure(run, key)
 
 
 def command_ring(layout: Layout, w: Array, substeps: int) -> tuple[int, bool]:

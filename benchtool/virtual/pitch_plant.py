@@ -15,13 +15,16 @@ from benchtool.core.errors import InputError, StageError
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.core.units import Array
-from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
-from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
+from benchtool.simulate.controllers.controller import (
+    PitchMeasurement,
+    PitchReference,
+    make_controller,
+)
+from benchtool.simulate.loop import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states
-from benchtool.simulate.pitch import records as r
+from benchtool.simulate.pitch.loops import Fresh
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 from benchtool.simulate.pitch.simulate import PitchController
-from benchtool.simulate.user_controller import make_controller
 
 HOLD_S = 2.0  # block length of the last values of a schedule; assumed
 MAX_CATCH_RATE_RAD_S = 0.5  # levelling rate of the catch; assumed
@@ -216,7 +219,7 @@ class PitchBenchPlant:
         loop, n, discs = self._loop, self._loop.n_discs, self.rig.disc_of_rotor
         log = loop.log[first : first + count, :, 0]
         rpm = log[:, 10 + n + discs] * 30.0 / np.pi
-        flags = r.Fresh(*loop.arrays.fresh[:, first : first + count].astype(bool))
+        flags = Fresh(*loop.arrays.fresh[:, first : first + count].astype(bool))
         closed, rotors = np.full(count, self._armed), np.ones((count, len(discs)), bool)
         columns = (
             (log[:, 0], closed),

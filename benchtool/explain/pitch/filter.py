@@ -34,7 +34,7 @@ PIECE = 40_000  # rows filtered at once; memory is proportional to it
 class PitchFilter:
     """Gains of a filter and statistics of its innovations."""
 
-    gains: Array  # (7,) in the order of `simulate.pitch.filter_ticks`
+    gains: Array  # (7,) in the order of `simulate.pitch.lane.FilterGains`
     whitener: Array  # (2, 2) from innovations of pitch and gyro to unit white noise
     reading_sd: Mapping[str, float]  # standard deviation by channel: rad, rad/s, speeds in rad/s
     state_root: Array  # (3, 3) root of the covariance of pitch, rate, wake torque after a reading

@@ -294,13 +294,13 @@ def _simulate_pulses(
     if len(track.rpm):
         measured = track.rpm[first] * np.pi / 30.0
         speeds = np.where(np.isfinite(measured), measured, speeds)
-    states = [
-        np.array([[track.theta_rad[row]], [rates[row]], [0.0], [0.0], *speeds[:, row, None]])
+    states = {
+        row: np.array([[track.theta_rad[row]], [rates[row]], [0.0], [0.0], *speeds[:, row, None]])
         for row in starts
-    ]
+    }
     theta = blank.copy()
     lead = round(LEAD_S * track.rate_Hz)
-    runs = predict_windows([bench], logged, starts, rows, lead, states)
+    runs = predict_windows([bench], logged, states, rows, lead)
     for start, run in zip(starts, runs, strict=True):
         # The last row of a window stays blank, to break lines.
         theta[start : start + rows - 1] = run.theta_rad[:-1, 0]

@@ -18,7 +18,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.simulate.pitch import filter_ticks as t
+from benchtool.simulate.pitch import lane as t
 from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M
 
 Mask = NDArray[np.bool_]
@@ -37,7 +37,7 @@ class ResampledRecording:
     """Recording resampled at equal time steps."""
 
     recording: Recording  # nan where a channel has no reading
-    mode: Array  # (n,) filter mode of each row, see `simulate.pitch.filter_ticks`
+    mode: Array  # (n,) filter mode of each row, see `simulate.pitch.lane`
     rate_Hz: float  # rows per second
     remarks: tuple[str, ...]  # repairs
 

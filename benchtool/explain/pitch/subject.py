@@ -171,7 +171,8 @@ class Windows:
     ) -> list[Predictions]:
         logged = self.log.logged
         lead = round(LEAD_S * logged.rate_Hz)
-        return predict_windows(benches, logged, self.starts[part], self.rows, lead, states, seed)
+        windows = dict(zip(map(int, self.starts[part]), states, strict=True))
+        return predict_windows(benches, logged, windows, self.rows, lead, seed)
 
 
 class PitchSubject(Subject):

@@ -23,6 +23,7 @@ from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.flight.warnings import collect_warnings
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
+from benchtool.simulate.controllers.controller import make_controller
 from benchtool.simulate.flight.cases import FlightCase
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly_user_controller
@@ -35,7 +36,6 @@ from benchtool.simulate.flight.study import (
     measure,
 )
 from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.user_controller import make_controller
 
 
 def summarize_flight(flown: FlownCase) -> str:

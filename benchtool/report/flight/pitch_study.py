@@ -19,14 +19,18 @@ from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, shade, spans, stack_panels
+from benchtool.simulate.controllers.controller import make_controller
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.pitch.result import PitchRun, measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
-from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
-from benchtool.simulate.user_controller import make_controller
+from benchtool.simulate.pitch.simulate import (
+    PitchRun,
+    measure_plate_visit,
+    simulate_controller,
+    simulate_pitch,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

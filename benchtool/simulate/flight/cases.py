@@ -21,7 +21,7 @@ from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
-from benchtool.simulate.setup import check_range
+from benchtool.simulate.inputs import check_range
 
 OBSTACLE_X_M = (3.0, 5.0)  # extent of the paper's obstacle (section 3.1)
 GYRO_NOISE_RAD_S = 0.015  # paper, section 3.2: normal, standard deviation 0.015 rad/s
@@ -194,28 +194,26 @@ def _ramp(vehicle: FlightVehicle, z_m: float, speed_m_s: float) -> dict[str, Any
 PLATE_S = (10.0, 10.5, 30.0, 30.5)  # insertion and withdrawal of the plate, as on the bench
 
 
-def plate_under_front(radius_m: float, arm_m: float) -> Environment:
-    """Return a plate that is inserted under the front rotor from ahead, and withdrawn.
+def _plate(vehicle: FlightVehicle, z_m: float, speed_m_s: float) -> dict[str, Any]:
+    """Hover while a plate is inserted under the front rotor from ahead, and withdrawn.
 
     It is as wide as a disc, and its near edge is 0.3 R behind the front disc: it never covers the
     side discs, and the front disc remains covered under a drift of a few centimetres.
     """
-    near = arm_m - 1.3 * radius_m
+    radius_m = vehicle.rig.propulsion.radius_m
+    near_m = float(vehicle.rig.disc_positions_m[:, 0].max()) - 1.3 * radius_m
     plate = Block(
-        x_m=(near, near + 1.2),
+        x_m=(near_m, near_m + 1.2),
         y_m=(-radius_m, radius_m),
         times_s=PLATE_S,
         slide_m=(1.0, 0.0),
         name="plate",
     )
-    return Environment(blocks=(plate,), name="plate under the front rotor")
-
-
-def _plate(vehicle: FlightVehicle, z_m: float, speed_m_s: float) -> dict[str, Any]:
-    rig = vehicle.rig
-    below = plate_under_front(rig.propulsion.radius_m, float(rig.disc_positions_m[:, 0].max()))
-    goal = Goal(x_m=0.0, z_m=z_m, speed_m_s=speed_m_s)
-    return {"below": below, "goals": (goal,), "duration_s": 60.0}
+    return {
+        "below": Environment(blocks=(plate,), name="plate under the front rotor"),
+        "goals": (Goal(x_m=0.0, z_m=z_m, speed_m_s=speed_m_s),),
+        "duration_s": 60.0,
+    }
 
 
 FLIGHTS: Mapping[str, BuiltInCase] = {

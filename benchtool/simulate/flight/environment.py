@@ -99,25 +99,11 @@ class Block(FileTable):
         at_origin = self.top_m - self.slope_x * x - self.slope_y * y
         return (round(at_origin, 9), self.slope_x, self.slope_y)
 
-    def row(self, surface: int) -> BlockRow:
-        """Return the column of `Tables.blocks`."""
-        return BlockRow(
-            *self.x_m, *self.y_m, self.top_m, self.slope_x, self.slope_y,
-            *self.times_s, *self.slide_m, surface,
-        )  # fmt: skip
 
+# Averages over a disc at the nodes of a grid: cells, first node and steps, as in `Tables`.
+DiscGrid = tuple[Array, float, float, float, float]
 
-class DiscGrid(NamedTuple):
-    """Averages over a disc at the nodes of a grid; see `environment.Tables`."""
-
-    cells: Array
-    grid_x_m: float
-    grid_y_m: float
-    step_x_m: float
-    step_y_m: float
-
-
-NO_GRID = DiscGrid(np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
+NO_GRID: DiscGrid = (np.zeros((2, 2, 2)), 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,8 +195,7 @@ def average_grid(grid: HeightGrid, radius_m: float) -> DiscGrid:
     height = np.where(share > 0.0, total / np.maximum(share, 1e-12), 0.0)
     height = _extend_by_one(height, share > 0.0)
     x0_m, x1_m, y0_m, y1_m = map(float, (*grid.x_m[:2], *grid.y_m[:2]))
-    cells = np.array([share / SAMPLES, height])
-    return DiscGrid(cells, x0_m, y0_m, x1_m - x0_m, y1_m - y0_m)
+    return np.array([share / SAMPLES, height]), x0_m, y0_m, x1_m - x0_m, y1_m - y0_m
 
 
 def _extend_by_one(height: Array, is_covered: NDArray[np.bool_]) -> Array:
@@ -269,11 +254,16 @@ class Environment:
     def tables(self, radius_m: float) -> Tables:
         """Return the tables for the compiled loop, for a disc radius."""
         planes = list(dict.fromkeys(block.plane for block in self.blocks))
-        rows = [block.row(planes.index(block.plane)) for block in self.blocks]
+        rows = [
+            BlockRow(
+                *block.x_m, *block.y_m, block.top_m, block.slope_x, block.slope_y, *block.times_s,
+                *block.slide_m, planes.index(block.plane),
+            )
+            for block in self.blocks
+        ]  # fmt: skip
         blocks = np.array(rows, float).reshape(len(rows), len(BlockRow._fields)).T.copy()
-        grid = NO_GRID if self.grid is None else average_grid(self.grid, radius_m)
-        cells, *grid_numbers = grid
-        return Tables(blocks, cells, np.array([*grid_numbers, self.floor_m, len(planes)], float))
+        cells, *grid = NO_GRID if self.grid is None else average_grid(self.grid, radius_m)
+        return Tables(blocks, cells, np.array([*grid, self.floor_m, len(planes)], float))
 
 
 BlockRow = namedtuple(  # a `Block` in the compiled loop, with the number of its surface
@@ -294,14 +284,19 @@ MapNumbers = namedtuple(
 
 MAP = Slot(0, MapNumbers())  # `Tables.numbers`
 
-Tables = namedtuple("Tables", "blocks cells numbers", defaults=(PLANE, SOLID, LINE))
-"""Environment in the compiled loop.
 
-Attributes:
-    blocks: (n_numbers, b), a `BlockRow` per column.
-    cells: (2, nx, ny) of a disc centred on a node of the grid: fraction over raised cells, and the
-        mean height of these.
-"""
+class Tables(NamedTuple):
+    """Environment in the compiled loop.
+
+    Attributes:
+        blocks: (n_numbers, b), a `BlockRow` per column.
+        cells: (2, nx, ny) of a disc centred on a node of the grid: fraction over raised cells, and
+            the mean height of these.
+    """
+
+    blocks: Array = PLANE
+    cells: Array = SOLID
+    numbers: Array = LINE
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:

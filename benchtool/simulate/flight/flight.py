@@ -11,7 +11,6 @@ import numpy as np
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import Array
-from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
 from benchtool.simulate.controllers.controller import (
     ControlLaw,
@@ -21,16 +20,24 @@ from benchtool.simulate.controllers.controller import (
     FlightReference,
 )
 from benchtool.simulate.controllers.laws import find_law
-from benchtool.simulate.flight import records as r
 from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.ground import Below, DiscBelow
-from benchtool.simulate.flight.loops import flight_loops
-from benchtool.simulate.flight.rigid_body import at_rest
-from benchtool.simulate.hooks import loop_effects, loop_numbers
-from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
-from benchtool.simulate.layout import record_layout, rows_in, zero_record
-from benchtool.simulate.loop import Loop, command_ring
-from benchtool.simulate.motors import Rotors, Targets, build_motion
+from benchtool.simulate.flight.loops import (
+    LOST,
+    STRUCK,
+    TICK,
+    FlightArrays,
+    FlightLoops,
+    FlightOutcome,
+    FlightTick,
+    GroundTorque,
+    MapUse,
+    flight_loops,
+)
+from benchtool.simulate.flight.vehicle import FlightVehicle, FreeBody, at_rest
+from benchtool.simulate.hooks import Rotors, Targets, build_motion, loop_effects, loop_numbers
+from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_record
+from benchtool.simulate.loop import BUILT_IN, CALLER, Loop, LoopPlan, command_ring
 from benchtool.simulate.noise import lane_states
 
 Ending = Literal["flown", "struck", "lost"]
@@ -110,31 +117,32 @@ def fly_user_controller(case: FlightCase, controller: FlightController, name: st
 class FlightLoop(Loop):
     """Loop of one flight; with `external` the caller is the controller and gets the map."""
 
+    loops: FlightLoops
+    arrays: FlightArrays
+
     def __init__(self, case: FlightCase, external: bool = False) -> None:
         vehicle, rate_Hz = case.vehicle, case.gains.control_rate_Hz
-        model, rig, radius_m = vehicle.model, vehicle.rig, vehicle.rig.propulsion.radius_m
+        rig, radius_m = vehicle.rig, vehicle.rig.propulsion.radius_m
         self.case, self.rate_Hz = case, rate_Hz
         if case.below.grid is not None:
             case.below.grid.check_coverage(case.path_m(), vehicle.reach_m, "the path")
         self.n_ticks = round(case.duration_s * rate_Hz)
         substeps = max(1, int(np.ceil(1.0 / rate_Hz / case.step_s - 1e-9)))
         self.log_every = max(1, round(rate_Hz / case.log_Hz))
-        dt_s = 1.0 / rate_Hz / substeps
-        effects, law = loop_effects(model, in_flight=True), find_law(case.control, "free")
-        feeds_forward = case.feeds_forward
-        map_use = r.MapUse(
+        law, feeds_forward = find_law(case.control, "free"), case.feeds_forward
+        numbers = law.numbers(case, rig.body)
+        map_use = MapUse(
             case.map_strength if feeds_forward and not external else 0.0,
             -inf if external else case.compensation_from_s,
             float(case.whole_discs),
             float(external or (feeds_forward and case.map_strength > 0.0)),
         )
-        records = flight_records(case, law, effects, dt_s) | {"map_use": map_use}
-        self.layout, geometry = record_layout(**records), vehicle.geometry(dt_s)
-        rotor_disc = tuple(rig.disc_of_rotor.tolist())
-        self.loops = flight_loops(
-            effects, self.layout, rotor_disc, zero_record(geometry), model.image_rules, law.step
+        self.layout, self.loops, geometry, shared = prepare_loop(
+            vehicle, law, zero_record(numbers), 1.0 / rate_Hz / substeps
         )
-        w = np.array(flat_values(tuple(records.values())), float)
+        w, body = shared.copy(), at_rest(case.start_m, case.yaw_rad)
+        for name, record in (("body", body), ("law", numbers), ("map_use", map_use)):
+            w[self.layout.rows(name)] = flat_values(record)
         ring, is_delayed = command_ring(self.layout, w, substeps)
         rows = (self.n_ticks + self.log_every - 1) // self.log_every
         fields = [*LOGGED.values(), "below.coverage", "below.height_m", "below.factor"]
@@ -150,7 +158,7 @@ class FlightLoop(Loop):
         below = map_tables = case.below.tables(radius_m)
         if map_use.is_used and any(case.map_offset_m):
             map_tables = case.below.moved(*case.map_offset_m).tables(radius_m)
-        arrays = r.FlightArrays(
+        arrays = FlightArrays(
             w=w,
             states=lane_states(case.seed, [0]),
             sent=np.zeros((rig.n_rotors, ring, 1)),
@@ -164,17 +172,15 @@ class FlightLoop(Loop):
             noise=noise,
             gusts=gusts.reshape(-1, 5).T.copy(),
             scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
-            geometry=np.array(flat_values(geometry), float),
+            geometry=geometry,
             below=below,
             map=map_tables,
         )  # fmt: skip
         driver = CALLER if external else BUILT_IN
         self.use(arrays, LoopPlan(substeps, driver, is_delayed, self.log_every))
         self.ended = self.n_ticks
-        self._read_measured, command = (
-            self.view("measured")[:, 0].tolist,
-            self.view("command")[:, 0],
-        )
+        self._read_measured = self.view("measured")[:, 0].tolist
+        command = self.view("command")[:, 0]
         self._wrench, self._factors, self._n_discs = command[:4], command[4:], rig.n_discs
 
     def measure(self, time_s: float) -> FlightMeasurement:
@@ -184,7 +190,7 @@ class FlightLoop(Loop):
         return _new(FlightMeasurement, readings)
 
     def references(self, first: int, last: int) -> list[FlightReference]:
-        rows = self.arrays.schedule[rows_in(r.TICK, "reference"), first:last].T.tolist()
+        rows = self.arrays.schedule[rows_in(TICK, "reference"), first:last].T.tolist()
         return [_new(FlightReference, row) for row in rows]
 
     def write_command(self, command: FlightCommand) -> None:
@@ -214,46 +220,67 @@ class FlightLoop(Loop):
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
         ending, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
-        if rows <= 1 and ending == r.STRUCK:
+        if rows <= 1 and ending == STRUCK:
             raise InputError(
                 f"the vehicle touches a surface at its start {case.start_m} m; change the start"
             )
         ending_name: Ending = (
-            "struck" if ending == r.STRUCK else "lost" if ending == r.LOST else "flown"
+            "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
         )
-        log = self.arrays.log[:rows, :, 0]
+        log, discs = self.arrays.log[:rows, :, 0], range(1, rig.n_discs + 1)
+        names = (
+            *LOGGED,
+            *(f"coverage{i}" for i in discs),
+            *(f"height{i}_m" for i in discs),
+            *(f"factor{i}" for i in discs),
+            *(f"speed{i}_rad_s" for i in range(1, rig.n_rotors + 1)),
+        )
         return Flight(
-            case, column_names(rig.n_discs, rig.n_rotors), log, ending_name,
+            case, names, log, ending_name,
             case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
             nearest_m, user_controller,
         )  # fmt: skip
 
 
-def flight_records(
-    case: FlightCase, law: ControlLaw, effects: tuple[Effect, ...], dt_s: float
-) -> dict[str, Any]:
-    """Return the records of a flight, without the use of its map."""
-    vehicle, rig, craft = case.vehicle, case.vehicle.rig, case.vehicle.craft()
+@lru_cache(maxsize=64)
+def prepare_loop(
+    vehicle: FlightVehicle, law: ControlLaw, numbers: Any, dt_s: float
+) -> tuple[Layout, FlightLoops, Array, Array]:
+    """Return layout, loops, geometry, and the records that flights of a vehicle share (cached).
+
+    Args:
+        numbers: those of the law, with zeros.
+        dt_s: length of a plant step.
+    """
+    rig, craft, geometry = vehicle.rig, vehicle.craft(), vehicle.geometry(dt_s)
+    effects = loop_effects(vehicle.model, in_flight=True)
     discs, rotors = (0.0,) * rig.n_discs, (0.0,) * rig.n_rotors
     hover_rad_s = (vehicle.hover_thrust_N / craft.k_N_s2) ** 0.5
-    return {
-        "body": at_rest(case.start_m, case.yaw_rad),
+    records = {
+        "body": FreeBody(),
         "rotors": Rotors((hover_rad_s,) * rig.n_rotors),
         "targets": Targets(rotors, rotors, rotors),
         "measured": FlightMeasurement._make([*[0.0] * 13, discs, discs]),
-        "scheduled": r.FlightTick(),
+        "scheduled": FlightTick(),
         "command": FlightCommand(0.0, 0.0, 0.0, 0.0, (1.0,) * rig.n_discs),
         "law_state": law.state,
         "below": Below(discs, discs, discs, discs),
         "expected": Below(discs, discs, discs, discs),
-        "ground": r.GroundTorque(),
-        "outcome": r.FlightOutcome(),
+        "ground": GroundTorque(),
+        "outcome": FlightOutcome(),
         "craft": craft,
         "motion": build_motion(vehicle.model, dt_s),
-        "law": law.numbers(case, rig.body),
+        "law": numbers,
         "effects": loop_numbers(vehicle.model, effects),
         "nothing": float("nan"),
+        "map_use": MapUse(),
     }
+    layout, rotor_disc = record_layout(**records), tuple(rig.disc_of_rotor.tolist())
+    loops = flight_loops(
+        effects, layout, rotor_disc, zero_record(geometry), vehicle.model.image_rules, law.step
+    )
+    values = np.array(flat_values(tuple(records.values())), float)
+    return layout, loops, np.array(flat_values(geometry), float), values
 
 
 @lru_cache(maxsize=4)
@@ -287,16 +314,5 @@ def build_schedule(
     yaw, hover = np.full(ticks, yaw_rad), np.full(ticks, hover_N)
     values = (reference_x, reference_y, z[current], yaw, speed[current], hover)
     reference = FlightReference._make(values)
-    tick = r.FlightTick(reference, x[current], y[current], z[current])
+    tick = FlightTick(reference, x[current], y[current], z[current])
     return np.array(flat_values(tick), float)
-
-
-def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:
-    """Return the columns of a flight log."""
-    return (
-        *LOGGED,
-        *(f"coverage{i + 1}" for i in range(n_discs)),
-        *(f"height{i + 1}_m" for i in range(n_discs)),
-        *(f"factor{i + 1}" for i in range(n_discs)),
-        *(f"speed{i + 1}_rad_s" for i in range(n_rotors)),
-    )

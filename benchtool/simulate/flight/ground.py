@@ -30,7 +30,7 @@ from benchtool.physics.expression import (
 from benchtool.physics.fold import unrolled
 from benchtool.physics.images import LEVEL, Plane, half_plane_coverage, rectangle_coverage
 from benchtool.simulate.flight.environment import BLOCK, MAP
-from benchtool.simulate.flight.rigid_body import forward, leftward
+from benchtool.simulate.flight.vehicle import forward, leftward
 from benchtool.simulate.hooks import LoopHooks
 
 Below = namedtuple(
@@ -224,15 +224,6 @@ def over_floor(body: Any, floor_m: Any, scratch: Any, n: Any) -> Any:
     return total, level_plane(body, floor_m)
 
 
-@expression
-def covered_fractions(uncovered: Any) -> Any:
-    """Return the covered fraction of each disc, from the uncovered one."""
-    covered = uncovered
-    for i in range(len(uncovered)):
-        covered = with_fields(covered, i, 1.0 - uncovered[i])
-    return covered
-
-
 def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Below, Flow]]:
     """Return the function that evaluates the surfaces below n discs, with a set of effects.
 
@@ -244,10 +235,10 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
     """
     shares = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).share))
     heights = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).height_m))
-    uncovered_shares = unrolled(
-        n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).uncovered)
+    covered = unrolled(
+        n, expression(lambda i, scratch: 1.0 - read_record(scratch, DISC, i, n).uncovered)
     )
-    ones, infinite = (1.0,) * n, (np.inf,) * n
+    zeros, ones, infinite = (0.0,) * n, (1.0,) * n, (np.inf,) * n
 
     @inlined_expression
     def look_below(
@@ -258,7 +249,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
         n_planes = int(map_numbers.n_planes)
         place_discs(body, discs, scratch)
         factor, coverage, height = ones, ones, infinite
-        coverage_sum, nearest, is_touching, is_clamped = covered_fractions(ones), np.inf, 0.0, 0.0
+        coverage_sum, nearest, is_touching, is_clamped = zeros, np.inf, 0.0, 0.0
         for surface in range(n_planes + 2):
             total, plane = 0.0, LEVEL
             if surface < n_planes:
@@ -269,7 +260,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
                 if map_numbers.step_x_m > 0.0:
                     total, plane = over_grid(body, tables.cells, map_numbers, scratch, n)
             else:
-                coverage = covered_fractions(uncovered_shares(scratch))
+                coverage = covered(scratch)
                 total, plane = over_floor(body, map_numbers.floor_m, scratch, n)
             if total <= 0.0:
                 continue

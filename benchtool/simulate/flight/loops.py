@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchtool.core.units import Array
 from benchtool.physics.disc_thrust import ImageRules, bound_hooks
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     Slot,
-    compiled_closure,
     expression,
     inlined_expression,
     read_record,
-    shared_view,
     with_fields,
     write_record,
 )
@@ -25,21 +25,15 @@ from benchtool.physics.fold import chain_hooks, source_key, unrolled
 from benchtool.physics.images import LEVEL
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
-from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
-from benchtool.simulate.flight.ground import build_look_below
-from benchtool.simulate.flight.records import (
-    GOING,
-    GUST,
-    LOST,
-    NOISE,
-    STRUCK,
-    TICK,
-    FlightArrays,
-    FlightGeometry,
-    FlightOutcome,
-    GroundTorque,
+from benchtool.simulate.controllers.controller import (
+    FlightCommand,
+    FlightMeasurement,
+    FlightReference,
 )
-from benchtool.simulate.flight.rigid_body import (
+from benchtool.simulate.flight.environment import Tables
+from benchtool.simulate.flight.ground import build_look_below
+from benchtool.simulate.flight.vehicle import (
+    FlightGeometry,
     apply_impulse,
     drift,
     pitch_angle,
@@ -48,14 +42,72 @@ from benchtool.simulate.flight.rigid_body import (
     upward,
     yaw_angle,
 )
-from benchtool.simulate.hooks import identities, joined_hooks
-from benchtool.simulate.kernel import Build, Phases, run_ticks
-from benchtool.simulate.layout import Layout
-from benchtool.simulate.motors import Rotors, Targets, first_order_lag
+from benchtool.simulate.hooks import Rotors, Targets, first_order_lag, identities, joined_hooks
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
+from benchtool.simulate.loop import Build, Phases, compile_loop
 from benchtool.simulate.noise import next_state, normal
 
-# Loops of a flight: run(arrays, plan, first, last) -> the tick at which it ended, with arrays from
-# `layout.lend_rows`; and look_below, see `ground.build_look_below`.
+GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # flying; touched a surface; state not finite
+
+# Use of the map: strength and start time of the feedforward, 1 if a disc is covered as a whole or
+# not at all, 1 if the map is used.
+MapUse = namedtuple("MapUse", "strength from_s whole_discs is_used", defaults=(0.0, 0.0, 0.0, 0.0))
+
+FlightTick = namedtuple(  # one column of the schedule: setpoint and current goal (m)
+    "FlightTick",
+    "reference goal_x_m goal_y_m goal_z_m",
+    defaults=(FlightReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
+)
+
+GustRow = namedtuple(  # gust of 1 - cos shape: start (s), duration (s), peak velocity (m/s)
+    "GustRow",
+    "from_s length_s wind_x_m_s wind_y_m_s wind_z_m_s",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
+)
+
+# Noise of the gyro reading in a control period.
+GyroNoise = namedtuple("GyroNoise", "p_rad_s q_rad_s r_rad_s", defaults=(0.0, 0.0, 0.0))
+
+FlightOutcome = namedtuple(  # ending, plant steps with a clamped height, least height of a disc (m)
+    "FlightOutcome", "ending clamped_steps nearest_m", defaults=(GOING, 0.0, float("inf"))
+)
+
+# Torques by ground effect, for the log.
+GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0))
+
+TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
+
+
+class FlightArrays(NamedTuple):
+    """Arrays of a flight.
+
+    Attributes:
+        w: the records.
+        sent: ring buffer of commanded speeds (n_rotors, n_ring, 1).
+        log: (n_rows, n_logged, 1), the rows `logged` of `w`.
+        schedule: (n_numbers, n_ticks), a `FlightTick` per column.
+        noise: (3, n_ticks), a `GyroNoise` per column; or one column for all ticks.
+        gusts: (n_numbers, n_gusts), a `GustRow` per column.
+        scratch: a column of `ground.DISC` per disc.
+        geometry: a `FlightGeometry` (n_numbers,).
+        below, map: tables of the environment, and of its map.
+    """
+
+    w: Array = LINE
+    states: NDArray[np.int64] = COUNTS
+    sent: Array = SOLID
+    log: Array = SOLID
+    logged: NDArray[np.int64] = COUNTS
+    schedule: Array = PLANE
+    noise: Array = PLANE
+    gusts: Array = PLANE
+    scratch: Array = PLANE
+    geometry: Array = LINE
+    below: Tables = Tables()
+    map: Tables = Tables()
+
+
+# Loops of a flight: run, see `compile_loop`; and look_below, see `ground.build_look_below`.
 FlightLoops = namedtuple("FlightLoops", "run look_below")
 
 
@@ -272,17 +324,11 @@ def flight_loops(
 ) -> FlightLoops:
     """Return the loops for these effects and this law; `geometry_type` contains zeros."""
     n, slots = len(geometry_type.x_m), layout.slots
-    ones, n_rotors, like = (1.0,) * n, len(rotor_disc), FlightArrays()
-    hooks = joined_hooks(effects, n, rules)
-    slot, build = Slot(0, geometry_type), Build((0,), slots)
+    ones, n_rotors, hooks = (1.0,) * n, len(rotor_disc), joined_hooks(effects, n, rules)
     look_below = build_look_below(n, hooks)
     change_speed = chain_hooks(bound_hooks(effects, "speed"))
     rotor_speeds = unrolled(
         n_rotors, expression(lambda i, flow, p: change_speed(i, flow.speed_rad_s[i], flow, p))
-    )
-    geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
-    scheduled = inlined_expression(
-        lambda arrays, tick: read_record(arrays.schedule, TICK, tick, arrays.schedule.shape[1])
     )
     law = inlined_expression(lambda arrays, now: control_vehicle(arrays, now, slots, step))
     mix = inlined_expression(
@@ -297,12 +343,9 @@ def flight_loops(
     is_running = inlined_expression(
         lambda arrays: read_record(arrays.w, slots.outcome, 0, 1).ending == GOING
     )
-    phases: Any = expression(lambda: Phases(geometry, scheduled, law, mix, move, sense, is_running))
+    phases: Any = expression(lambda: Phases(law, mix, move, sense, is_running))
     key = repr(
         (rotor_disc, rules, source_key(step), layout.key, geometry_type, identities(effects))
     )
-
-    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())
-
-    return FlightLoops(compiled_closure(run, key), look_below)
+    build = Build((0,), slots, Slot(0, geometry_type), TICK)
+    return FlightLoops(compile_loop(FlightArrays(), build, phases, key), look_below)

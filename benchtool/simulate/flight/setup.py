@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import load_rig_by_name
@@ -16,18 +16,15 @@ from benchtool.simulate.flight.cases import FLIGHTS, GYRO_NOISE_RAD_S, FlightCas
 from benchtool.simulate.flight.environment import Environment, read_map
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.study import check_duration, measure
-from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.flight.vehicle import RANGES, FlightVehicle
 from benchtool.simulate.gain_file import Gains, load_gains
-from benchtool.simulate.inputs import FlightInputs
+from benchtool.simulate.inputs import CONTROL_HZ, FlightInputs, Point, Row, Setup, check_range
 from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.setup import CONTROL_HZ, Point, Row, Setup, check_range
 
 FLIGHT_NUMBERS = (
     "z_over_R", "speed_m_s", "gyro_noise_rad_s", "map_strength", "drag_N_s_m", "step_s",
 )  # fmt: skip
-VEHICLE_NUMBERS = (
-    "K_b", "neighbours", "lag_s", "turned_deg", "inertia_scale", "undercarriage_m",
-)  # fmt: skip
+VEHICLE_NUMBERS = tuple(name for name in RANGES if name not in FLIGHT_NUMBERS)
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
 MAX_DISTANCE_M = 1000.0  # of a goal, and of a map offset; assumed
@@ -87,7 +84,9 @@ class FlightSetup(Setup):
             check_range("duration_s", self.duration_s, 0.0, MAX_DURATION_S)
 
     def build_case(self, control: str, seed: int = 1) -> FlightCase:
-        """Return the case of one controller and noise seed."""
+        """Return the case of one controller and noise seed; `OGE` is PID without surfaces."""
+        if control == OGE:
+            return replace(self.build_case("pid", seed), below=Environment())
         if self.case not in FLIGHTS:
             raise UnknownChoice("flight", self.case, FLIGHTS)
         built_in = FLIGHTS[self.case]
@@ -153,18 +152,13 @@ class FlightSetup(Setup):
     def campaign_title(self) -> str:
         return f"{self.build_case('pid').title}, {self.vehicle.rig.name}"
 
-    def with_changes(self, values: Mapping[str, float]) -> Self:
-        """Return the setup with some numbers changed, by name.
+    def with_number(self, name: str, value: float) -> Self:
+        """Return the setup with one number changed, by name.
 
         A name is one of `CHANGEABLE` (the value of a table of gains is a factor on its gains), or a
         single gain ("gains.attitude.k_q_per_s").
         """
-        setup = self
-        for name, value in values.items():
-            setup = setup._with_number(full_name(name), float(value))
-        return setup
-
-    def _with_number(self, name: str, value: float) -> Self:
+        name = full_name(name)
         numbers: dict[str, Any] = {name: value}
         if name.startswith("gains."):
             gains = self.gains.with_values(**{name.removeprefix("gains."): value})
@@ -172,11 +166,9 @@ class FlightSetup(Setup):
         if name in VEHICLE_NUMBERS:
             return replace(self, vehicle=self.vehicle.with_numbers(**numbers))
         if name in MAP_OFFSETS:
-            x_m, y_m, z_m = (
-                value if offset_name == name else offset_m
-                for offset_name, offset_m in zip(MAP_OFFSETS, self.map_offset_m, strict=True)
-            )
-            return replace(self, map_offset_m=(x_m, y_m, z_m))
+            offsets_m = list(self.map_offset_m)
+            offsets_m[MAP_OFFSETS.index(name)] = value
+            numbers = {"map_offset_m": tuple(offsets_m)}
         return replace(self, **numbers)
 
     def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
@@ -188,7 +180,7 @@ class FlightSetup(Setup):
                 f"set --gyro-noise-rad-s (paper: 0.015) or remove --seeds"
             )
         try:
-            case = self.build_run(controller, point).build_case(1)
+            case = self.with_changes(point).build_case(controller)
             if warning := check_duration(case):
                 raise InputError(warning)
             fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))
@@ -197,36 +189,25 @@ class FlightSetup(Setup):
         except InputError as error:
             raise _at_point(error, point) from error
 
-    def build_run(self, controller: str, point: Point) -> FlightPoint:
-        return FlightPoint(self.with_changes(point), controller, point)
+    def build_run(self, controller: str, point: Point) -> FlightRun:
+        return self.with_changes(point), controller, point
 
     @staticmethod
     def measure_runs(
-        runs: Iterator[tuple[FlightPoint, int]], seed: int, threads: int | None
+        runs: Iterator[tuple[FlightRun, int]], seed: int, threads: int | None
     ) -> Iterator[Row]:
-        flights = (partial(_measure_flight, run, seed + number) for run, number in runs)
+        flights = (partial(_measure_flight, *run, seed + number) for run, number in runs)
         return results_in_order(flights, threads)
 
 
-class FlightPoint(NamedTuple):
-    """Flight at a point of a design."""
-
-    setup: FlightSetup
-    control: str
-    point: Point
-
-    def build_case(self, seed: int) -> FlightCase:
-        """Return the case with one noise seed."""
-        if self.control == OGE:
-            return replace(self.setup.build_case("pid", seed), below=Environment())
-        return self.setup.build_case(self.control, seed)
+FlightRun = tuple[FlightSetup, str, Point]  # set-up at a point, controller, and the point
 
 
-def _measure_flight(run: FlightPoint, seed: int) -> Row:
+def _measure_flight(setup: FlightSetup, controller: str, point: Point, seed: int) -> Row:
     try:
-        measures = measure(fly(run.build_case(seed)))
+        measures = measure(fly(setup.build_case(controller, seed)))
     except InputError as error:
-        raise _at_point(error, run.point) from error
+        raise _at_point(error, point) from error
     # "struck" is an ending, not an attribute.
     numbers = {name: float(getattr(measures, name, measures.ending == name)) for name in MEASURES}
     return {"ending": measures.ending, **numbers, "held_ticks": float(measures.held_ticks)}

@@ -10,8 +10,8 @@ from typing import Any
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.physics.model import Model
+from benchtool.simulate.controllers.controller import GRAVITY_M_S2
 
-GRAVITY_M_S2 = 9.81  # standard gravity, rounded as by the owner of the pitch bench
 STEPS_PER_LAG = 2.0  # minimum number of plant steps per motor lag
 
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameters
-from benchtool.core.schedule import PARKED_M, SampledSchedule
+from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.core.units import Array
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
+from benchtool.simulate.hooks import neutral_value
+from benchtool.simulate.layout import lend_rows
+from benchtool.simulate.loop import LoopPlan
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
-from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, FilterGains, LoggedTick
-from benchtool.simulate.pitch.records import Setpoint
+from benchtool.simulate.pitch.lane import FREE, RESTART, FilterGains, Setpoint
+from benchtool.simulate.pitch.loops import LoggedTick
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 MIN_PARKED_Z_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
@@ -36,7 +38,7 @@ class LoggedPitch:
         plate_share: (n,) inserted share of the plate, 0 (parked) to 1.
         theta_rad, gyro_rad_s: (n,) readings; nan where there is none.
         speed_rad_s: (n_discs, n) readings; nan where there is none.
-        mode: (n,) filter mode, see `filter_ticks`.
+        mode: (n,) filter mode, see `lane`.
         from_speeds: use the measured speeds instead of the model from pulse width to speed.
     """
 
@@ -64,25 +66,15 @@ class LoggedPitch:
         rows = {name: array[..., first:last] for name, array in columns.items() if np.ndim(array)}
         return replace(self, **rows)
 
-    def schedule(self) -> SampledSchedule:
-        """Return the schedule of the plate in the log, without a controller."""
-        ticks = len(self)
-        zeros = np.zeros(ticks)
-        return SampledSchedule(
-            rate_Hz=self.rate_Hz,
-            time_s=np.arange(ticks) / self.rate_Hz,
-            reference_rad=zeros,
-            collective=np.ones(ticks),
-            dither_us=zeros,
-            plate_z_m=np.asarray(self.plate_z_m, float),
-            plate_share=np.asarray(self.plate_share, float),
-            observer=zeros,
-            feedforward=zeros,
-        )
+
+FILTERED = (  # record fields from a filter, in the order of `Predictions`
+    "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
+    "hinge.wake_Nm", "hinge.deflection", "readings.speed_rad_s", "rotors.speed_rad_s",
+)  # fmt: skip
 
 
 class Predictions(NamedTuple):
-    """Predictions of benches along a log; fields in the order of `run.FILTERED`.
+    """Predictions of benches along a log; fields in the order of `FILTERED`.
 
     Attributes:
         theta_rad, gyro_rad_s: (n, lanes) predicted readings, one tick ahead.
@@ -121,59 +113,83 @@ def filter_log(
     mode = np.array(logged.mode, float)
     if states is None:
         mode[0] = RESTART
-    whole, before = [(0, 0, len(logged))], round(start_s * logged.rate_Hz)
-    logged = replace(logged, mode=mode)
-    return _filter_windows(benches, logged, gains, whole, [states], None, before)[0]
+    whole, before = [(0, 0, len(logged), states)], round(start_s * logged.rate_Hz)
+    return _filter_windows(benches, replace(logged, mode=mode), gains, whole, None, before)[0]
 
 
 def predict_windows(
     benches: Sequence[PitchBench],
     logged: LoggedPitch,
-    starts: Sequence[int] | NDArray[np.intp],
+    states: Mapping[int, Array],
     rows: int,
     lead: int,
-    states: Sequence[Array],
     seed: int | None = None,
 ) -> list[Predictions]:
     """Return the predictions of each bench in windows of a log, without corrections.
 
-    Pulse widths of `lead` rows before a window are still in a delay.
+    Args:
+        states: initial values as in `filter_log`, by the first row of a window.
+        lead: pulse widths of so many rows before a window are still in a delay.
     """
-    windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
+    windows = [(max(row - lead, 0), row, row + rows, values) for row, values in states.items()]
     free = replace(logged, mode=np.full(len(logged), float(FREE)))
-    return _filter_windows(benches, free, np.zeros(len(FilterGains._fields)), windows, states, seed)
+    return _filter_windows(benches, free, np.zeros(len(FilterGains._fields)), windows, seed)
 
 
 def _filter_windows(
     benches: Sequence[PitchBench],
     logged: LoggedPitch,
     gains: Array,
-    windows: Sequence[tuple[int, int, int]],
-    states: Sequence[Array | None],
+    windows: Sequence[tuple[int, int, int, Array | None]],
     seed: int | None,
     before: int = 0,
 ) -> list[Predictions]:
-    """Return the predictions in windows: first row of the commands, first row, end (exclusive)."""
-    parts = []
+    """Return the predictions in windows.
+
+    Args:
+        windows: first row of the commands, first row, end (exclusive), and initial states.
+    """
+    rig, zeros = benches[0].model.rig, np.zeros(len(logged))
+    if logged.n_discs != rig.n_discs:
+        raise InputError(
+            f"number of discs differs: log {logged.n_discs}, rig {rig.name!r} {rig.n_discs}; use "
+            f"another rig"
+        )
+    pwm_us, lag_s = logged.pwm_us, 0.0
+    if logged.from_speeds:
+        # Within a tick speeds follow this lag from one reading to the next: linear interpolation
+        # would shift the thrust by a fraction of a millisecond, which under dither looks like a
+        # tenth of the friction.
+        lag_s = max(rig.propulsion.lag_s, 1.001 * STEPS_PER_LAG / benches[0].plant_rate_Hz)
+        remains = np.exp(-1.0 / (logged.rate_Hz * lag_s))
+        pwm_us = pwm_us.copy()
+        pwm_us[:, :-1] += np.diff(logged.pwm_us, axis=1) / (1.0 - remains)
+    setpoint = Setpoint(zeros, zeros, logged.plate_z_m, logged.plate_share)
+    ticks = LoggedTick(
+        setpoint, (*pwm_us,), logged.mode, logged.theta_rad, logged.gyro_rad_s,
+        (*logged.speed_rad_s,),
+    )  # fmt: skip
+    table, parts = np.array(flat_values(ticks), float), []
     for k in range(0, len(benches), LANES[-1]):
         group = benches[k : k + LANES[-1]]
-        loop = _build_loop(group, logged, None if seed is None else seed + k)
-        setpoint = Setpoint(*loop.schedule_view("setpoint"))
-        ticks = LoggedTick(
-            setpoint, (*loop.schedule_view("pwm_us"),), logged.mode, logged.theta_rad,
-            logged.gyro_rad_s, (*logged.speed_rad_s,),
-        )  # fmt: skip
-        table, predictions = np.array(flat_values(ticks), float), []
-        for (first, start, stop), initial_states in zip(windows, states, strict=True):
+        loop = _build_loop(group, logged, lag_s, None if seed is None else seed + k)
+        rows, run, predictions = loop.layout.row_numbers(FILTERED), loop.loops.filter, []
+        log = np.empty((len(logged), len(rows), loop.lanes))
+        arrays = loop.arrays._replace(log=log, logged=rows, schedule=table, gains=gains)
+        addresses, plan = lend_rows(run, arrays), LoopPlan(*loop.plan)._replace(ticks_before=before)
+        for first, start, stop, initial_states in windows:
             if initial_states is not None:
                 lane_states = initial_states[:, k : k + LANES[-1]]
                 n_missing = loop.lanes - lane_states.shape[1]
                 lane_states = np.pad(lane_states, ((0, 0), (0, n_missing)), mode="edge")
                 loop.view("hinge")[:4] = lane_states[:4]
                 loop.set_speeds(lane_states[4:])
-            log = loop.filter(table, gains, before, (first, start, stop))[:, :, : len(group)]
-            scalars = [log[:, column] for column in range(6)]
-            predictions.append(Predictions(*scalars, *np.split(log[:, 6:], 2, axis=1)))
+            for is_at_rest, begin, end in ((1, first, start), (0, start, stop)):
+                run(addresses, np.array(plan._replace(is_at_rest=is_at_rest), np.int64), begin, end)
+            part = log[start:stop, :, : len(group)]
+            part = part.copy() if len(windows) > 1 else part
+            scalars = [part[:, column] for column in range(6)]
+            predictions.append(Predictions(*scalars, *np.split(part[:, 6:], 2, axis=1)))
         parts.append(predictions)
     if len(parts) == 1:
         return parts[0]
@@ -183,68 +199,44 @@ def _filter_windows(
     ]
 
 
-def _build_loop(benches: Sequence[PitchBench], logged: LoggedPitch, seed: int | None) -> PitchLoop:
-    """Return a loop driven by the logged pulse widths; extra lanes repeat the last bench."""
+def _build_loop(
+    benches: Sequence[PitchBench], logged: LoggedPitch, lag_s: float, seed: int | None
+) -> PitchLoop:
+    """Return a loop for a log; extra lanes repeat the last bench.
+
+    With a lag the benches lose all other effects of the subsystem pwm_to_rpm: every rotor has its
+    measured speeds.
+    """
     lanes = next(count for count in LANES if count >= len(benches))
-    discs, rig = logged.n_discs, benches[0].model.rig
-    if discs != rig.n_discs:
-        raise InputError(
-            f"number of discs differs: log {discs}, rig {rig.name!r} {rig.n_discs}; use another rig"
-        )
-    p, first_us = rig.propulsion, logged.pwm_us[:, 0]
-    if logged.from_speeds:
-        benches, logged = _without_motors(benches, logged)
+    p = benches[0].model.rig.propulsion
     control = PitchControl(name="logged", gains=None, rate_Hz=logged.rate_Hz)
-    job_by_bench = {id(bench): PitchJob(replace(bench, sensors={}), control) for bench in benches}
+    job_by_bench = {}
+    for bench in benches:
+        if id(bench) not in job_by_bench:
+            model = _with_lag_alone(bench.model, lag_s) if lag_s else bench.model
+            job_by_bench[id(bench)] = PitchJob(replace(bench, model=model, sensors={}), control)
     jobs = [job_by_bench[id(bench)] for bench in benches]
     jobs += [jobs[-1]] * (lanes - len(jobs))
-    loop = PitchLoop(
-        jobs, logged.schedule(), seed or 0, list(range(lanes)), external=True, neutral_too=True
-    )
-    loop.drive(np.ascontiguousarray(logged.pwm_us, float))
+    tick = Schedule(name="log", title="", duration_s=1.0 / logged.rate_Hz)
+    start = tick.sampled(logged.rate_Hz, p.radius_m)
+    loop = PitchLoop(jobs, start, seed or 0, list(range(lanes)), neutral_too=True)
     if seed is None:
         loop.view("motion.wake_innovation_Nm")[:] = 0.0
-    steady_rad_s = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
-    loop.set_speeds(steady_rad_s[:, None])
+    pulse_us = np.maximum(logged.pwm_us[:, 0] - p.pwm_start_us, 0.0)
+    loop.set_speeds((p.speed_per_us_rad_s * pulse_us)[:, None])
     return loop
-
-
-def _without_motors(
-    benches: Sequence[PitchBench], logged: LoggedPitch
-) -> tuple[Sequence[PitchBench], LoggedPitch]:
-    """Return benches and pulse widths for which every rotor has its measured speeds.
-
-    The benches lose all effects of the subsystem pwm_to_rpm. Within a tick speeds follow the lag of
-    the rig from one reading to the next: linear interpolation would shift the thrust by a fraction
-    of a millisecond, which under dither looks like a tenth of the friction.
-    """
-    first_bench = benches[0]
-    p = first_bench.model.rig.propulsion
-    lag_s = max(p.lag_s, 1.001 * STEPS_PER_LAG / first_bench.plant_rate_Hz)
-    remains = np.exp(-1.0 / (logged.rate_Hz * lag_s))
-    drive = logged.pwm_us.copy()
-    drive[:, :-1] += np.diff(logged.pwm_us, axis=1) / (1.0 - remains)
-    models = {id(bench): _with_lag_alone(bench.model, lag_s) for bench in benches}
-    bench_by_id = {id(bench): replace(bench, model=models[id(bench)]) for bench in benches}
-    return [bench_by_id[id(bench)] for bench in benches], replace(logged, pwm_us=drive)
 
 
 def _with_lag_alone(model: Model, lag_s: float) -> Model:
     """Return the model with only a lag between pulse width and speed."""
-    values = {
-        f"{effect.name}.{effect.parameters[0].name}": lag_s
-        for effect in model.effects
-        if effect.hooks.lag_s is not None
-    }
+    parameters = dict(model.parameters)
     for effect in model.effects:
+        values = {}
         if effect.subsystem == "pwm_to_rpm":
-            for parameter in effect.parameters:
-                neutral = parameter.value if parameter.neutral is None else parameter.neutral
-                values.setdefault(f"{effect.name}.{parameter.name}", neutral)
-    parameters = model.parameters
-    return model.with_values(
-        Parameters(
-            (name, parameter.with_value(values.get(name, parameter.value)))
-            for name, parameter in parameters.items()
-        )
-    )
+            values = {parameter.name: neutral_value(parameter) for parameter in effect.parameters}
+        if effect.hooks.lag_s is not None:
+            values[effect.parameters[0].name] = lag_s
+        for name, value in values.items():
+            full_name = f"{effect.name}.{name}"
+            parameters[full_name] = parameters[full_name].with_value(value)
+    return model.with_values(Parameters(parameters.items()))

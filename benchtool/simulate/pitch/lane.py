@@ -3,10 +3,15 @@
 The hinge is integrated by the midpoint rule with an implicit step for dry friction: second order
 when it slips, exactly at rest when it sticks. The lag of rotor speeds is exact, also if a delayed
 command arrives within a step.
+
+A filter along a log has the same plant. Readings minus the prediction of one tick are the
+innovations; for the correct model they are white noise of known size, for any controller. Every
+lane filters the same log with different parameters, so that a derivative costs no more than a run.
 """
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import Any
 
 import numpy as np
@@ -22,11 +27,54 @@ from benchtool.physics.expression import (
 from benchtool.physics.images import Plane, height_over
 from benchtool.physics.rotor import pitch_moment_Nm
 from benchtool.simulate.controllers.blocks import clip
-from benchtool.simulate.motors import Rotors, first_order_lag
+from benchtool.simulate.hooks import Rotors, first_order_lag
 from benchtool.simulate.noise import next_state, normal
-from benchtool.simulate.pitch.records import Hinge, SensorReadings
 
 MIN_DIVISOR = 1e-300  # avoids 0/0 for a hinge without friction
+
+# Modes of a filter: predict without readings, correct by them, restart from them.
+FREE, CORRECT, RESTART = range(3)
+
+# State of the body: pitch (positive nose down), rate, random torque, elastic deflection of the dry
+# friction as a share (-1 to 1) of its maximum torque; number of plant steps with a disc below the
+# validity limit, and at the end stop; acceleration in the last step.
+Hinge = namedtuple(
+    "Hinge",
+    "theta_rad rate_rad_s wake_Nm deflection clamped_steps stopped_steps acceleration_rad_s2",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+
+# True values with the delay of the sensors.
+Delayed = namedtuple("Delayed", "theta_rad rate_rad_s plate_z_m", defaults=(0.0, 0.0, 0.0))
+
+# Last readings; speeds per disc.
+SensorReadings = namedtuple("SensorReadings", "theta_rad gyro_rad_s plate_z_m speed_rad_s")
+
+# Scheduled attitude (rad), collective (N per rotor), true plate distance with the body level (m),
+# and inserted share of the plate (0 to 1).
+Setpoint = namedtuple(
+    "Setpoint", "reference_rad collective_N plate_z_m plate_share", defaults=(0.0, 0.0, 0.0, 0.0)
+)
+
+# Numbers of hinge and rotors: plant step over inertia (s/(kg m2)), weight (N), k (N/(rad/s)2),
+# effective radius (m), end stop (rad), and coverage of each disc by the fully inserted plate.
+HingedBody = namedtuple("HingedBody", "step_over_inertia weight_N k radius_m stop_rad covered")
+
+# Map from pulse width to speed: slope, and the pulse width at which a rotor starts.
+PulseMap = namedtuple("PulseMap", "slope_rad_s_per_us start_us")
+
+PulseLimits = namedtuple("PulseLimits", "min_us max_us quantum_us")
+
+SensorErrors = namedtuple("SensorErrors", "noise bias quantum")  # standard deviation of the noise
+
+Sensors = namedtuple("Sensors", "theta gyro plate speed")  # errors of all sensors of a pitch bench
+
+# Gains from pitch and gyro innovations to pitch, rate and random torque, and of the speeds.
+FilterGains = namedtuple(
+    "FilterGains",
+    "theta_by_theta theta_by_gyro rate_by_theta rate_by_gyro wake_by_theta wake_by_gyro speed",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
 
 
 @expression
@@ -199,3 +247,42 @@ def sense_lane(
         speeds,
     )
     write_record(w, slots.readings, lane, lanes, readings)
+
+
+@inlined_expression
+def correct_lane(
+    w: Any, lane: Any, lanes: Any, now: Any, gains: Any, slots: Any, hooks: Any
+) -> None:
+    """Predict the readings of a tick and correct the state of one lane by the logged readings."""
+    logged = now.scheduled
+    hinge = read_record(w, slots.hinge, lane, lanes)
+    rotors = read_record(w, slots.rotors, lane, lanes)
+    readings = read_record(w, slots.readings, lane, lanes)
+    p = read_record(w, slots.effects, lane, lanes)
+    gyro = hooks.gyro(now.time_s, hinge.theta_rad, hinge.rate_rad_s, hinge.acceleration_rad_s2, p)
+    predicted = SensorReadings(hinge.theta_rad, gyro, readings.plate_z_m, rotors.speed_rad_s)
+    write_record(w, slots.readings, lane, lanes, predicted)
+    pitch_error, rate_error = logged.theta_rad - hinge.theta_rad, logged.gyro_rad_s - gyro
+    pitch_error = pitch_error if pitch_error == pitch_error else 0.0
+    rate_error = rate_error if rate_error == rate_error else 0.0
+    theta, rate, wake = hinge.theta_rad, hinge.rate_rad_s, hinge.wake_Nm
+    if logged.mode == CORRECT:
+        theta = theta + (gains.theta_by_theta * pitch_error + gains.theta_by_gyro * rate_error)
+        rate = rate + (gains.rate_by_theta * pitch_error + gains.rate_by_gyro * rate_error)
+        wake = wake + (gains.wake_by_theta * pitch_error + gains.wake_by_gyro * rate_error)
+    elif logged.mode == RESTART:
+        theta, rate, wake = theta + pitch_error, rate + rate_error, 0.0
+    speeds = rotors.speed_rad_s
+    for i in range(len(speeds)):
+        error = logged.speed_rad_s[i] - speeds[i]
+        error = error if error == error else 0.0
+        if logged.mode == CORRECT:
+            speeds = with_fields(speeds, i, speeds[i] + gains.speed * error)
+        elif logged.mode == RESTART:
+            speeds = with_fields(speeds, i, speeds[i] + error)
+    corrected = Hinge(
+        theta, rate, wake, hinge.deflection, hinge.clamped_steps, hinge.stopped_steps,
+        hinge.acceleration_rad_s2,
+    )  # fmt: skip
+    write_record(w, slots.hinge, lane, lanes, corrected)
+    write_record(w, slots.rotors, lane, lanes, Rotors(speeds))

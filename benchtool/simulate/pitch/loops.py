@@ -1,22 +1,28 @@
-"""Loops of the pitch bench for a set of effects, a law, and numbers of discs and lanes."""
+"""Loops of the pitch bench for a set of effects, a law, and numbers of discs and lanes.
+
+All numbers of a run are in one block of floats, row by row with adjacent lanes: only then can a
+compiler prove that rows do not overlap, and vectorise over lanes. A phase of the loop reads the
+records that it needs and writes those that it changes.
+"""
 
 from __future__ import annotations
 
 from collections import namedtuple
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchtool.core.units import Array
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     Slot,
-    compiled_closure,
     expression,
     inlined_expression,
     read_record,
-    shared_view,
     with_fields,
     write_record,
 )
@@ -25,13 +31,15 @@ from benchtool.physics.images import LEVEL
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
-from benchtool.simulate.hooks import identities, joined_hooks
-from benchtool.simulate.kernel import PULSES, Build, Phases, always_true, no_phase, run_ticks
-from benchtool.simulate.layout import Layout
-from benchtool.simulate.motors import Targets
+from benchtool.simulate.hooks import Targets, identities, joined_hooks
+from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
+from benchtool.simulate.loop import PULSES, Build, Phases, always_true, compile_loop, no_phase
 from benchtool.simulate.noise import later_state
-from benchtool.simulate.pitch.filter_ticks import GAINS, correct_lane, logged_slot
 from benchtool.simulate.pitch.lane import (
+    Delayed,
+    FilterGains,
+    Setpoint,
+    correct_lane,
     heights_over,
     plane_below,
     rounded,
@@ -39,19 +47,93 @@ from benchtool.simulate.pitch.lane import (
     sense_lane,
     step_lane,
 )
-from benchtool.simulate.pitch.records import (
-    FRESH,
-    PAST,
-    Delayed,
-    Geometry,
-    PitchArrays,
-    tick_slot,
-)
 
+PAST = 64  # longest sensor delay in control ticks; a power of two, see `PAST_MASK`
 PAST_MASK = PAST - 1  # index of a tick in the ring of `PAST` ticks
 
-# Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
-# the same along a log.
+Tick = namedtuple(
+    "Tick", "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us"
+)
+"""One column of the schedule.
+
+Attributes:
+    nominal_plate_z_m, nominal_share: plate according to the map.
+    observer, feedforward: 1 while enabled.
+    dither_us: added to the pulse width of discs that push nose down.
+    pwm_us: pulse width of each disc, where a log drives the bench.
+"""
+
+Fresh = namedtuple("Fresh", "theta gyro plate speed", defaults=(0.0, 0.0, 0.0, 0.0))  # new readings
+
+# One column of a log: setpoint and pulse widths as in `Tick`, filter mode, and readings of
+# pitch (rad), gyro (rad/s) and speed of each disc (rad/s); nan where there is none.
+LoggedTick = namedtuple("LoggedTick", "setpoint pwm_us mode theta_rad gyro_rad_s speed_rad_s")
+
+FRESH, GAINS = Slot(0, Fresh()), Slot(0, FilterGains())
+
+
+class PitchArrays(NamedTuple):
+    """Arrays of a run.
+
+    Attributes:
+        w: records of all lanes, flat: row times lanes plus lane.
+        states: random number state of each lane (n_lanes,).
+        sent: ring buffer of commanded speeds (n_discs, n_ring, n_lanes).
+        past: ring buffer of true pitch, rate and plate distance (3, n_past, n_lanes).
+        log: (n_ticks, n_logged, n_lanes), the rows `logged` of `w` at each tick.
+        schedule: (n_rows, n_ticks), a `Tick` per column; for a filter `LoggedTick`.
+        fresh: (n_sensors, n_ticks + 1), 1 for a new reading at a tick.
+        geometry: a `Geometry` (n_numbers,).
+        gains: `FilterGains` of a filter (n_gains,).
+    """
+
+    w: Array = LINE
+    states: NDArray[np.int64] = COUNTS
+    sent: Array = SOLID
+    past: Array = SOLID
+    log: Array = SOLID
+    logged: NDArray[np.int64] = COUNTS
+    schedule: Array = PLANE
+    fresh: Array = PLANE
+    geometry: Array = LINE
+    gains: Array = LINE
+
+
+def tick_slot(n_discs: int) -> Slot:
+    """Return the slot of one column of a schedule."""
+    return Slot(0, Tick(Setpoint(), 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * n_discs))
+
+
+class Geometry(NamedTuple):
+    """Plant step; sum of the squared rotor arms; disc positions (n,); root of the number of rotors
+    per disc (n,); distances between discs (n, n); sources of the body term (n_body,).
+    """
+
+    dt_s: Any
+    span_m2: Any
+    x_m: Any
+    y_m: Any
+    roots: Any
+    distances_m: Any
+    body: BodyImages
+
+
+COLUMNS = {  # first columns of a log with their record fields
+    "reference_rad": "setpoint.reference_rad",
+    "theta_rad": "readings.theta_rad",
+    "gyro_rad_s": "readings.gyro_rad_s",
+    "plate_z_m": "setpoint.plate_z_m",
+    "plate_read_m": "readings.plate_z_m",
+    "plate_share": "setpoint.plate_share",
+    "torque_Nm": "command.torque_Nm",
+    "estimate_Nm": "law_state.estimate_Nm",
+    "true_theta_rad": "hinge.theta_rad",
+    "true_rate_rad_s": "hinge.rate_rad_s",
+}
+
+LOGGED = (*COLUMNS.values(), "pwm_us", "readings.speed_rad_s")  # fields of a log
+
+# Compiled loops, see `compile_loop`: run, and filter along a log.
 PitchLoops = namedtuple("PitchLoops", "run filter")
 
 
@@ -139,17 +221,10 @@ def pitch_loops(
 ) -> PitchLoops:
     """Return the loops for these effects and this law; `geometry_type` contains zeros."""
     n_discs, slots = len(geometry_type.x_m), layout.slots
-    build, ones = Build(tuple(range(lanes)), slots), (1.0,) * n_discs
-    entry, log_entry = tick_slot(n_discs), logged_slot(n_discs)
-    slot, like = Slot(0, geometry_type), PitchArrays()
+    ones, zeros = (1.0,) * n_discs, (0.0,) * n_discs
+    build = Build(tuple(range(lanes)), slots, Slot(0, geometry_type), tick_slot(n_discs))
+    logged = Slot(0, LoggedTick(Setpoint(), zeros, 0.0, 0.0, 0.0, zeros))
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
-    geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
-    scheduled = inlined_expression(
-        lambda arrays, tick: read_record(arrays.schedule, entry, tick, arrays.schedule.shape[1])
-    )
-    logged = inlined_expression(
-        lambda arrays, tick: read_record(arrays.schedule, log_entry, tick, arrays.schedule.shape[1])
-    )
 
     @inlined_expression
     def control(arrays: Any, now: Any) -> None:
@@ -221,18 +296,12 @@ def pitch_loops(
             for lane in range(lanes):
                 arrays.states[lane] = later_state(arrays.states[lane], 2 * (3 + n_discs))
 
-    control_phases: Any = expression(
-        lambda: Phases(geometry, scheduled, control, mix, move, sense, always_true)
-    )
-    filter_phases: Any = expression(
-        lambda: Phases(geometry, logged, correct, drive, move, no_phase, always_true)
-    )
+    control_phases: Any = expression(lambda: Phases(control, mix, move, sense, always_true))
+    filter_phases: Any = expression(lambda: Phases(correct, drive, move, no_phase, always_true))
     key = repr((lanes, rules, source_key(step), layout.key, geometry_type, identities(effects)))
-
-    def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, control_phases())
-
-    def filter_(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, filter_phases())
-
-    return PitchLoops(compiled_closure(run, key), compiled_closure(filter_, key))
+    return PitchLoops(
+        compile_loop(PitchArrays(), build, control_phases, key),
+        compile_loop(
+            PitchArrays(), build._replace(scheduled=logged), filter_phases, f"filter {key}"
+        ),
+    )

@@ -18,23 +18,40 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import (
+    GRAVITY_M_S2,
     PitchCommand,
     PitchMeasurement,
     PitchPlant,
     PitchReference,
 )
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
-from benchtool.simulate.hooks import loop_effects, loop_numbers
-from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
-from benchtool.simulate.layout import Layout, lend_rows, record_layout, rows_in, zero_record
-from benchtool.simulate.loop import Loop, command_ring
-from benchtool.simulate.motors import Rotors, Targets, build_motion
+from benchtool.simulate.hooks import Rotors, Targets, build_motion, loop_effects, loop_numbers
+from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_record
+from benchtool.simulate.loop import BUILT_IN, PULSES, Loop, LoopPlan, command_ring
 from benchtool.simulate.noise import lane_states
-from benchtool.simulate.pitch import records as r
-from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench
-from benchtool.simulate.pitch.filter_ticks import FilterGains
-from benchtool.simulate.pitch.loops import PitchLoops, pitch_loops
-from benchtool.simulate.pitch.result import LOGGED
+from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench
+from benchtool.simulate.pitch.lane import (
+    Delayed,
+    FilterGains,
+    Hinge,
+    HingedBody,
+    PulseLimits,
+    PulseMap,
+    SensorErrors,
+    SensorReadings,
+    Sensors,
+    Setpoint,
+)
+from benchtool.simulate.pitch.loops import (
+    LOGGED,
+    PAST,
+    Geometry,
+    PitchArrays,
+    PitchLoops,
+    Tick,
+    pitch_loops,
+    tick_slot,
+)
 
 MAX_DISCS = 8  # of a loop: more would take minutes to compile
 _new = tuple.__new__  # faster than the constructors of named tuples by 0.5 us a tick
@@ -67,7 +84,7 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
     )
 
 
-def build_geometry(model: Model, dt_s: float) -> r.Geometry:
+def build_geometry(model: Model, dt_s: float) -> Geometry:
     """Return the geometry of a model for plant steps."""
     rig = model.rig
     x_m, y_m = rig.disc_positions_m.T.tolist()
@@ -82,7 +99,7 @@ def build_geometry(model: Model, dt_s: float) -> r.Geometry:
     span_m2 = sum(root * root * x * x for root, x in zip(roots, x_m, strict=True))
     distances_m = tuple(map(tuple, rig.disc_distances_m.tolist()))
     body = BodyImages(*(tuple(part.tolist()) for part in model.body_images))
-    return r.Geometry(dt_s, span_m2, tuple(x_m), tuple(y_m), tuple(roots), distances_m, body)
+    return Geometry(dt_s, span_m2, tuple(x_m), tuple(y_m), tuple(roots), distances_m, body)
 
 
 def lane_records(job: PitchJob, effects: Sequence[Effect]) -> dict[str, Any]:
@@ -92,25 +109,25 @@ def lane_records(job: PitchJob, effects: Sequence[Effect]) -> dict[str, Any]:
     zeros, pulse = (0.0,) * rig.n_discs, rig.propulsion
     plant = PitchPlant(rig.body.inertia_yy_kgm2, torque_limit_Nm(bench))
     return {
-        "hinge": r.Hinge(),
+        "hinge": Hinge(),
         "rotors": Rotors(zeros),
         "targets": Targets(zeros, zeros, zeros),
-        "delayed": r.Delayed(),
-        "readings": r.SensorReadings(0.0, 0.0, 0.0, zeros),
-        "setpoint": r.Setpoint(),
+        "delayed": Delayed(),
+        "readings": SensorReadings(0.0, 0.0, 0.0, zeros),
+        "setpoint": Setpoint(),
         "command": PitchCommand(0.0, 0.0),  # for the mixer
         "factor": (1.0,) * rig.n_discs,  # of the feedforward
         "pwm_us": zeros,
         "law_state": control.law.state,
-        "body": r.HingedBody(
+        "body": HingedBody(
             dt_s / bench.inertia_kgm2, rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
             values["R_m"].value, bench.stop_rad, tuple(bench.covered),
         ),
-        "pulses": r.PulseMap(pulse.speed_per_us_rad_s, pulse.pwm_start_us),
-        "limits": r.PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
+        "pulses": PulseMap(pulse.speed_per_us_rad_s, pulse.pwm_start_us),
+        "limits": PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
         "motion": build_motion(model, dt_s),
-        "sensors": r.Sensors(
-            *(r.SensorErrors(one.noise, one.bias, one.quantum) for one in bench.loop_sensors)
+        "sensors": Sensors(
+            *(SensorErrors(one.noise, one.bias, one.quantum) for one in bench.loop_sensors)
         ),
         "strength": control.feedforward.strength,
         "law": control.law.numbers(control, plant),
@@ -132,21 +149,17 @@ def torque_limit_Nm(bench: PitchBench) -> float:
     return float(margin_N * np.sum(x_m * x_m) / np.max(np.abs(x_m)))
 
 
-FILTERED = (  # record fields from a filter, in the order of `Predictions`
-    "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
-    "hinge.wake_Nm", "hinge.deflection", "readings.speed_rad_s", "rotors.speed_rad_s",
-)  # fmt: skip
-
-
 class PitchLoop(Loop):
     """Loop of the pitch bench, for lanes that share schedule and structure.
 
     Args:
         seed, runs: of the noise; run number of each lane.
-        external: the caller is the controller, tick by tick.
         neutral_too: compile inactive effects, too; see `loop_effects`.
         log: (n_ticks, n_rows, n_lanes) to reuse; a new one is allocated if the shape differs.
     """
+
+    loops: PitchLoops
+    arrays: PitchArrays
 
     def __init__(
         self,
@@ -155,7 +168,6 @@ class PitchLoop(Loop):
         seed: int,
         runs: Sequence[int],
         *,
-        external: bool = False,
         neutral_too: bool = False,
         log: Array | None = None,
     ) -> None:
@@ -173,11 +185,11 @@ class PitchLoop(Loop):
         shape = (len(schedule), len(rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
         rates_Hz = tuple(sensor.rate_Hz for sensor in bench.loop_sensors)
-        arrays = r.PitchArrays(
+        arrays = PitchArrays(
             w=w.reshape(-1),
             states=lane_states(seed, runs),
             sent=np.zeros((self.n_discs, ring, self.lanes)),
-            past=np.zeros((3, r.PAST, self.lanes)),
+            past=np.zeros((3, PAST, self.lanes)),
             log=self.log,
             logged=rows,
             schedule=schedule_rows(
@@ -187,8 +199,8 @@ class PitchLoop(Loop):
             geometry=geometry,
             gains=np.zeros(len(FilterGains._fields)),
         )
-        driver, delays = CALLER if external else BUILT_IN, sensor_delays(bench, schedule.rate_Hz)
-        self.use(arrays, LoopPlan(substeps, driver, is_delayed, 1, 0, 0, *delays))
+        delays = sensor_delays(bench, schedule.rate_Hz)
+        self.use(arrays, LoopPlan(substeps, BUILT_IN, is_delayed, 1, 0, 0, *delays))
         self._read, self._command = self.view("readings")[:, 0].tolist, self.view("command")[:, 0]
         # At rest, level, rotors at the first collective, sensors read.
         speed_rad_s = np.sqrt(schedule.collective[0] * bench.hover_N / self.view("body.k"))
@@ -200,7 +212,7 @@ class PitchLoop(Loop):
 
     def schedule_view(self, field: str) -> Array:
         """Return a view of a field of `Tick` in the schedule (n, n_ticks)."""
-        view: Array = self.arrays.schedule[rows_in(r.tick_slot(self.n_discs), field)]
+        view: Array = self.arrays.schedule[rows_in(tick_slot(self.n_discs), field)]
         return view
 
     def set_speeds(self, speed_rad_s: Array | float) -> None:
@@ -222,26 +234,6 @@ class PitchLoop(Loop):
         self.use(self.arrays._replace(schedule=self.arrays.schedule.copy()))
         self.schedule_view("pwm_us")[:] = pwm_us
         self.set_driver(PULSES)
-
-    def filter(self, log: Array, gains: Array, before: int, span: tuple[int, int, int]) -> Array:
-        """Filter along a log and return the rows `FILTERED` (n_ticks, n_rows, n_lanes).
-
-        Args:
-            log: (n_numbers, n_ticks), a `filter_ticks.LoggedTick` per column.
-            before: number of ticks of the experiment before the first row of the log.
-            span: first row of the commands (earlier than the filter, for the delay), first row of
-                the filter, and end (exclusive).
-        """
-        rows = self.layout.row_numbers(FILTERED)
-        filtered = np.empty((len(self.schedule), len(rows), self.lanes))
-        arrays = self.arrays._replace(log=filtered, logged=rows, schedule=log, gains=gains)
-        run = self.loops.filter
-        for is_at_rest, first, last in ((1, *span[:2]), (0, *span[1:])):
-            plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN)
-            plan = plan._replace(ticks_before=before, is_at_rest=is_at_rest)
-            run(lend_rows(run, arrays), np.array(plan, np.int64), first, last)
-        part = filtered[slice(*span[1:])]
-        return part if len(part) == len(filtered) else part.copy()
 
     def measure(self, time_s: float) -> PitchMeasurement:
         numbers = self._read()
@@ -319,8 +311,8 @@ def schedule_rows(
     delay_ticks = round(map_settings.late_s * schedule.rate_Hz)
     map_rows = np.clip(np.arange(len(schedule)) - delay_ticks, 0, len(schedule) - 1)
     zeros = np.zeros(len(schedule))
-    tick = r.Tick(
-        r.Setpoint(
+    tick = Tick(
+        Setpoint(
             schedule.reference_rad, schedule.collective * hover_N, schedule.plate_z_m,
             schedule.plate_share,
         ),
@@ -346,9 +338,8 @@ def sensor_delays(bench: PitchBench, rate_Hz: float) -> list[int]:
     delays = []
     for name, sensor in zip(SENSOR_NAMES[:3], bench.loop_sensors, strict=False):
         delays.append(round(sensor.delay_s * rate_Hz))
-        if delays[-1] >= r.PAST:
+        if delays[-1] >= PAST:
             raise InputError(
-                f"{name}.delay_s is {sensor.delay_s:g} s; allowed: up to "
-                f"{(r.PAST - 1) / rate_Hz:g} s"
+                f"{name}.delay_s is {sensor.delay_s:g} s; allowed: up to {(PAST - 1) / rate_Hz:g} s"
             )
     return delays

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, groupby
@@ -21,12 +21,10 @@ from benchtool.physics.model_file import load_model, model_names
 from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS, build_pitch_controller
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import load_gains
-from benchtool.simulate.inputs import PitchInputs
+from benchtool.simulate.inputs import CONTROL_HZ, PitchInputs, Point, Row, Setup, check_range
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
-from benchtool.simulate.pitch.result import measure_plate_visit
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop, count_substeps, shared_key
-from benchtool.simulate.pitch.simulate import extract_run, simulate_many
-from benchtool.simulate.setup import CONTROL_HZ, Point, Row, Setup, check_range
+from benchtool.simulate.pitch.simulate import extract_run, measure_plate_visit, simulate_many
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
@@ -91,43 +89,37 @@ class PitchSetup(Setup):
     def to_metadata(self) -> dict[str, str]:
         return {"model": self.bench.model.name, "schedule": self.schedule.name}
 
-    def with_changes(self, values: Mapping[str, float]) -> Self:
-        """Return the setup with some numbers changed, by name.
+    def with_number(self, name: str, value: float) -> Self:
+        """Return the setup with one number changed, by name.
 
         A name is a model parameter ("k", "body_lift.K_b", or "K_b" if only one effect has it), a
         gain ("gains.attitude.k_q_per_s"), a factor on all gains of a table ("gains.attitude"), a
         number of the bench ("bench.inertia_kgm2") or of the feedforward ("feedforward.strength"),
         or the distance of all plate visits ("plate.z_over_R").
         """
-        setup = self
-        for name, value in values.items():
-            setup = setup._with_number(name, float(value))
-        return setup
-
-    def _with_number(self, name: str, value: float) -> Self:
         if name == PLATE_DISTANCE:
             return replace(self, schedule=_with_plate_at(self.schedule, value))
         head, _, field = name.partition(".")
         number: dict[str, Any] = {field: value}
         if head == "gains" and field:
-            return self._with_controls(
-                lambda control: (
-                    control
-                    if control.gains is None
-                    else replace(control, gains=control.gains.with_values(**number))
-                )
-            )
+            controls = [
+                replace(control, gains=control.gains.with_values(**number))
+                if control.gains
+                else control
+                for control in self.controls
+            ]
+            return replace(self, controls=tuple(controls))
         if head == "feedforward":
             if field not in FEEDFORWARD_NUMBERS:
                 raise UnknownChoice("number of the feedforward", field, FEEDFORWARD_NUMBERS)
             check_range(name, value, *FEEDFORWARD_NUMBERS[field])
-            return self._with_controls(
-                lambda control: (
-                    replace(control, feedforward=replace(control.feedforward, **number))
-                    if control.feedforward.strength > 0.0
-                    else control
-                )
-            )
+            controls = [
+                replace(control, feedforward=replace(control.feedforward, **number))
+                if control.feedforward.strength > 0.0
+                else control
+                for control in self.controls
+            ]
+            return replace(self, controls=tuple(controls))
         if head == "bench" and field != "inertia_kgm2":
             if field not in BENCH_NUMBERS:
                 raise UnknownChoice("number of the bench", field, BENCH_NUMBERS)
@@ -141,9 +133,6 @@ class PitchSetup(Setup):
         model = _with_parameter(self.bench.model, field if head == "bench" else name, value)
         inertia_kgm2 = model.parameters["inertia_kgm2"].value
         return replace(self, bench=replace(self.bench, model=model, inertia_kgm2=inertia_kgm2))
-
-    def _with_controls(self, change: Callable[[PitchControl], PitchControl]) -> Self:
-        return replace(self, controls=tuple(map(change, self.controls)))
 
     def check_point(self, point: Point, varied: Sequence[str], seeds: int, controller: str) -> None:
         changed = self.with_changes(point)

@@ -1,4 +1,4 @@
-"""Runs of the pitch bench: single, with a user-defined controller, or as a batch.
+"""Runs of the pitch bench, single, with a user-defined controller, or as a batch; their measures.
 
 A batch runs in parallel lanes and threads. Every run has its own number and noise stream: its
 result does not depend on other runs, on the number of lanes or of threads. Blocks are yielded one
@@ -7,15 +7,19 @@ by one, so that memory does not grow with the number of runs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from typing import TypeVar
 
 import numpy as np
 
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import InputError
-from benchtool.core.schedule import SampledSchedule
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.core.schedule import PARKED_M, PlateVisit, SampledSchedule
 from benchtool.core.units import Array
 from benchtool.physics.expression import can_compile
 from benchtool.simulate.controllers.controller import (
@@ -24,8 +28,8 @@ from benchtool.simulate.controllers.controller import (
     PitchMeasurement,
     PitchReference,
 )
-from benchtool.simulate.loop import results_in_order
-from benchtool.simulate.pitch.result import PitchRun
+from benchtool.simulate.loop import CALLER, results_in_order
+from benchtool.simulate.pitch.loops import COLUMNS
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | float]
@@ -35,6 +39,68 @@ T = TypeVar("T")
 # Enough lanes for vectorisation, few enough for the processor cache. Measured: 16, 24, 32 and 64
 # lanes take 306, 242, 241 and 246 us for a run of 10 s.
 LANES = 32
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PitchRun:
+    """Simulated run.
+
+    Attributes:
+        rate_Hz: control rate; one row per control tick.
+        log: (n_ticks, 10 + 2 n_discs): `COLUMNS`, pulses, measured rotor speeds (rad/s).
+        clamped_steps: plant steps with a disc below the validity limit of the formulae.
+        stopped_steps: plant steps at the end stop.
+    """
+
+    controller: str
+    rate_Hz: float
+    log: Array
+    clamped_steps: int = 0
+    stopped_steps: int = 0
+
+    @property
+    def time_s(self) -> Array:
+        """Time since the start of the run (n_ticks,)."""
+        return np.arange(len(self.log)) / self.rate_Hz
+
+    @property
+    def n_discs(self) -> int:
+        """Number of discs."""
+        return int(self.log.shape[1] - len(COLUMNS)) // 2
+
+    def column(self, name: str) -> Array:
+        """Return one of `COLUMNS` (n_ticks,)."""
+        return self.log[:, [*COLUMNS].index(name)]
+
+    @property
+    def pwm_us(self) -> Array:
+        """Pulse width of each disc (n_discs, n_ticks)."""
+        return self.log[:, len(COLUMNS) : len(COLUMNS) + self.n_discs].T
+
+    @property
+    def speed_rad_s(self) -> Array:
+        """Measured rotor speed of each disc (n_discs, n_ticks)."""
+        return self.log[:, len(COLUMNS) + self.n_discs :].T
+
+    def recording(self, rig: Rig, provenance: Mapping[str, str] | None = None) -> Recording:
+        """Return the run as the recording that a pitch bench would have written."""
+        share, rotor_discs = self.column("plate_share"), list(enumerate(rig.disc_of_rotor, 1))
+        pwm, rpm = self.pwm_us, self.speed_rad_s * 30.0 / np.pi
+        columns = {
+            "time_s": self.time_s,
+            "theta_ref_rad": self.column("reference_rad"),
+            "theta_rad": self.column("theta_rad"),
+            "gyro_rad_s": self.column("gyro_rad_s"),
+            **{f"pwm{i}_us": pwm[disc] for i, disc in rotor_discs},
+            **{f"rpm{i}": rpm[disc] for i, disc in rotor_discs},
+            "plate_z_m": np.where(share > 0.0, self.column("plate_read_m"), PARKED_M),
+            "coverage1": share,
+            "torque_Nm": self.column("torque_Nm"),
+            "disturbance_Nm": self.column("estimate_Nm"),
+        }
+        channels = (Channel(name, unit_from_name(name)) for name in columns)
+        pairs = list(zip(channels, columns.values(), strict=True))
+        return Recording.from_columns(pairs, provenance, simulated=True)
 
 
 def simulate_pitch(
@@ -61,7 +127,8 @@ def simulate_controller(
     Raises:
         InputError: the controller raised, or returned numbers that are not finite.
     """
-    loop = PitchLoop([job], schedule, seed, [0], external=True)
+    loop = PitchLoop([job], schedule, seed, [0])
+    loop.set_driver(CALLER)
     loop.run_controller(controller, 0, len(schedule))
     return extract_run(loop, 0, name)
 
@@ -117,3 +184,51 @@ def simulate_many(
     blocks = iter(lambda: list(islice(remaining, width)), [])
     for results in results_in_order((partial(run_block, block) for block in blocks), threads):
         yield from results
+
+
+@dataclass(frozen=True, slots=True)
+class PlateVisitMeasures:
+    """Measures of the true attitude error of a plate visit.
+
+    Attributes:
+        quiet_rms_rad: before the visit.
+        peak_rad: largest error during the visit, with its sign.
+        settling_s: time until the error stays within 20 % of the peak about its residual; nan if
+            the peak is not above the noise before the visit.
+        residual_rad: mean error over the last quarter of the visit.
+        rebound_rad: largest error of the opposite sign after the visit, else 0.
+    """
+
+    quiet_rms_rad: float
+    peak_rad: float
+    settling_s: float
+    residual_rad: float
+    rebound_rad: float
+
+
+SETTLING_BAND = 0.2  # share of the peak
+MIN_PEAK_OVER_RMS = 5.0  # smaller peaks are noise; assumed
+
+
+def measure_plate_visit(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateVisitMeasures:
+    """Return the measures of a plate visit in a run of that duration."""
+    time_s, in_s, out_s = run.time_s, visit.in_s, min(visit.out_s, duration_s)
+    error = run.column("true_theta_rad") - run.column("reference_rad")
+    before = (time_s < in_s) & (time_s >= 0.4 * in_s)
+    during = (time_s >= in_s) & (time_s < out_s)
+    last_quarter = (time_s >= in_s + 0.75 * (out_s - in_s)) & (time_s < out_s)
+    after = time_s >= out_s
+    quiet_rms = float(np.sqrt(np.mean(error[before] ** 2))) if before.any() else float("nan")
+    if not during.any():
+        nan = float("nan")
+        return PlateVisitMeasures(quiet_rms, nan, nan, nan, nan)
+    visit_error, times = error[during], time_s[during] - in_s
+    peak = float(visit_error[np.argmax(np.abs(visit_error))])
+    residual = float(np.mean(error[last_quarter]))
+    outside = np.abs(visit_error - residual) > SETTLING_BAND * abs(peak)
+    settling_s = float(times[np.flatnonzero(outside)[-1]]) if outside.any() else 0.0
+    if abs(peak) < MIN_PEAK_OVER_RMS * quiet_rms:
+        settling_s = float("nan")
+    opposite_error = error[after] * -np.sign(peak) if after.any() else np.zeros(1)
+    rebound = float(max(opposite_error.max(), 0.0)) * -float(np.sign(peak))
+    return PlateVisitMeasures(quiet_rms, peak, settling_s, residual, rebound)

@@ -15,9 +15,8 @@ import pytest
 from benchtool.core.errors import WouldOverwrite
 from benchtool.data.parquet import write_campaign
 from benchtool.simulate.campaign import Campaign, Design
-from benchtool.simulate.inputs import PitchInputs
+from benchtool.simulate.inputs import PitchInputs, Row
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
-from benchtool.simulate.setup import Row
 from tests.unit.commands import command_line
 from tests.unit.commands.command_line import said
 

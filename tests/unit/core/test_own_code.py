@@ -13,9 +13,9 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.catalogue import user_effects
 from benchtool.physics.model_file import load_model
+from benchtool.simulate.controllers.controller import load_controller_class
 from benchtool.simulate.inputs import PitchInputs
 from benchtool.simulate.pitch.setup import pitch_setup
-from benchtool.simulate.user_controller import load_controller_class
 
 MODEL = '[model]\nname = "m"\nrig = "pquad_single"\neffects_file = "evil.py"\n'
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchtool.core.units import Array
-from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
+from benchtool.simulate.controllers.controller import GRAVITY_M_S2
 
 
 def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:

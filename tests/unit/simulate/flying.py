@@ -13,8 +13,7 @@ from benchtool.simulate.flight.cases import FlightCase, flight_case
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Flight, FlightLoop, fly
 from benchtool.simulate.flight.ground import Below
-from benchtool.simulate.flight.rigid_body import at_rest
-from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.flight.vehicle import FlightVehicle, at_rest
 from benchtool.simulate.gain_file import load_gains
 from tests.unit.simulate.euler_lagrange import from_euler
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.simulate.controllers.blocks import compensated_thrust, expected_factor
-from benchtool.simulate.controllers.flight_law import (
+from benchtool.simulate.controllers.laws import (
     HorizontalState,
     PositionLoop,
     climb_command,

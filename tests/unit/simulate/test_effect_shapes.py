@@ -8,13 +8,18 @@ import pytest
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
-from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
-from benchtool.simulate.imperfections import Imperfections
-from benchtool.simulate.motors import build_motion, first_order_lag
-from benchtool.simulate.pitch.bench import GRAVITY_M_S2, PitchBench
+from benchtool.simulate.controllers.controller import GRAVITY_M_S2
+from benchtool.simulate.hooks import (
+    build_motion,
+    first_order_lag,
+    joined_hooks,
+    loop_effects,
+    loop_numbers,
+)
+from benchtool.simulate.imperfections import BacklashState, Imperfections
+from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.simulate.true_thrust import BacklashState
 
 TAU_S, DT_S, REFERENCE = 0.025, 0.002, 600.0
 RIG = load_rig_by_name("beam")
@@ -94,7 +99,7 @@ def settled_rad(load: float, give_rad: float) -> float:
         plate_share=row, theta_rad=row, gyro_rad_s=row, speed_rad_s=rotors, mode=row,
     )  # fmt: skip
     state = np.zeros((4 + RIG.n_discs, 1))
-    return float(predict_windows([bench], logged, [0], ROWS, 0, [state])[0].theta_rad[-1, 0])
+    return float(predict_windows([bench], logged, {0: state}, ROWS, 0)[0].theta_rad[-1, 0])
 
 
 @pytest.mark.parametrize("load", [0.25, -0.5])

@@ -74,13 +74,13 @@ def test_windows_of_a_log_are_what_its_parts_are_alone(true_model):
     benches = [
         PitchBench.from_model(model.with_fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)
     ]
-    states = [np.full((5, 2), 0.01 * k) for k in (1, 2)]
-    for state in states:
+    states = {start: np.full((5, 2), 0.01 * k) for k, start in ((1, 400), (2, 900))}
+    for state in states.values():
         state[3:] = 600.0
-    starts, rows, lead = (400, 900), 60, 25
-    found = predict_windows(benches, logged, starts, rows, lead, states)
-    for start, state, run in zip(starts, states, found, strict=True):
+    rows, lead = 60, 25
+    found = predict_windows(benches, logged, states, rows, lead)
+    for (start, state), run in zip(states.items(), found, strict=True):
         part = logged.between(start - lead, start + rows)
-        (alone,) = predict_windows(benches, part, (lead,), rows, lead, (state,))
+        (alone,) = predict_windows(benches, part, {lead: state}, rows, lead)
         np.testing.assert_array_equal(run.theta_rad, alone.theta_rad)
         np.testing.assert_array_equal(run.state_speed_rad_s, alone.state_speed_rad_s)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchtool.simulate.flight.rigid_body import (
-    GRAVITY_M_S2,
+from benchtool.simulate.controllers.controller import GRAVITY_M_S2
+from benchtool.simulate.flight.vehicle import (
     FreeBody,
     apply_impulse,
     drift,

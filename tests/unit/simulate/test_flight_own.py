@@ -14,12 +14,12 @@ from benchtool.simulate.controllers.controller import (
     FlightCommand,
     FlightMeasurement,
     FlightReference,
+    make_controller,
 )
 from benchtool.simulate.flight.cases import Goal
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly, fly_user_controller
 from benchtool.simulate.gain_file import load_gains
-from benchtool.simulate.user_controller import make_controller
 from tests.unit.simulate.flying import PQUAD, case
 
 SHORT = case(duration_s=0.4)

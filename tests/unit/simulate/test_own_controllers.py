@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.simulate.user_controller import load_controller_class
+from benchtool.simulate.controllers.controller import load_controller_class
 
 
 def allow(file: str) -> None:

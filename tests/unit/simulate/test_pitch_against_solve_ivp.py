@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 
 from benchtool.core.schedule import SampledSchedule
 from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.result import PitchRun
-from benchtool.simulate.pitch.simulate import simulate_pitch
+from benchtool.simulate.pitch.simulate import PitchRun, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, quiet_bench, sampled, soft
 
 R_M, ARM_M, DIAGONAL_M, K_B = 0.12, 0.225, 0.45, 2.0

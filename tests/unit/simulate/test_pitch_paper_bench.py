@@ -14,8 +14,8 @@ import pytest
 
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.inputs import PitchInputs
-from benchtool.simulate.pitch.result import PlateVisitMeasures, measure_plate_visit
 from benchtool.simulate.pitch.setup import pitch_setup
+from benchtool.simulate.pitch.simulate import PlateVisitMeasures, measure_plate_visit
 
 SETS = {
     "soft": ("s3", {}),

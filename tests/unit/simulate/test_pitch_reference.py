@@ -12,7 +12,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import MIN_PARKED_Z_M, LoggedPitch, predict_windows
-from benchtool.simulate.pitch.filter_ticks import FREE
+from benchtool.simulate.pitch.lane import FREE
 
 WINDOW, TICKS = 250, 7500
 
@@ -40,12 +40,12 @@ def test_logged_pulses_predict_the_encoder(reference_data):
         speed_rad_s=speed,
         mode=np.full(len(theta), float(FREE)),
     )
-    starts, states = range(250, TICKS - WINDOW, WINDOW), []
+    starts, states = range(250, TICKS - WINDOW, WINDOW), {}
     for start in starts:
         fit = np.polyfit(np.arange(-12, 1), theta[start - 12 : start + 1], 2)
         began_rad_s = 0.5 * fit[-2] * 250.0 + 0.5 * rate[start - 1 : start + 2].mean()
-        states.append(np.array([[fit[-1], began_rad_s, 0.0, 0.0, *speed[:, start]]]).T)
-    predicted = predict_windows([bench], logged, starts, WINDOW, 0, states)
+        states[start] = np.array([[fit[-1], began_rad_s, 0.0, 0.0, *speed[:, start]]]).T
+    predicted = predict_windows([bench], logged, states, WINDOW, 0)
     errors = [
         run.pitch_rad[:, 0] - theta[start : start + WINDOW]
         for start, run in zip(starts, predicted, strict=True)
