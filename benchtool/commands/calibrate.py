@@ -113,7 +113,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
     from benchtool.data.run.state import store_state
-    from benchtool.report.files import check_not_existing
+    from benchtool.report.figure import check_not_existing
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):
@@ -154,8 +154,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
 
 
 def _write_figure(data: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
-    from benchtool.report.figure import render_figures
-    from benchtool.report.files import save_figure
+    from benchtool.report.figure import render_figures, save_figure
 
     figures = render_figures("sweep.calibration", {**data, "simulated": simulated})
     for path in save_figure(figures["calibration"].figure, out.with_suffix(""), FIGURES):

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.physics import VALIDITY_Z_OVER_R
@@ -23,8 +24,13 @@ from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGE
 from benchtool.physics.model import Model
 from benchtool.report.palette import GREY, SERIES_STYLES, Role
 from benchtool.report.panels import DASHED, points
-from benchtool.report.style import ratio_label
 
+BASES = {  # quantity that is equal for both thrusts of a ratio
+    "equal_power": "equal electrical power",
+    "equal_pwm": "equal pwm",
+    "equal_rpm2": "equal rpm²",
+    "joint": "equal rpm² (joint fit)",
+}
 _DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED}
 _BAND_ALPHA = {68: 0.30, 95: 0.13}
 
@@ -118,6 +124,20 @@ def uncertainty_bands(
     return uncertainty_band(ratio_draws, 68), uncertainty_band(ratio_draws, 95)
 
 
+def model_curve(
+    model: Model,
+    speed_rad_s: Array,
+    z_over_R: Array,
+    draws: Mapping[str, Array],
+    basis: str,
+    label: str,
+) -> Curve:
+    """Return the curve of a model, with its bands if there are draws."""
+    ratio = factor_at_distance(model, speed_rad_s, z_over_R, basis=basis)
+    bands = uncertainty_bands(model, speed_rad_s, z_over_R, draws, basis)
+    return Curve(z_over_R, ratio, label, "model", "fit", bands, model.nearest_z_over_R)
+
+
 def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]:
     """Return the curve of eq. (2), and of eq. (3) if more than one rotor turns."""
     single = Model.single(rig)
@@ -168,6 +188,13 @@ def draw_ratio(
     axes.set_xlim(0.0, 1.03 * float(distances[np.isfinite(distances)].max()))
     axes.set_ylim(*_limits(series, curves))
     _legend(axes, curves)
+
+
+def ratio_label(basis: str) -> str:
+    """Return the axis label of a thrust ratio with its basis of comparison."""
+    if basis not in BASES:
+        raise UnknownChoice("basis of comparison", basis, BASES)
+    return "$T_{IGE}\\,/\\,T_{OGE}$ [–]  at " + BASES[basis]
 
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:

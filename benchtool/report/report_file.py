@@ -15,8 +15,8 @@ from benchtool.explain.pitch.replay import ReplayInputs
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.nominal import nominal_model
 from benchtool.report.compare.page import COMPARISON, RunComparison
-from benchtool.report.files import render_report, write_whole
-from benchtool.report.page import Report
+from benchtool.report.figure import write_whole
+from benchtool.report.page import PAGE, Report, render_report
 from benchtool.report.replay.page import recording_page
 from benchtool.report.sweep.page import COMPARED, SWEEP
 from benchtool.report.sweep.run import read_sweep_run
@@ -27,7 +27,6 @@ ACCEPTED_PATHS = (
     "or a recording of benchtool import or simulate"
 )
 KIND_BY_FILE: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
-PAGE = "report.html"
 
 
 def detect_kind(path: Path) -> Kind:

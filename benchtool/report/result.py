@@ -13,8 +13,8 @@ from benchtool.core.fit_result import Estimate
 from benchtool.data.columns import rows_to_frame
 from benchtool.explain.result import Explanation
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.figure import Page, render_figures
-from benchtool.report.files import inline_svg, write_report
+from benchtool.report.figure import render_figures
+from benchtool.report.page import PAGE, Page, inline_svg, write_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +89,7 @@ class Result(Generic[Found]):
         """
         if self._write is not None:
             return list(self._write(Path(folder), self.found, commands))
-        return [self.report(Path(folder) / "report.html", commands)]
+        return [self.report(Path(folder) / PAGE, commands)]
 
     def __repr__(self) -> str:
         return self.summary()

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from benchtool import __version__
 from benchtool.data.calibration import format_traceability
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run import Run
@@ -135,6 +136,29 @@ def version_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     versions = metadata.get("versions") or {}
     listed = ", ".join(f"{name} {version}" for name, version in versions.items())
     return {"recorded with": listed or MISSING_VALUE}
+
+
+def bench_table(metadata: Mapping[str, Any]) -> FactTable:
+    """Return the rig and the device of a run."""
+    return FactTable(rig_facts(metadata) | device_facts(metadata))
+
+
+def conditions_table(metadata: Mapping[str, Any]) -> FactTable:
+    """Return state, air and calibration of a run."""
+    state, air = run_state_table(metadata), air_facts(metadata)
+    return FactTable(state | air | calibration_facts(metadata))
+
+
+def data_table(
+    metadata: Mapping[str, Any], sha256: str, file_hashes: Mapping[str, str]
+) -> FactTable:
+    """Return the software of a run and its page, and the hashes of its data."""
+    reported = {
+        "reported with": f"benchtool {__version__}",
+        "sha256 of the run's data (points and samples)": sha256,
+    }
+    hashes = {f"sha256 of {name}": digest for name, digest in file_hashes.items()}
+    return FactTable(version_facts(metadata) | reported | hashes)
 
 
 def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:

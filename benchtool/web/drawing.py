@@ -10,12 +10,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from html import escape
 
-from benchtool.report.files import figure_axes, figure_bytes
+from benchtool.report.figure import FigureBlock, figure_axes, figure_bytes
 from benchtool.report.page import (
     Block,
     Commands,
     FactTable,
-    FigureBlock,
     Heading,
     Listing,
     Paragraph,

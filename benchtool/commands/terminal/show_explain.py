@@ -13,7 +13,7 @@ from rich.progress import TaskProgressColumn, TimeElapsedColumn
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
 from benchtool.explain.next_steps import format_steps, next_file, next_sentence, next_steps
 from benchtool.explain.result import Explanation
-from benchtool.report.answer.folder import ANSWER, PAGE
+from benchtool.report.answer.folder import ANSWER
 from benchtool.report.answer.page import added_sentence, changes, where_sentence
 from benchtool.report.answer.tables import (
     short_effects_table,
@@ -21,6 +21,7 @@ from benchtool.report.answer.tables import (
     tolerances_table,
     unjudged_sentence,
 )
+from benchtool.report.page import PAGE
 
 
 @contextmanager

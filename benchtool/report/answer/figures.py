@@ -111,7 +111,9 @@ def _regimes(answer: Explanation, item: Disagreement) -> list[str]:
 def draw_disagreements(figure: Figure, answer: Explanation) -> None:
     """Draw one panel per stage and one bar per regime; 1 is noise alone."""
     stages, changed = _disagreements(answer), bool(answer.effects)
-    panels = stack_panels(figure, [len(_regimes(answer, item)) for item in stages])
+    xlabel = "residual size over the stated noise [–]    (line: noise alone)"
+    heights = [len(_regimes(answer, item)) for item in stages]
+    panels = stack_panels(figure, heights, xlabel=xlabel)
     half, height = (0.19, 0.36) if changed else (0.0, 0.6)
     for axes, item in zip(panels, stages, strict=True):
         names = _regimes(answer, item)
@@ -127,7 +129,6 @@ def draw_disagreements(figure: Figure, answer: Explanation) -> None:
         axes.axvline(1.0, color=BLACK, lw=1.0)
         named_rows(axes, names, [_marked(answer, item)], bottom=0.5, top=0.5)
         axes.set_title(STAGE_TITLES[item.stage])
-    panels[-1].set_xlabel("residual size over the stated noise [–]    (line: noise alone)")
     if max(stages[0].by_regime.values()) > LOGARITHMIC_FROM:
         panels[-1].set_xscale("log")
         panels[-1].set_xlim(left=0.5)

@@ -24,10 +24,9 @@ from benchtool.explain.updated_model import (
 )
 from benchtool.report.answer.page import answer_page
 from benchtool.report.answer.tables import unjudged_sentence
-from benchtool.report.figure import render_figures
-from benchtool.report.files import save_figure, write_report, write_whole
+from benchtool.report.figure import render_figures, save_figures, write_whole
+from benchtool.report.page import PAGE, write_report
 
-PAGE = "report.html"
 ANSWER = "answer.json"
 
 
@@ -56,8 +55,7 @@ def write_folder(
     )
     written = WrittenFiles(model=model, schedule=schedule, nearest=nearest, draft=draft)
     figures = render_figures("answer", answer)
-    for stem, block in figures.items():
-        save_figure(block.figure, folder / stem, replace=True)
+    save_figures(figures, folder, replace=True)
     page = answer_page(answer, figures, name, str(shown_folder))
     write_report(folder / PAGE, page, replace=True)
     replace_json(folder / ANSWER, answer_tables(answer, written))

@@ -30,13 +30,13 @@ from benchtool.report.answer.tables import (
     tolerances_table,
     unjudged_sentence,
 )
-from benchtool.report.figure import Page
+from benchtool.report.figure import FigureBlock
 from benchtool.report.numbers import display_unit
 from benchtool.report.page import (
     Block,
     Commands,
     FactTable,
-    FigureBlock,
+    Page,
     Paragraph,
     Report,
     Section,

@@ -30,12 +30,11 @@ from benchtool.report.compare.runs import (
     ranked,
     read_compared,
 )
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import Block, Heading, Table
+from benchtool.report.page import Block, Heading, Page, Table
 from benchtool.report.palette import CYCLE
-from benchtool.report.panels import points
-from benchtool.report.quantities import origins_table, panels_height, quantity_panels
+from benchtool.report.panels import origins_table, panels_height, points, quantity_panels
 from benchtool.report.sweep.figures import MARKERS
 
 THRUST = Quantity(

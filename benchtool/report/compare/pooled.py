@@ -22,12 +22,11 @@ from benchtool.fit.pool import Difference, PooledEstimates, RigValues, pool_rigs
 from benchtool.fit.result_file import read_fit
 from benchtool.fit.run_recipe import FitSummary
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.report.figure import Page, figure, render_figures
-from benchtool.report.files import save_figure, write_report
+from benchtool.report.figure import figure
 from benchtool.report.fit.page import refuse_full
 from benchtool.report.fit.tables import name_with_unit
 from benchtool.report.numbers import format_number, value_with_sd
-from benchtool.report.page import Table
+from benchtool.report.page import Page, Table
 from benchtool.report.palette import BLUE, GREY, PALE
 
 ONE_QUANTITY = 1.0 - 1e-9  # correlation of two names of one quantity: R_m, R_m over radius
@@ -327,8 +326,5 @@ def write_pool(folder: Path, pooled_fits: PooledFits, commands: Sequence[str] = 
     refuse_full(folder)
     make_folder(folder)
     replace_json(folder / "pool.json", tables(pooled_fits))
-    figures = render_figures("compare.pooled", pooled_fits, POOL.figures)
-    saved = [path for name, block in figures.items()
-             for path in save_figure(block.figure, folder / name)]  # fmt: skip
-    page = write_report(folder / "report.html", POOL.report(pooled_fits, commands, figures))
-    return [page, folder / "pool.json", *saved]
+    page, *figures = POOL.write(folder, pooled_fits, commands)
+    return [page, folder / "pool.json", *figures]

@@ -27,9 +27,8 @@ from benchtool.report.ratio import (
     RatioPoints,
     curve_distances,
     draw_ratio,
-    factor_at_distance,
     formula_curves,
-    uncertainty_bands,
+    model_curve,
 )
 
 LINE_POINTS = 120
@@ -108,31 +107,19 @@ def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "model") -> Curve:
+def fitted_curve(fit: FitOutput, z_over_R: Array) -> Curve:
     """Return the curve of the fitted model with its 68 % and 95 % bands."""
-    result = fit.results[-1]
-    speeds = _fastest(fit).speed_rad_s
-    curve = Curve(
-        z_over_R,
-        factor_at_distance(fit.fitted, speeds, z_over_R, basis=shown_basis(fit)),
-        label or f"fit: {fit.fitted.name}",
-        role,
-        "fit",
-        nearest_z_over_R=fit.fitted.nearest_z_over_R,
-    )
-    rng = np.random.default_rng(fit.recipe.seed)
+    result, rng = fit.results[-1], np.random.default_rng(fit.recipe.seed)
+    draws = np.empty((0, len(result.estimates)))  # no band if the data do not determine the curve
     if len(result.samples):
         draws = result.samples[rng.integers(len(result.samples), size=SHOWN_DRAWS)]
     elif np.isfinite(result.covariance).all():
         draws = rng.multivariate_normal(
             result.values, result.covariance, SHOWN_DRAWS, method="svd", check_valid="ignore"
         )
-    else:  # no band if the data do not determine the curve
-        return curve
-    free = {item.name: draws[:, [column]] for column, item in enumerate(result.estimates)}
-    return replace(
-        curve, bands=uncertainty_bands(fit.fitted, speeds, z_over_R, free, shown_basis(fit))
-    )
+    free = {item.name: draws[:, [k]] for k, item in enumerate(result.estimates) if len(draws)}
+    model, speeds = fit.fitted, _fastest(fit).speed_rad_s
+    return model_curve(model, speeds, z_over_R, free, shown_basis(fit), f"fit: {model.name}")
 
 
 def _fastest(fit: FitOutput) -> Conditions:
@@ -172,19 +159,16 @@ def thrust(figure: Figure, fit: FitOutput) -> None:
     data = fit.data
     predicted = np.broadcast_to(fit.fitted.thrust_N(data.conditions), data.observed.shape)
     error = data.standard_error if data.errors != "none" else np.full(len(data.observed), np.nan)
-    above, below = stack_panels(figure, (2.4, 1.0))
+    labels = ("thrust [N]", "measured −\nmodel [N]")
+    above, below = stack_panels(figure, (2.4, 1.0), labels, "rotor speed [rpm]")
     for label, rows, color, marker in _levels(fit):
         rpm = from_si(_mean_speed(data.conditions)[rows], "rpm")
         points(above, rpm, data.observed[rows], error[rows], color, marker, ms=4.2, label=label)
         speeds, line_N = _line(fit, rows[-1])
         above.plot(from_si(speeds, "rpm"), line_N, color=color, lw=1.2)
         points(below, rpm, (data.observed - predicted)[rows], error[rows], color, marker, ms=4.2)
-    above.set_ylabel("thrust [N]")
     above.legend(loc="upper left", ncols=2 if len(above.containers) > 6 else 1)
     below.axhline(0.0, color=GREY, linewidth=0.9)
-    below.set_ylabel("measured −\nmodel [N]")
-    figure.align_ylabels([above, below])
-    below.set_xlabel("rotor speed [rpm]")
 
 
 def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
@@ -230,7 +214,9 @@ def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
 )
 def area(figure: Figure, fit: FitOutput) -> None:
     """Draw shares of the full increment; below: deviations from the straight line."""
-    share, departure = stack_panels(figure, (2.2, 1.0))
+    labels = ("share of the full\nthrust increment [–]", "deviation from\nthe line [–]")
+    xlabel = "covered share of the rotor disc's area [–]"
+    share, departure = stack_panels(figure, (2.2, 1.0), labels, xlabel)
     ends = np.array([0.0, 1.0])
     share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="proportional to the area")
     departure.axhline(0.0, color=BLACK, linestyle=DASHED, linewidth=1.2)
@@ -248,11 +234,7 @@ def area(figure: Figure, fit: FitOutput) -> None:
         axes.fill_between(covered_at, values - sd, values + sd, color=VERMILION, alpha=0.2, lw=0.0)
         axes.plot(covered_at, values, "v-", color=VERMILION, ms=5.0, lw=1.3, label=label)
     share.legend(loc="upper left")
-    share.set_ylabel("share of the full\nthrust increment [–]")
-    departure.set_ylabel("deviation from\nthe line [–]")
-    departure.set_xlabel("covered share of the rotor disc's area [–]")
     departure.set_xlim(-0.03, 1.03)
-    figure.align_ylabels([share, departure])
 
 
 def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
@@ -290,15 +272,10 @@ def laws(figure: Figure, fit: FitOutput) -> None:
     scores = scored_laws(fit.laws)
     axes = figure.subplots()
     rows = range(len(scores))
-    axes.errorbar(
-        [score.behind for score in scores],
-        rows,
-        xerr=[2.0 * score.behind_se for score in scores],
-        fmt="o",
-    )
+    errors = [2.0 * score.behind_se for score in scores]
+    axes.errorbar([score.behind for score in scores], rows, xerr=errors, fmt="o")
     axes.axvline(0.0, color=GREY, lw=0.8)
     axes.set_yticks(rows, [f"{score.law}\n{score.verdict}" for score in scores])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=1.0)
-    axes.set_xlabel("log score loss per distance [–], ± two standard errors")
-    axes.set_ylabel("law")
+    axes.set(xlabel="log score loss per distance [–], ± two standard errors", ylabel="law")

@@ -11,8 +11,6 @@ from benchtool.data.atomic import make_folder
 from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput, FitSummary
-from benchtool.report.figure import Page, render_figures
-from benchtool.report.files import save_figure, write_report
 from benchtool.report.fit.budget import budget_blocks, budget_sentence, budget_table
 from benchtool.report.fit.tables import (
     comparison_table,
@@ -24,7 +22,7 @@ from benchtool.report.fit.tables import (
     short_table,
     wanted_rank,
 )
-from benchtool.report.page import Block, FactTable, Paragraph, Warnings
+from benchtool.report.page import Block, FactTable, Page, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"
@@ -112,10 +110,7 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
     refuse_full(folder)
     make_folder(folder)
     write_result(folder, fit)
-    figures = render_figures("fit", fit, FIT.figures)
-    for name, block in figures.items():
-        save_figure(block.figure, folder / name)
-    return write_report(folder / "report.html", FIT.report(fit, commands, figures))
+    return FIT.write(folder, fit, commands)[0]
 
 
 def figure_files(folder: Path) -> dict[str, Path]:

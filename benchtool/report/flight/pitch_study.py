@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool import __version__
+from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
 from benchtool.data.run.recording_file import metadata_path, write_recording
-from benchtool.report.figure import Page, figure, render_figures
-from benchtool.report.files import check_not_existing, save_figure
+from benchtool.report.figure import check_not_existing, figure, render_figures, save_figures
+from benchtool.report.page import Page
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, shade, spans, stack_panels
 from benchtool.simulate.controllers.pitch import PitchControl
@@ -139,13 +140,9 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     """Write recordings, text report and figure to new files; return their paths."""
     setup = study.setup
     rig = setup.bench.model.rig
-    recordings = {out / f"{re.sub('[:+]', '-', run.controller)}.csv": run for run in study.runs}
-    table = out / "numbers.txt"
-    sidecars = [metadata_path(path) for path in recordings]
-    check_not_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
-    out.mkdir(parents=True, exist_ok=True)
     gains = {control.name: _gain_set_name(control) for control in setup.controls}
-    for path, run in recordings.items():
+    recordings = {}
+    for run in study.runs:
         provenance = {
             "device": f"simulated pitch bench {rig.name}",
             "model": setup.bench.model.name,
@@ -154,11 +151,28 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
             "schedule": setup.schedule.name,
             "seed": str(study.seed),
         }
-        facts = {"software": f"benchtool {__version__}", "rig": asdict(rig)}
-        write_recording(path, run.recording(rig, provenance), facts)
-    table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
-    block = render_figures("flight.pitch", study)["pitch"]
-    return [*recordings, table, *save_figure(block.figure, out / "pitch")]
+        name = re.sub("[:+]", "-", run.controller)
+        recordings[name] = run.recording(rig, provenance), {"rig": asdict(rig)}
+    return write_simulation(out, PITCH, study, recordings, report_lines(study))
+
+
+def write_simulation(
+    out: Path,
+    page: Page,
+    subject: Any,
+    recordings: Mapping[str, tuple[Recording, Mapping[str, Any]]],  # and facts, by file name
+    lines: Sequence[str],
+) -> list[Path]:
+    """Write recordings, text report and figures to new files; return their paths."""
+    tables = {out / f"{name}.csv": recording for name, recording in recordings.items()}
+    text = out / "numbers.txt"
+    figures = [out / f"{name}.{kind}" for name in page.figures for kind in ("svg", "png")]
+    check_not_existing([*tables, *map(metadata_path, tables), text, *figures])
+    out.mkdir(parents=True, exist_ok=True)
+    for path, (recording, facts) in tables.items():
+        write_recording(path, recording, {"software": f"benchtool {__version__}", **facts})
+    text.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [*tables, text, *save_figures(render_figures(page.name, subject), out)]
 
 
 def _gain_set_name(control: PitchControl) -> str:
@@ -178,7 +192,9 @@ def _gain_set_name(control: PitchControl) -> str:
 )
 def pitch(figure: Figure, study: PitchStudy) -> None:
     """Draw one panel per run with common axes, as in figures 26 to 28 of the paper."""
-    panels = stack_panels(figure, [1.0] * len(study.runs), sharey=True)
+    n_runs, xlabel = len(study.runs), "time [s]    (green: rotor over the plate)"
+    labels = ["pitch [deg]\n(nose down +)"] * n_runs
+    panels = stack_panels(figure, [1.0] * n_runs, labels, xlabel, sharey=True)
     for axes, run, away in zip(panels, study.runs, study.away, strict=True):
         shade(axes, spans(run.time_s, run.column("plate_share") > 0.0), "over-plate")
         lines: list[tuple[PitchRun, str, str, dict[str, Any]]] = [
@@ -189,8 +205,6 @@ def pitch(figure: Figure, study: PitchStudy) -> None:
         for source, column, label, style in lines:
             axes.plot(run.time_s, np.degrees(source.column(column)), label=label, **style)
         axes.set_title(run.controller)
-        axes.set_ylabel("pitch [deg]\n(nose down +)")
-    panels[-1].set_xlabel("time [s]    (green: rotor over the plate)")
     panels[0].set_xlim(float(run.time_s[0]), float(run.time_s[-1]))
     legend_below(figure, panels[:1], 3)
 

@@ -18,9 +18,9 @@ from benchtool.core.units import Array
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
 from benchtool.fit.data_rig import rig_for_data
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import format_number
-from benchtool.report.page import Paragraph, Report, Table, Warnings
+from benchtool.report.page import Page, Paragraph, Report, Table, Warnings
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import (
     OVER,
@@ -96,21 +96,22 @@ def _has_values(values: Array) -> bool:
     return bool(values.size and np.isfinite(values).any())
 
 
+PITCH_LABEL = "pitch [deg]\n(nose down +)"
 Panel = Callable[[Axes, ReplayedLog], None]
 
 
-def _panels(log: ReplayedLog) -> list[Panel]:
-    """Return the panels with data, from top to bottom."""
+def _panels(log: ReplayedLog) -> dict[str, Panel]:
+    """Return the panels with data by the label of their y axis, from top to bottom."""
     track = log.track
     torque = _has_values(track.torque_Nm) or _has_values(track.disturbance_Nm)
-    panels: list[tuple[bool, Panel]] = [
-        (True, _pitch),
-        (_has_values(track.pwm_us), _pulses),
-        (_has_values(track.rpm), _speeds),
-        (torque, _torque),
-        (_has_values(log.height_m), _height),
+    panels: list[tuple[bool, str, Panel]] = [
+        (True, PITCH_LABEL, _pitch),
+        (_has_values(track.pwm_us), "outputs\n[µs]", _pulses),
+        (_has_values(track.rpm), "speeds\n[rpm]", _speeds),
+        (torque, "torque\n[mN m]", _torque),
+        (_has_values(log.height_m), "surface\nbelow [m]", _height),
     ]
-    return [panel for has_data, panel in panels if has_data]
+    return {label: panel for has_data, label, panel in panels if has_data}
 
 
 @figure(
@@ -122,13 +123,11 @@ def _panels(log: ReplayedLog) -> list[Panel]:
 def log(figure: Figure, log: ReplayedLog) -> None:
     """Draw the whole log: attitude, and below outputs, speeds, torque and height."""
     draw, time_s = _panels(log), log.track.time_s
-    panels = stack_panels(figure, [2.0] + [1.0] * (len(draw) - 1))
-    for axes, panel in zip(panels, draw, strict=True):
+    panels = stack_panels(figure, [2.0] + [1.0] * (len(draw) - 1), draw, "time [s]")
+    for axes, panel in zip(panels, draw.values(), strict=True):
         shade(axes, log.intervals)
         panel(axes, log)
-    panels[-1].set_xlabel("time [s]")
     panels[0].set_xlim(float(time_s[0]), float(time_s[-1]))
-    figure.align_ylabels(panels)
     _legend(figure, log)
 
 
@@ -141,15 +140,16 @@ def log(figure: Figure, log: ReplayedLog) -> None:
 def closer(figure: Figure, log: ReplayedLog) -> None:
     """Draw the attitude around each of the first surface intervals."""
     time_s, shown_intervals = log.track.time_s, log.intervals[:MAX_CLOSER]
-    panels = stack_panels(figure, [1.0] * len(shown_intervals), sharex=False)
+    heights = [1.0] * len(shown_intervals)
+    panels = stack_panels(figure, heights, xlabel="time [s]", sharex=False)
     for axes, (start_s, end_s) in zip(panels, shown_intervals, strict=True):
         margin_s = min(CLOSER_S, max(1.0, 0.5 * (end_s - start_s)))
         shade(axes, log.intervals)
         _pitch(axes, log, (start_s - margin_s, end_s + margin_s))
+        axes.set_ylabel(PITCH_LABEL)
         axes.set_xlim(
             max(start_s - margin_s, float(time_s[0])), min(end_s + margin_s, float(time_s[-1]))
         )
-    panels[-1].set_xlabel("time [s]")
     _legend(figure, log)
 
 
@@ -164,7 +164,6 @@ def _pitch(axes: Axes, log: ReplayedLog, interval: tuple[float, float] | None = 
         simulated_rows = (replay.time_s >= start_s) & (replay.time_s <= end_s)
         simulated = np.degrees(replay.theta_rad[simulated_rows])
         broken_line(axes, replay.time_s[simulated_rows], simulated, color=BLUE, lw=1.0, zorder=2.4)
-    axes.set_ylabel("pitch [deg]\n(nose down +)")
     values = np.concatenate([theta, reference])
     if np.isfinite(values).any():
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
@@ -180,14 +179,12 @@ def _pulses(axes: Axes, log: ReplayedLog) -> None:
         for rotor, row in enumerate(log.replay.pwm_us):
             style = {"color": rotor_color(rotor), "lw": 0.8, "ls": ":", "zorder": 1.9}
             broken_line(axes, log.replay.time_s, row, **style)
-    axes.set_ylabel("outputs\n[µs]")
     rotor_legend(axes, len(log.track.pwm_us))
 
 
 def _speeds(axes: Axes, log: ReplayedLog) -> None:
     for rotor, row in enumerate(log.track.rpm):
         broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
-    axes.set_ylabel("speeds\n[rpm]")
     if not len(log.track.pwm_us):
         rotor_legend(axes, len(log.track.rpm))
 
@@ -201,12 +198,10 @@ def _torque(axes: Axes, log: ReplayedLog) -> None:
         broken_line(axes, track.time_s, 1e3 * track.disturbance_Nm, color=VERMILION, lw=1.1)
         if replay is not None and _has_values(replay.disturbance_Nm):
             broken_line(axes, replay.time_s, 1e3 * replay.disturbance_Nm, color=BLUE, lw=1.0)
-    axes.set_ylabel("torque\n[mN m]")
 
 
 def _height(axes: Axes, log: ReplayedLog) -> None:
     broken_line(axes, log.track.time_s, log.height_m, color=BLACK, lw=0.9)
-    axes.set_ylabel("surface\nbelow [m]")
 
 
 def _legend(figure: Figure, log: ReplayedLog) -> None:

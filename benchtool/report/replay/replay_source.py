@@ -25,18 +25,16 @@ from benchtool.data.run.recording_file import FORMAT, metadata_path, read_record
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_metadata import read_recording_facts
 from benchtool.explain.pitch.replay import read_provenance
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import display_unit, format_number
-from benchtool.report.page import Block, FactTable, Listing, Paragraph, Section, Table
+from benchtool.report.page import Block, FactTable, Listing, Page, Paragraph, Section, Table
 from benchtool.report.palette import BLACK
-from benchtool.report.quantities import origins_table
+from benchtool.report.panels import origins_table
 from benchtool.report.run_facts import (
     MISSING_VALUE,
-    air_facts,
-    calibration_facts,
-    device_facts,
-    rig_facts,
-    run_state_table,
+    bench_table,
+    conditions_table,
+    data_table,
     version_facts,
 )
 from benchtool.report.sweep.samples import draw_samples, samples_height
@@ -105,17 +103,12 @@ def sections_behind(recorded: ReplaySource) -> list[Section]:
     """Return the provenance sections of a recording: rig, air, repairs, hashes."""
     facts, recording = recorded.facts, recorded.recording
     if recorded.is_run:
-        conditions = run_state_table(facts) | air_facts(facts) | calibration_facts(facts)
-        hashes = version_facts(facts) | {
-            "reported with": f"benchtool {__version__}",
-            "sha256 of the run's data (points and samples)": recorded.sha256,
-            "sha256 of samples.csv": file_hash(recorded.path / "samples.csv"),
-        }
+        samples_hash = {"samples.csv": file_hash(recorded.path / "samples.csv")}
         return [
-            Section("Rig and device", [FactTable(rig_facts(facts) | device_facts(facts))]),
-            Section("Conditions and calibration", [FactTable(conditions)]),
+            Section("Rig and device", [bench_table(facts)]),
+            Section("Conditions and calibration", [conditions_table(facts)]),
             Section("Experiment", [Listing(PLAN, Run.open(recorded.path).plan_text)]),
-            Section("Software and data", [FactTable(hashes)]),
+            Section("Software and data", [data_table(facts, recorded.sha256, samples_hash)]),
         ]
     provenance = {key: value for key, value in recording.provenance.items() if value}
     if "file" in provenance:

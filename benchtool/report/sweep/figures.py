@@ -21,21 +21,19 @@ from benchtool.physics.model import Model
 from benchtool.report.figure import figure
 from benchtool.report.fit.budget import budget, chart_height
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
-from benchtool.report.panels import points, stack_panels
-from benchtool.report.quantities import panels_height, quantity_panels
+from benchtool.report.panels import panels_height, points, quantity_panels, stack_panels
 from benchtool.report.ratio import (
+    BASES,
     Curve,
     RatioPoints,
     conditions_over,
     curve_distances,
     draw_ratio,
-    factor_at_distance,
     formula_curves,
+    model_curve,
     ratio_values,
     uncertainty_band,
-    uncertainty_bands,
 )
-from benchtool.report.style import BASES
 from benchtool.report.sweep.run import ERRORS, SweepRun
 
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
@@ -92,11 +90,9 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
     """Return the curve of the run's model with its uncertainty bands; empty without a model."""
     if run.model is None:
         return []
-    model, speeds = run.model.model, _max_speeds(run)
-    middle = factor_at_distance(model, speeds, z_over_R, basis=run.basis)
-    bands = uncertainty_bands(model, speeds, z_over_R, run.model.draws, run.basis)
+    model, draws = run.model.model, run.model.draws
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
-    return [Curve(z_over_R, middle, label, "model", "fit", bands, model.nearest_z_over_R)]
+    return [model_curve(model, _max_speeds(run), z_over_R, draws, run.basis, label)]
 
 
 def _distances(run: SweepRun, series: Sequence[RatioPoints]) -> Array:
@@ -254,8 +250,7 @@ def _draw_levels(
         parked = ~run.measured() & (levels == level)
         if parked.any():
             axes.axhline(float(np.mean(values[parked])), color=color, lw=1.0, ls=DOTTED)
-    axes.set_xlabel(DISTANCE_LABEL)
-    axes.set_ylabel(label)
+    axes.set(xlabel=DISTANCE_LABEL, ylabel=label)
     axes.set_xlim(left=0.0)
     axes.legend(handles=[*axes.get_legend_handles_labels()[0], *handles], loc="upper right")
 
@@ -304,7 +299,8 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
         np.array(calibration_data["residuals_N"], float),
     )
     loading = np.arange(len(force_N)) <= int(force_N.argmax())
-    line, residuals = stack_panels(figure, (1.6, 1.0))
+    labels = ("reading [counts]", "reading −\nforce [mN]")
+    line, residuals = stack_panels(figure, (1.6, 1.0), labels, "known force [N]")
     order = np.argsort(force_N + residual_N, kind="stable")
     line.plot((force_N + residual_N)[order], counts[order], color=GREY, lw=1.2, label="line")
     for rows, marker, color, label in (
@@ -316,11 +312,7 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
             line.plot(force_N[rows], counts[rows], marker, color=color, label=label)
             residuals.plot(force_N[rows], residual_mN, marker + "-", color=color, lw=0.8, ms=5.0)
     residuals.axhline(0.0, color=GREY, linewidth=0.9)
-    line.set_ylabel("reading [counts]")
     line.legend(loc="upper left")
-    residuals.set_ylabel("reading −\nforce [mN]")
-    residuals.set_xlabel("known force [N]")
-    figure.align_ylabels([line, residuals])
 
 
 figure(

@@ -7,37 +7,36 @@ from math import hypot, isfinite
 
 import numpy as np
 
-from benchtool import __version__
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.text import pluralize
 from benchtool.data.calibration import format_age_warning
 from benchtool.data.columns import REJECTED
 from benchtool.data.run.read import changed_points
 from benchtool.fit.motor.constants import fit_motor
-from benchtool.report.figure import Page, render_figures
+from benchtool.report.figure import render_figures
 from benchtool.report.fit.budget import budget_blocks
-from benchtool.report.motor.page import MOTOR
+from benchtool.report.motor import MOTOR
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Block,
-    FactTable,
     Heading,
     Listing,
+    Page,
     Paragraph,
     Section,
     Table,
     Warnings,
 )
+from benchtool.report.ratio import BASES
 from benchtool.report.run_facts import (
     MISSING_VALUE,
     air_facts,
+    bench_table,
     calibration_facts,
-    device_facts,
-    rig_facts,
+    conditions_table,
+    data_table,
     run_state_table,
-    version_facts,
 )
-from benchtool.report.style import BASES
 from benchtool.report.sweep.figures import plain
 from benchtool.report.sweep.run import (
     SweepRun,
@@ -71,22 +70,12 @@ def _drift(run: SweepRun) -> list[Block]:
 
 
 def _conditions(run: SweepRun) -> list[Block]:
-    facts = run.metadata
-    blocks: list[Block] = [
-        FactTable(run_state_table(facts) | air_facts(facts) | calibration_facts(facts))
-    ]
-    if calibration := facts.get("calibration"):
+    blocks: list[Block] = [conditions_table(run.metadata)]
+    if calibration := run.metadata.get("calibration"):
         blocks += render_figures(
             "sweep.calibration", {**calibration, "simulated": run.simulated}
         ).values()
     return blocks
-
-
-def _data(run: SweepRun) -> Block:
-    facts = version_facts(run.metadata)
-    facts["reported with"] = f"benchtool {__version__}"
-    facts["sha256 of the run's data (points and samples)"] = run.sha256
-    return FactTable(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})
 
 
 def run_sentence(run: SweepRun) -> str:
@@ -234,16 +223,13 @@ SWEEP = Page(
         ("Order, drift and tares", ["order", _drift]),
         ("Uncertainty budget", [lambda run: budget_blocks(run.budget), "budget"]),
         ("Limits and events", [limits_table, events_block]),
-        (
-            "Rig and device",
-            [lambda run: FactTable(rig_facts(run.metadata) | device_facts(run.metadata))],
-        ),
+        ("Rig and device", [lambda run: bench_table(run.metadata)]),
         ("Conditions and calibration", [_conditions]),
         (
             "Plan",
             [lambda run: Listing("Plan with all defaults resolved (plan.toml).", run.plan_text)],
         ),
-        ("Software and data", [_data]),
+        ("Software and data", [lambda run: data_table(run.metadata, run.sha256, run.files)]),
     ],
     title="Sweep: {0.name}",
     summary=run_sentence,

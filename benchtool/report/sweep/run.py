@@ -29,8 +29,8 @@ from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
-from benchtool.report.quantities import origins_table, values_table
-from benchtool.report.style import BASES
+from benchtool.report.panels import origins_table, values_table
+from benchtool.report.ratio import BASES
 
 FILES = (  # files of a run folder in the order of their hashes in a report
     *("plan.toml", "metadata.json", "points.csv", "samples.csv", "samples.parquet"),

@@ -34,7 +34,12 @@ from benchtool.report.sweep.run import SweepRun
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
 MINUTES_FROM_S = 600.0  # runs longer than this have their time axis in minutes
 Window = tuple[float, float, str]  # start and end (s) of the samples of a point, and its kind
-_PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}  # relative heights
+_PANELS = {  # relative heights and labels
+    "thrust": (1.5, "thrust [N]"),
+    "speed": (1.2, "rotor speed\n[rpm]"),
+    "pwm": (0.9, "pwm [µs]"),
+    "plate": (0.9, "plate [mm]"),
+}
 
 
 def _signals(recording: Recording) -> dict[str, Array]:
@@ -64,7 +69,7 @@ def _signals(recording: Recording) -> dict[str, Array]:
 
 def samples_height(recording: Recording) -> float:
     """Return the height of `draw_samples` in inches."""
-    return 1.1 + 1.22 * sum(_PANELS[name] for name in _signals(recording))
+    return 1.1 + 1.22 * sum(_PANELS[name][0] for name in _signals(recording))
 
 
 def draw_samples(
@@ -77,18 +82,14 @@ def draw_samples(
     time_s, signals = recording.to_si("time_s"), _signals(recording)
     last_s = float(np.nanmax(time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
-    panels = stack_panels(figure, [_PANELS[name] for name in signals])
+    heights, labels = zip(*(_PANELS[name] for name in signals), strict=True)
+    panels = stack_panels(figure, heights, labels, f"time [{unit}]")
     panel_by_signal = dict(zip(signals, panels, strict=True))
-    labels = ("thrust [N]", "rotor speed\n[rpm]", "pwm [µs]", "plate [mm]")
     single = {"thrust": BLUE, "plate": VERMILION}
-    for name, label in zip(_PANELS, labels, strict=True):
-        for index, row in enumerate(signals.get(name, ())):
+    for name, axes in panel_by_signal.items():
+        for index, row in enumerate(signals[name]):
             color = single.get(name, rotor_color(index))
-            panel_by_signal[name].plot(
-                *envelope(time_s / per_unit_s, row), color=color, linewidth=0.8
-            )
-        if name in panel_by_signal:
-            panel_by_signal[name].set_ylabel(label)
+            axes.plot(*envelope(time_s / per_unit_s, row), color=color, linewidth=0.8)
     if "plate" in panel_by_signal and radius_m:
         in_radii(panel_by_signal["plate"], radius_m)
     kinds = {kind: KIND_COLORS.get(kind, PURPLE) for *_, kind in windows}
@@ -104,8 +105,6 @@ def draw_samples(
                 linewidth=0.0, zorder=0,
             )  # fmt: skip
     panels[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
-    panels[-1].set_xlabel(f"time [{unit}]")
-    figure.align_ylabels(panels)
     legend_over(
         panel_by_signal["thrust"],
         [Patch(color=color, alpha=0.3, linewidth=0.0, label=kind) for kind, color in kinds.items()],
@@ -180,7 +179,8 @@ def visits(figure: Figure, run: SweepRun) -> None:
     raw = _raw_thrust(run)
     assert raw is not None
     sample_points, sample_N = raw
-    top, bottom = stack_panels(figure, (1.0, 1.0))
+    labels = ("thrust [N]", "sample − mean\nof its point [mN]")
+    top, bottom = stack_panels(figure, (1.0, 1.0), labels, "point, in order of measurement")
     number, mean_N = run.points.column("point"), run.points.column("thrust_N")
     position, deviation_N = np.full((2, len(sample_N)), np.nan)
     for point, mean in zip(number, mean_N, strict=True):
@@ -206,10 +206,6 @@ def visits(figure: Figure, run: SweepRun) -> None:
             number, np.zeros(len(number)), yerr=half, fmt="none", color=color, elinewidth=width,
             capsize=cap, label=label,
         )  # fmt: skip
-    top.set_ylabel("thrust [N]")
-    bottom.set_ylabel("sample − mean\nof its point [mN]")
-    bottom.set_xlabel("point, in order of measurement")
-    figure.align_ylabels([top, bottom])
     dot = Line2D([], [], color=GREY, marker=".", ls="none", ms=6.0)
     legend_below(figure, [top, bottom], 3, raw_samples=dot)
 
@@ -234,7 +230,9 @@ def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
 )
 def order(figure: Figure, run: SweepRun) -> None:
     """Draw plate distances in order of measurement; below: anchors and tares."""
-    distances, drift = stack_panels(figure, (1.3, 1.0))
+    labels = ("plate $z/R$ [–]", "change of the\nload cell [mN]")
+    xlabel = "time [min]    (grey band: allowed offset after a tare)"
+    distances, drift = stack_panels(figure, (1.3, 1.0), labels, xlabel)
     minutes, z = run.points.column("time_s") / 60.0, run.z_over_R(run.points)
     for kind, rows in _rows_of_kinds(run).items():
         distances.plot(
@@ -247,7 +245,6 @@ def order(figure: Figure, run: SweepRun) -> None:
     ticks = levels[np.unique(np.linspace(0, len(levels) - 1, MAX_TICKS).astype(int))]
     distances.set_yticks(ticks, [f"{value:g}" for value in ticks])
     distances.minorticks_off()
-    distances.set_ylabel("plate $z/R$ [–]")
     spread(drift, from_si(_residual_N(run.plan_text), "mN"), "tare-limit", alpha=0.5)
     anchors = anchor_changes(run)
     if run.tares is None:
@@ -261,9 +258,6 @@ def order(figure: Figure, run: SweepRun) -> None:
         lw: dict[str, Any] = {"lw": 0.9} if marker == "D-" else {}
         mN, error_mN = from_si(value, "mN"), from_si(error, "mN")
         points(drift, times / 60.0, mN, error_mN, color, marker, **style, **lw)
-    drift.set_ylabel("change of the\nload cell [mN]")
-    drift.set_xlabel("time [min]    (grey band: allowed offset after a tare)")
-    figure.align_ylabels([distances, drift])
     legend_below(figure, [distances, drift], 5)
 
 

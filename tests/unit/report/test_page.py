@@ -9,17 +9,17 @@ import pytest
 from matplotlib.figure import Figure
 
 from benchtool.core.errors import InputError
-from benchtool.report.files import render_report
+from benchtool.report.figure import FigureBlock
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Commands,
     FactTable,
-    FigureBlock,
     Paragraph,
     Report,
     Section,
     Table,
     Warnings,
+    render_report,
 )
 from benchtool.report.ratio import Curve, RatioPoints, draw_ratio
 

@@ -111,7 +111,7 @@ def _motor_parts(path: Path) -> tuple[str, ...]:
 
 def _view_motor(path: Path) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
-    from benchtool.report.motor.page import MOTOR, motor_sentence
+    from benchtool.report.motor import MOTOR, motor_sentence
 
     fit = fit_motor([path])
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]

@@ -13,10 +13,11 @@ from benchtool.core.fit_result import Estimate
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.fit.motor.constants import MotorFit
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import display_unit, format_number, value_with_sd
-from benchtool.report.page import Paragraph, Table
+from benchtool.report.page import Page, Paragraph, Table
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
+from benchtool.report.panels import points, stack_panels
 
 WAYS = ((1.0, "up", BLUE, "^"), (-1.0, "down", ORANGE, "v"))  # direction, name, colour, marker
 
@@ -27,9 +28,7 @@ def _both_ways(axes: Axes, fit: MotorFit, x: Array, y: Array, error: Array | Non
         rows = fit.points.way == direction
         if rows.any():
             bars = None if error is None else error[rows]
-            axes.errorbar(
-                x[rows], y[rows], yerr=bars, fmt=marker, color=color, ms=4.6, label=name
-            )  # fmt: skip
+            points(axes, x[rows], y[rows], bars, color, marker, label=name)
 
 
 @figure(
@@ -81,12 +80,10 @@ def thrust(figure: Figure, fit: MotorFit) -> None:
 def throttle(figure: Figure, fit: MotorFit) -> None:
     """Draw speed and electrical power over throttle, rising and falling."""
     panels = _panels_over_throttle(fit)
-    for axes, (label, values) in zip(
-        figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0], panels, strict=True
-    ):
+    rows = stack_panels(figure, [1.0] * len(panels), xlabel="throttle [%]")
+    for axes, (label, values) in zip(rows, panels, strict=True):
         _both_ways(axes, fit, 100.0 * fit.throttle, values)
         axes.set_ylabel(label)
-    axes.set_xlabel("throttle [%]")
     figure.axes[0].legend(loc="upper left")
 
 
@@ -129,7 +126,7 @@ def response(figure: Figure, fit: MotorFit) -> None:
 def time(figure: Figure, fit: MotorFit) -> None:
     """Draw thrust, speed, power, voltage and temperature of points over time."""
     panels = _panels_over_time(fit)
-    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    rows = stack_panels(figure, [1.0] * len(panels), xlabel="time of the run [min]")
     for axes, (label, values) in zip(rows, panels, strict=True):
         for number, name in enumerate(fit.names):
             in_run = fit.points.run == number
@@ -139,7 +136,6 @@ def time(figure: Figure, fit: MotorFit) -> None:
                 color=color, linewidth=0.7, label=name,
             )  # fmt: skip
         axes.set_ylabel(label)
-    rows[-1].set_xlabel("time of the run [min]")
     if len(fit.names) > 1:
         figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
