@@ -141,7 +141,7 @@ def explain_result(
 
 def _write_answer(folder: Path, answer: Explanation, _: Sequence[str]) -> list[Path]:
     written = write_folder(folder, answer)
-    return [folder / PAGE, *map(Path, filter(None, [written.model]))]
+    return [folder / PAGE, *(Path(path) for kind, path in written.items() if kind == "model")]
 
 
 def pitch_result(

@@ -256,15 +256,13 @@ def figure_axes(figure: Figure) -> str:
         if not axes.axison or not set(scales) <= {"linear", "log"}:
             continue
         position = axes.get_position()
+        corners = (position.x0, 1 - position.y1, position.x1, 1 - position.y0)
         # Of several stacked axes only the lowest may have an x label.
         siblings = (axes, *axes.get_shared_x_axes().get_siblings(axes))
         label = next((sibling.get_xlabel() for sibling in siblings if sibling.get_xlabel()), "")
         boxes.append(
             {
-                "box": [
-                    round(edge, 4)
-                    for edge in (position.x0, 1 - position.y1, position.x1, 1 - position.y0)
-                ],
+                "box": [round(edge, 4) for edge in corners],
                 "x": [*axes.get_xlim(), scales[0]],
                 "y": [*axes.get_ylim(), scales[1]],
                 "labels": [_plain(label), _plain(axes.get_ylabel())],

@@ -29,24 +29,10 @@ from benchtool.report.figure import (
 
 
 @dataclass(frozen=True, slots=True)
-class Paragraph:
-    """Plain text."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Heading:
     """Subheading within a section; not listed in the table of contents."""
 
     text: str
-
-
-@dataclass(frozen=True, slots=True)
-class FactTable:
-    """Names with values: rig, conditions, versions, hashes."""
-
-    items: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +85,8 @@ class Table:
         )
 
 
-Block = Paragraph | Heading | FactTable | Warnings | Commands | Listing | Table | FigureBlock
+# A text is a paragraph, a mapping lists facts: rig, conditions, versions, hashes.
+Block = str | Mapping[str, str] | Heading | Warnings | Commands | Listing | Table | FigureBlock
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +108,7 @@ class Report:
     highlights: Mapping[str, str] = field(default_factory=dict)  # large figures at the top
 
 
-Part = str | Callable[[Any], Block | Sequence[Block] | None]  # a name or a block
+Part = str | Callable[[Any], Block | list[Block] | None]  # a name or a block
 PAGE = "report.html"
 PAGES: dict[str, Page] = {}  # pages of all imported modules, by name
 
@@ -155,7 +142,12 @@ class Page:
                 sections += item(subject)
                 continue
             title, parts = item
-            blocks = [block for part in parts for block in _blocks(part, subject, drawn)]
+            blocks: list[Block] = []
+            for part in parts:
+                if isinstance(part, str):
+                    blocks += [b for k, b in drawn.items() if k == part or k.startswith(f"{part}_")]
+                elif (result := part(subject)) is not None:
+                    blocks += result if isinstance(result, list) else [result]
             if blocks:
                 sections.append(Section(evaluate(title, subject), blocks))
         return sections
@@ -182,17 +174,7 @@ class Page:
         return [page, *saved]
 
 
-def _blocks(part: Part, subject: Any, figures: Mapping[str, FigureBlock]) -> Sequence[Block]:
-    if isinstance(part, str):
-        return [
-            result for key, result in figures.items() if key == part or key.startswith(f"{part}_")
-        ]
-    result = part(subject)
-    return result if isinstance(result, Sequence) else [] if result is None else [result]
-
-
 MAX_SCALE = 1.25  # figures fill their column up to this multiple of their printed size
-_PROLOGUE = re.compile(r"^.*?(?=<svg\b)", re.DOTALL)
 _NAMESPACES = re.compile(r'\s+xmlns(?::\w+)?="[^"]*"')
 _METADATA_ELEMENT = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 _SIZE = re.compile(r'(<svg\b[^>]*?)\s+width="([\d.]+)pt"([^>]*?)\s+height="[\d.]+pt"', re.DOTALL)
@@ -238,8 +220,8 @@ def _anchors(titles: list[str]) -> list[str]:
 
 def inline_svg(figure: Figure, prefix: str) -> str:
     """Return the figure as an <svg> element; ids get a prefix, unique within the HTML page."""
-    text = _PROLOGUE.sub("", figure_bytes(figure, "svg").decode("utf-8"), count=1)
-    text = _METADATA_ELEMENT.sub("", text)
+    text = figure_bytes(figure, "svg").decode("utf-8")
+    text = _METADATA_ELEMENT.sub("", text[text.index("<svg") :])
     head, body = text.split(">", 1)
     # HTML implies the namespaces; without them the page contains no address.
     head = _NAMESPACES.sub("", head)

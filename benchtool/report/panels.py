@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
-from math import ceil
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
@@ -122,14 +122,9 @@ def rotor_color(rotor: int) -> str:
 
 def rotor_legend(axes: Axes, rotors: int) -> None:
     """Add a legend of rotor colours above a panel; none for one rotor."""
-    numbers = range(rotors if rotors > 1 else 0)
-    legend_over(
-        axes,
-        [
-            Line2D([], [], color=rotor_color(index), label=str(index + 1) if index else "rotor 1")
-            for index in numbers
-        ],
-    )
+    labels = ["rotor 1", *map(str, range(2, rotors + 1))] if rotors > 1 else []
+    lines = [Line2D([], [], color=rotor_color(k), label=label) for k, label in enumerate(labels)]
+    legend_over(axes, lines)
 
 
 def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
@@ -145,9 +140,8 @@ def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **replacement
     """Add one legend of all axes below the figure; `replacements` by label, with _ for a blank."""
     handles: dict[str, Any] = {}
     for panel in axes:
-        handles |= {
-            label: handle for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
-        }
+        panel_handles, labels = panel.get_legend_handles_labels()
+        handles |= dict(zip(labels, panel_handles, strict=True))
     handles |= {label.replace("_", " "): handle for label, handle in replacements.items()}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=ncols)
 
@@ -221,21 +215,18 @@ def values_table(
 def origins_table(quantities: Sequence[QuantityValues]) -> Table:
     """Return a table of formula, origin and error contributions (percent) of each quantity."""
     rows = []
-    for values in quantities:
-        size = np.abs(np.where(values.value != 0.0, values.value, np.nan))
-        parts = {"own": values.standard_error}
+    for item in quantities:
+        size = np.abs(np.where(item.value != 0.0, item.value, np.nan))
+        parts = {"own": item.standard_error}
         parts |= {
-            source.name: np.sqrt(np.sum(source.columns**2, axis=1))
-            for source in values.error_sources
+            source.name: np.sqrt(np.sum(source.columns**2, axis=1)) for source in item.error_sources
         }
-        shares = {name: _median_percent(part, size) for name, part in parts.items()}
-        contributions = ", ".join(
-            f"{name} {format_number(share, '.2g')}" for name, share in shares.items()
-        )
-        total = format_number(_median_percent(values.total_error, size), ".2g")
-        quantity = values.quantity
-        formula = quantity.formula if values.origin.startswith("from ") else "–"
-        rows.append((quantity.title, quantity.symbol, formula, values.origin, contributions, total))
+        shares = [f"{name} {_median_percent(part, size)}" for name, part in parts.items()]
+        formula = item.quantity.formula if item.origin.startswith("from ") else "–"
+        rows.append((
+            item.quantity.title, item.quantity.symbol, formula, item.origin, ", ".join(shares),
+            _median_percent(item.total_error, size),
+        ))  # fmt: skip
     return Table(
         "Origin of each quantity and its standard error in percent of the value (median of the "
         "rows): independent part (own), then errors shared by all rows.",
@@ -245,7 +236,7 @@ def origins_table(quantities: Sequence[QuantityValues]) -> Table:
     )
 
 
-def _median_percent(part: np.ndarray, size: np.ndarray) -> float:
+def _median_percent(part: Array, size: Array) -> str:
     shares = 100.0 * np.abs(part) / size
     shares = shares[np.isfinite(shares)]
-    return float(np.median(shares)) if shares.size else float("nan")
+    return format_number(float(np.median(shares)) if shares.size else nan, ".2g")

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.physics import VALIDITY_Z_OVER_R
@@ -25,11 +24,11 @@ from benchtool.physics.model import Model
 from benchtool.report.palette import GREY, SERIES_STYLES, Role
 from benchtool.report.panels import DASHED, points
 
+DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
 BASES = {  # quantity that is equal for both thrusts of a ratio
     "equal_power": "equal electrical power",
     "equal_pwm": "equal pwm",
     "equal_rpm2": "equal rpm²",
-    "joint": "equal rpm² (joint fit)",
 }
 _DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED}
 _BAND_ALPHA = {68: 0.30, 95: 0.13}
@@ -71,18 +70,13 @@ class Curve:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """True within the validity range of the curve's law (m,)."""
-        valid: NDArray[np.bool_] = self.z_over_R >= self.nearest_z_over_R
-        return valid
+        return np.asarray(self.z_over_R >= self.nearest_z_over_R, bool)
 
 
 def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions:
     """Return conditions of a level plate under every disc; z/R (m,), speeds (n_rotors, 1)."""
-    return Conditions.build(
-        rig,
-        speed_rad_s=speed_rad_s,
-        plate_z_m=z_over_R * rig.propulsion.radius_m,
-        coverage=np.ones((rig.n_discs, 1)),
-    )
+    plate_z_m, coverage = z_over_R * rig.propulsion.radius_m, np.ones((rig.n_discs, 1))
+    return Conditions.build(rig, speed_rad_s=speed_rad_s, plate_z_m=plate_z_m, coverage=coverage)
 
 
 def ratio_values(model: Model, draws: Mapping[str, Array] | None = None) -> list[Any]:
@@ -180,21 +174,14 @@ def draw_ratio(
             transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
             color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
         )  # fmt: skip
-    axes.set_xlabel("distance to the plate  $z/R$ [–]")
-    axes.set_ylabel(ratio_label(basis))
+    ylabel = "$T_{IGE}\\,/\\,T_{OGE}$ [–]  at " + BASES[basis]
+    axes.set(xlabel=DISTANCE_LABEL, ylabel=ylabel)
     distances = np.concatenate(
         [[1.0], *(item.z_over_R for item in series), *(item.z_over_R for item in curves)]
     )
     axes.set_xlim(0.0, 1.03 * float(distances[np.isfinite(distances)].max()))
     axes.set_ylim(*_limits(series, curves))
     _legend(axes, curves)
-
-
-def ratio_label(basis: str) -> str:
-    """Return the axis label of a thrust ratio with its basis of comparison."""
-    if basis not in BASES:
-        raise UnknownChoice("basis of comparison", basis, BASES)
-    return "$T_{IGE}\\,/\\,T_{OGE}$ [–]  at " + BASES[basis]
 
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:

@@ -11,16 +11,7 @@ from dataclasses import dataclass
 from html import escape
 
 from benchtool.report.figure import FigureBlock, figure_axes, figure_bytes
-from benchtool.report.page import (
-    Block,
-    Commands,
-    FactTable,
-    Heading,
-    Listing,
-    Paragraph,
-    Table,
-    Warnings,
-)
+from benchtool.report.page import Block, Commands, Heading, Listing, Table, Warnings
 
 TOOLS = "".join(
     f'<button type="button" data-does="{does}">{text}</button>'
@@ -40,8 +31,7 @@ class FigureImage:
     axes: str = ""
 
 
-# A text is a paragraph, a mapping a table of facts.
-Content = Block | FigureImage | str | Mapping[str, str]
+Content = Block | FigureImage
 
 
 def blocks_html(blocks: Iterable[Content]) -> str:
@@ -68,14 +58,13 @@ def as_html(block: Content) -> str:
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
-    if isinstance(block, str | Paragraph):
-        return f"<p>{escape(block if isinstance(block, str) else block.text)}</p>"
+    if isinstance(block, str):
+        return f"<p>{escape(block)}</p>"
     if isinstance(block, Heading):
         return f'<h3 class="card-title">{escape(block.text)}</h3>'
-    if isinstance(block, Mapping | FactTable):
-        facts = block.items if isinstance(block, FactTable) else block
+    if isinstance(block, Mapping):
         rows = "".join(
-            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
+            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in block.items()
         )
         return f'<dl class="facts">{rows}</dl>'
     if isinstance(block, Warnings):

@@ -11,7 +11,7 @@ from benchtool.commands.terminal.tables import Output, print_table, progress_bar
 from benchtool.fit.run_recipe import FitSummary
 from benchtool.report.fit.page import terminal_blocks
 from benchtool.report.fit.tables import value_cells, wanted_rank
-from benchtool.report.page import Paragraph, Table, Warnings
+from benchtool.report.page import Table, Warnings
 
 MAX_COLUMNS = 5  # of a table on a terminal
 
@@ -38,8 +38,8 @@ def print_fit(fit: FitSummary) -> None:
             print_table(console, section.select_columns(range(min(width, len(section.header)))))
         elif isinstance(section, Warnings):
             console.print_lines(*(f"! {line}" for line in section.sentences))
-        elif isinstance(section, Paragraph):
-            console.print_lines(section.text)
+        elif isinstance(section, str):
+            console.print_lines(section)
 
 
 def print_runs(fits: Mapping[str, FitSummary]) -> None:

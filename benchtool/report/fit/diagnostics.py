@@ -24,17 +24,16 @@ from benchtool.fit.ensemble import RHAT_LIMIT, check_convergence
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure
-from benchtool.report.numbers import display_unit, with_statistical
+from benchtool.report.fit.tables import name_with_unit
+from benchtool.report.numbers import with_statistical
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, VERMILION
 from benchtool.report.panels import points, spread, stack_panels
 
 
 def standardised(fit: FitOutput) -> Array:
     """Return measured minus model over the standard error (m,) of the used points."""
-    result, problem = fit.results[0], fit.problem
-    predicted = problem.predicted(np.array([result[name].value for name in problem.shape_names]))
-    noise = None if problem.noise_name is None else result[problem.noise_name].value
-    return problem.whitening(noise)(fit.data.observed[fit.data.rows] - predicted)
+    problem, values = fit.problem, fit.results[0].values
+    return problem.whitening(problem.split(values)[1])(problem.residuals(values))
 
 
 @figure(
@@ -53,6 +52,9 @@ def residuals(figure: Figure, fit: FitOutput) -> None:
         data.conditions.plate_z_m[rows] >= OUT_OF_GROUND_EFFECT_M, np.inf, data.z_over_R[rows]
     )
     in_order = np.argsort(data.conditions.time_s[rows], kind="stable")
+    for axes in (distance, order):
+        spread(axes, 2.0, alpha=0.45)
+        axes.set_ylabel("standardised residual [–]")
     _against_distance(distance, far, values)
     _as_histogram(histogram, values)
     _against_order(order, values[in_order])
@@ -60,7 +62,6 @@ def residuals(figure: Figure, fit: FitOutput) -> None:
 
 
 def _against_distance(axes: Axes, z: Array, values: Array) -> None:
-    spread(axes, 2.0, alpha=0.45)
     near = np.isfinite(z)
     # Points out of ground effect are drawn behind the last distance of the axis.
     parked = 1.12 * float(z[near].max()) if near.any() else 1.0
@@ -79,13 +80,10 @@ def _against_distance(axes: Axes, z: Array, values: Array) -> None:
     if not near.all():
         ticks = [tick for tick in axes.get_xticks() if 0.0 <= tick <= z[near].max(initial=0.0)]
         axes.set_xticks([*ticks, parked], [*(f"{tick:g}" for tick in ticks), "OGE"])
-    axes.set_title("against distance")
-    axes.set_xlabel("$z/R$ [–]")
-    axes.set_ylabel("standardised residual [–]")
+    axes.set(title="against distance", xlabel="$z/R$ [–]")
 
 
 def _against_order(axes: Axes, values: Array) -> None:
-    spread(axes, 2.0, alpha=0.45)
     number = np.arange(1, values.size + 1)
     axes.plot(number, values, "o", color=BLUE, ms=3.6, alpha=0.55, mew=0.0)
     window = max(5, values.size // 10)
@@ -95,9 +93,7 @@ def _against_order(axes: Axes, values: Array) -> None:
         axes.plot(middle, mean, color=VERMILION, label=f"moving mean of {window}")
         axes.legend(loc="upper right", fontsize=7.6)
         axes.margins(y=0.16)
-    axes.set_title("against order of measurement")
-    axes.set_xlabel("point, in order of measurement")
-    axes.set_ylabel("standardised residual [–]")
+    axes.set(title="against order of measurement", xlabel="point, in order of measurement")
 
 
 def _as_histogram(axes: Axes, values: Array) -> None:
@@ -110,8 +106,7 @@ def _as_histogram(axes: Axes, values: Array) -> None:
     axes.set_ylim(0.0, 1.32 * axes.get_ylim()[1])
     axes.legend(loc="upper right", fontsize=7.6)
     axes.set_title(f"n = {finite.size}, sd = {finite.std(ddof=min(1, finite.size - 1)):.2f}")
-    axes.set_xlabel("standardised residual [–]")
-    axes.set_ylabel("density [–]")
+    axes.set(xlabel="standardised residual [–]", ylabel="density [–]")
 
 
 def _as_runs(axes: Axes, values: Array) -> None:
@@ -128,8 +123,7 @@ def _as_runs(axes: Axes, values: Array) -> None:
         f"({judge_runs(len(lengths), expected, sd)})",
         fontsize=9.0,
     )
-    axes.set_xlabel("point, in order of measurement")
-    axes.set_ylabel("run length, with sign")
+    axes.set(xlabel="point, in order of measurement", ylabel="run length, with sign")
 
 
 def runs_of_sign(residuals: Array) -> NDArray[np.intp]:
@@ -151,42 +145,32 @@ SHOWN_STEPS = 600  # maximum number of steps drawn per chain, evenly spaced
 SHOWN_WALKERS = 12  # maximum number of walkers drawn per ensemble
 
 
-def sampled(fit: FitOutput) -> FitResult | None:
-    """Return the last result with posterior draws, or None."""
-    results = [item for item in fit.results if item.method == "emcee" and len(item.samples)]
-    return results[-1] if results else None
-
-
-def _result(fit: FitOutput) -> FitResult:
-    result = sampled(fit)
-    assert result is not None  # `when` of the figures
-    return result
+def sampled(fit: FitOutput) -> list[FitResult]:
+    """Return the results with posterior draws; the figures show the last."""
+    return [item for item in fit.results if item.method == "emcee" and len(item.samples)]
 
 
 def _size(fit: FitOutput) -> float:
-    return max(4.6, 1.2 + 1.75 * len(_result(fit).estimates))
+    return max(4.6, 1.2 + 1.75 * len(sampled(fit)[-1].estimates))
 
 
 def _labels(result: FitResult) -> list[str]:
-    labels = []
-    for estimate in result.estimates:
-        owner, _, name = estimate.name.rpartition(".")
-        unit = "" if estimate.unit == "1" else f" [{display_unit(estimate.unit)}]"
-        labels.append(f"{owner}\n{name}{unit}" if owner else f"{name}{unit}")
-    return labels
+    return [
+        "\n".join(name_with_unit(item.name, item.unit).rsplit(".", 1)) for item in result.estimates
+    ]
 
 
 @figure(
     title="Posterior: {0.recipe.name}",
     caption="Pairwise posterior draws; marker: least-squares estimate.",
-    when=lambda fit: sampled(fit) is not None,
+    when=lambda fit: bool(sampled(fit)),
     height_in=_size,
     width_in=_size,
     layout=None,
 )
 def corner(figure: Figure, fit: FitOutput) -> None:
     """Draw posterior draws pairwise with the least-squares estimate."""
-    result = _result(fit)
+    result = sampled(fit)[-1]
     n = len(result.estimates)
     marks = [other.values for other in fit.results if other.method == "least_squares"][-1:]
     figure.subplots(n, n, squeeze=False)
@@ -244,15 +228,15 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
 
 @figure(
     title=lambda fit: (
-        f"Chains of {_result(fit).facts['ensembles'] or 1} ensembles: {_result(fit).model}"
+        f"Chains of {sampled(fit)[-1].facts['ensembles'] or 1} ensembles: {sampled(fit)[-1].model}"
     ),
     caption="Traces of independent ensembles; overlapping traces indicate convergence.",
-    when=lambda fit: sampled(fit) is not None,
-    height_in=lambda fit: 1.0 + 1.45 * len(_result(fit).estimates),
+    when=lambda fit: bool(sampled(fit)),
+    height_in=lambda fit: 1.0 + 1.45 * len(sampled(fit)[-1].estimates),
 )
 def chains(figure: Figure, fit: FitOutput) -> None:
     """Draw one trace per parameter with R-hat and autocorrelation time."""
-    result = _result(fit)
+    result = sampled(fit)[-1]
     labels, facts = _labels(result), result.facts
     ensembles, walkers = int(facts["ensembles"] or 1), int(facts["walkers"] or 1)
     draws = result.samples.reshape(-1, ensembles, walkers, len(labels))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import isfinite
+from math import isfinite, nan
 
 import matplotlib as mpl
 import numpy as np
@@ -86,7 +86,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     rows = []
     for bin_distance in np.unique(distance[is_shown]):
         in_bin = is_shown & (distance == bin_distance)
-        single = float(error[in_bin][0]) if data.errors == "stated" else float("nan")
+        single = float(error[in_bin][0]) if data.errors == "stated" else nan
         rows.append((
             data.z_over_R[in_bin].mean(), *_mean_and_sd(measured[in_bin], single),
             not data.used[in_bin].any(),
@@ -95,7 +95,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     return RatioPoints(z, mean, sd, label, role, is_excluded.astype(bool))
 
 
-def _mean_and_sd(values: Array, single: float = float("nan")) -> tuple[float, float]:
+def _mean_and_sd(values: Array, single: float = nan) -> tuple[float, float]:
     """Return mean and standard deviation of values; `single` is the sd of a single one."""
     return float(values.mean()), float(np.std(values, ddof=1)) if len(values) > 1 else single
 
@@ -103,8 +103,8 @@ def _mean_and_sd(values: Array, single: float = float("nan")) -> tuple[float, fl
 def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
     """Return measured z/R, T_IGE/T_OGE and its standard deviation at each distance."""
     points = ratio_points(fit, "")
-    columns = {"z_over_R": points.z_over_R, "ratio": points.ratio, "sd": points.sd}
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    rows = zip(points.z_over_R, points.ratio, points.sd, strict=True)
+    return [{"z_over_R": z, "ratio": ratio, "sd": sd} for z, ratio, sd in rows]
 
 
 def fitted_curve(fit: FitOutput, z_over_R: Array) -> Curve:
@@ -136,9 +136,7 @@ def _fully_covered(fit: FitOutput) -> NDArray[np.bool_]:
     for rotor, disc in enumerate(fit.fitted.rig.disc_of_rotor):
         squares[disc] += conditions.speed_rad_s[rotor] ** 2
     covered = np.all((conditions.coverage > 0.999) | (squares == 0.0), axis=0)
-    level: NDArray[np.bool_] = conditions.plate_tilt_rad == 0.0
-    is_complete: NDArray[np.bool_] = level & covered
-    return is_complete
+    return np.asarray(covered & (conditions.plate_tilt_rad == 0.0), bool)
 
 
 def name_of_data(fit: FitOutput) -> str:
@@ -194,8 +192,7 @@ def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
 def _mean_speed(conditions: Conditions) -> Array:
     """Return the root mean square speed (n,) of the driven rotors: rad/s."""
     turning = np.maximum((conditions.speed_rad_s > 0.0).sum(axis=0), 1)
-    speed: Array = np.sqrt((conditions.speed_rad_s**2).sum(axis=0) / turning)
-    return speed
+    return np.asarray(np.sqrt((conditions.speed_rad_s**2).sum(axis=0) / turning), float)
 
 
 def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
@@ -227,10 +224,8 @@ def area(figure: Figure, fit: FitOutput) -> None:
     covered_at, fitted, sd = factor_table(
         factors, {item.name: item.sd for item in fit.results[0].derived}
     )
-    for axes, values, label in (
-        (share, fitted, "fitted area factors"),
-        (departure, fitted - covered_at, None),
-    ):
+    lines = ((share, fitted, "fitted area factors"), (departure, fitted - covered_at, None))
+    for axes, values, label in lines:
         axes.fill_between(covered_at, values - sd, values + sd, color=VERMILION, alpha=0.2, lw=0.0)
         axes.plot(covered_at, values, "v-", color=VERMILION, ms=5.0, lw=1.3, label=label)
     share.legend(loc="upper left")

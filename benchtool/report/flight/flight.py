@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -21,6 +20,7 @@ from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.report.figure import figure
 from benchtool.report.flight.pitch_study import write_simulation
+from benchtool.report.numbers import align_columns
 from benchtool.report.page import Page
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
@@ -29,7 +29,6 @@ from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
-    Measures,
     build_recording,
     check_duration,
     controller_label,
@@ -61,62 +60,6 @@ def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
     return min(ends), max(ends)
 
 
-def _position(
-    axes: Axes, flown: FlownCase, free: FlownCase, obstacle_m: tuple[float, float] | None
-) -> None:
-    shade(axes, over_surface(flown))
-    x_m = flown.flight["x_m"]
-    for edge in obstacle_m or ():
-        if edge <= float(x_m.max()) + 0.5:
-            axes.axhline(edge, color=GREEN, linewidth=0.9, linestyle=DOTTED)
-    axes.axhline(flown.case.goals[-1].x_m, color=GREY, linewidth=1.1, linestyle=DASHED)
-    axes.plot(free.flight["time_s"], free.flight["x_m"], color=GREY, linewidth=1.3)
-    axes.plot(flown.flight["time_s"], x_m, color=BLUE)
-    _strike(axes, flown, x_m)
-
-
-def _pitch(axes: Axes, flown: FlownCase, free: FlownCase) -> None:
-    shade(axes, over_surface(flown))
-    axes.axhline(0.0, color=GREY, linewidth=0.7)
-    grey_deg = np.degrees(free.flight["pitch_rad"])
-    axes.plot(free.flight["time_s"], grey_deg, color=GREY, linewidth=1.1)
-    time_s, pitch_deg = flown.flight["time_s"], np.degrees(flown.flight["pitch_rad"])
-    command_deg = np.degrees(flown.flight["pitch_ref_rad"])
-    axes.plot(time_s, command_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
-    axes.plot(time_s, pitch_deg, color=BLUE, linewidth=1.3)
-    _strike(axes, flown, pitch_deg)
-
-
-def _strike(axes: Axes, flown: FlownCase, values: Array) -> None:
-    """Mark the end of a flight that ended early."""
-    if flown.flight.ending != "flown":
-        axes.plot(
-            flown.flight["time_s"][-1], values[-1], marker="X", markersize=9, color=VERMILION,
-            zorder=5, markeredgecolor="white",
-        )  # fmt: skip
-
-
-def over_surface(flown: FlownCase) -> list[tuple[float, float]]:
-    """Return start and end (s) of the intervals with a rotor over a surface."""
-    discs = range(1, flown.case.vehicle.rig.n_discs + 1)
-    covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
-    return spans(flown.flight["time_s"], covered > 1e-3)
-
-
-def _legend(figure: Figure, obstacle: bool) -> None:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLUE, label="flight"),
-        Line2D([], [], color=GREY, linewidth=1.3, label="PID out of ground effect"),
-        Line2D([], [], color=VERMILION, linewidth=1.0, label="pitch command"),
-        Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
-    ]
-    if obstacle:
-        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle edges"))
-    handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
-    one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
-    figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
-
-
 def _title(flights: Sequence[FlownCase]) -> str:
     case = flights[1].case
     height = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
@@ -139,15 +82,46 @@ def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
     )
     last_s = float(max(flown.flight["time_s"][-1] for flown in others))
     obstacle_m = obstacle_extent(others[0].case)
+    free_s, free_pitch_deg = free.flight["time_s"], np.degrees(free.flight["pitch_rad"])
     for flown, (upper, lower) in zip(others, axes.T, strict=True):
-        _position(upper, flown, free, obstacle_m)
-        _pitch(lower, flown, free)
+        time_s, x_m = flown.flight["time_s"], flown.flight["x_m"]
+        pitch_deg = np.degrees(flown.flight["pitch_rad"])
+        for edge in obstacle_m or ():
+            if edge <= float(x_m.max()) + 0.5:
+                upper.axhline(edge, color=GREEN, linewidth=0.9, linestyle=DOTTED)
+        upper.axhline(flown.case.goals[-1].x_m, color=GREY, linewidth=1.1, linestyle=DASHED)
+        upper.plot(free_s, free.flight["x_m"], color=GREY, linewidth=1.3)
+        upper.plot(time_s, x_m, color=BLUE)
+        lower.axhline(0.0, color=GREY, linewidth=0.7)
+        lower.plot(free_s, free_pitch_deg, color=GREY, linewidth=1.1)
+        command_deg = np.degrees(flown.flight["pitch_ref_rad"])
+        lower.plot(time_s, command_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
+        lower.plot(time_s, pitch_deg, color=BLUE, linewidth=1.3)
+        discs = range(1, flown.case.vehicle.rig.n_discs + 1)
+        covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
+        for panel, values in ((upper, x_m), (lower, pitch_deg)):
+            shade(panel, spans(time_s, covered > 1e-3))
+            if flown.flight.ending != "flown":  # it ended early
+                panel.plot(
+                    time_s[-1], values[-1], marker="X", markersize=9, color=VERMILION, zorder=5,
+                    markeredgecolor="white",
+                )  # fmt: skip
         upper.set_title(f"{controller_label(flown)}\n{summarize_flight(flown)}", linespacing=1.35)
         lower.set_xlabel("time [s]")
         lower.set_xlim(0.0, last_s)
     axes[0][0].set_ylabel("position $x$ [m]")
     axes[1][0].set_ylabel("pitch, nose down [deg]")
-    _legend(figure, obstacle_m is not None)
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=BLUE, label="flight"),
+        Line2D([], [], color=GREY, linewidth=1.3, label="PID out of ground effect"),
+        Line2D([], [], color=VERMILION, linewidth=1.0, label="pitch command"),
+        Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
+    ]
+    if obstacle_m is not None:
+        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle edges"))
+    handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
+    one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
+    figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
 
 
 FLIGHT = Page("flight", [("The flight", ["flight"])])
@@ -168,12 +142,6 @@ def fly_each(
     return flights
 
 
-def _arrival_text(measures: Measures) -> str:
-    if measures.ending == "flown":
-        return f"{measures.arrives_s:.1f}" if measures.arrives else "never"
-    return "hits the obstacle" if measures.ending == "struck" else "lost"
-
-
 def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     """Return the table of measures; the first flight is out of ground effect."""
     names = [controller_label(flown) for flown in flights]
@@ -186,27 +154,20 @@ def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     rows = []
     for name, flown in zip(names, flights, strict=True):
         measures = flown.measures
+        arrival = f"{measures.arrives_s:.1f}" if measures.arrives else "never"
+        if measures.ending != "flown":
+            arrival = "hits the obstacle" if measures.ending == "struck" else "lost"
         low_cm, high_cm = (round(100.0 * z_m, 1) + 0.0 for z_m in measures.range_z_m)
         low, high = measures.range_m
         rows.append(
             (
-                name, _arrival_text(measures), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
+                name, arrival, f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
                 f"{measures.max_pitch_deg:.1f}", f"{measures.rms_pitch_deg:.2f}",
                 f"{measures.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
                 f"{low:.3f}..{high:.3f}",
             )
         )  # fmt: skip
-    widths = [max(map(len, column)) for column in zip(heads, units, *rows, strict=True)]
-    left = (0, 1, len(heads) - 1)
-
-    def line(cells: Sequence[str]) -> str:
-        padded = (
-            cell.ljust(width) if at in left else cell.rjust(width)
-            for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        )
-        return "  ".join(padded).rstrip()
-
-    return [line(cells) for cells in (heads, units, *rows)]
+    return align_columns([heads, units, *rows], left=(0, 1, len(heads) - 1))
 
 
 BODY_DEPTH_OVER_R = 1.0  # of hub and undercarriage, only for the warning; assumed
@@ -267,11 +228,10 @@ def _flight_warnings(flown: FlownCase) -> list[str]:
 
 def _absent_effect_warning(flights: Sequence[FlownCase]) -> str:
     """Return a warning if ground effect was absent in all flights, else ""."""
-    if any(
-        flown.flight.ending != "flown" or _max_thrust_change(flown) > MIN_EFFECT
-        for flown in flights
-    ):
-        return ""
+    for flown in flights:
+        factors = [flown.flight[f"factor{k + 1}"] for k in range(flown.case.vehicle.rig.n_discs)]
+        if flown.flight.ending != "flown" or np.abs(np.array(factors) - 1.0).max() > MIN_EFFECT:
+            return ""
     nearest_m = min(flown.measures.nearest_m for flown in flights)
     case = flights[0].case
     if isfinite(nearest_m):
@@ -312,12 +272,6 @@ def _envelope_warning(flown: FlownCase) -> str:
         f"{MAX_HEIGHT_ERROR_M:g} m, {MAX_TILT_DEG:g} deg, {MAX_SPEED_M_S:g} m/s); its measures are "
         f"invalid, use other gains"
     )
-
-
-def _max_thrust_change(flown: FlownCase) -> float:
-    """Return the largest relative change of the thrust of any disc."""
-    discs = range(1, flown.case.vehicle.rig.n_discs + 1)
-    return max(float(np.abs(flown.flight[f"factor{i}"] - 1.0).max()) for i in discs)
 
 
 def _distance_m(path_m: Array, block: Block) -> float:

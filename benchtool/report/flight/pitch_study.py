@@ -17,10 +17,10 @@ from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
 from benchtool.data.run.recording_file import metadata_path, write_recording
 from benchtool.report.figure import check_not_existing, figure, render_figures, save_figures
+from benchtool.report.numbers import align_columns
 from benchtool.report.page import Page
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, shade, spans, stack_panels
-from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.pitch.result import PitchRun, measure_plate_visit
@@ -43,9 +43,7 @@ class PitchStudy:
 def pitch_study(
     setup: PitchSetup,
     seed: int = 0,
-    user_controllers: Sequence[
-        tuple[str, type[Any]]
-    ] = (),  # user controllers; a new instance per run
+    user_controllers: Sequence[tuple[str, type[Any]]] = (),  # a new instance per run
     only_user_controllers: bool = False,
 ) -> PitchStudy:
     """Simulate all controllers with and without the plate, with the same noise."""
@@ -53,10 +51,8 @@ def pitch_study(
     rate_Hz = setup.rate_Hz
     near = setup.schedule.sampled(rate_Hz, radius_m)
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
-    jobs = [
-        PitchJob(setup.bench, control)
-        for control in (() if only_user_controllers else setup.controls)
-    ]
+    controls = () if only_user_controllers else setup.controls
+    jobs = [PitchJob(setup.bench, control) for control in controls]
     results = list(
         results_in_order(
             partial(simulate_pitch, job, schedule, seed) for schedule in (near, far) for job in jobs
@@ -86,14 +82,14 @@ def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
 def table_lines(study: PitchStudy) -> list[str]:
     """Return one line per controller and plate interval, or RMS errors without a plate."""
     visits = visit_rows(study)
-    width = max(len("controller"), *(len(run.controller) for run in study.runs))
     if not visits:
-        lines = [f"{'controller':<{width}}  RMS error [deg]  largest [deg]"]
+        rows = [("controller", "RMS error [deg]", "largest [deg]")]
         for run in study.runs:
             error = np.degrees(run.column("true_theta_rad") - run.column("reference_rad"))
             rms, largest = np.sqrt(np.mean(error**2)), np.max(np.abs(error))
-            lines.append(f"{run.controller:<{width}}  {rms:>15.2f}  {largest:>13.2f}")
-        return lines
+            rows.append((run.controller, f"{rms:.2f}", f"{largest:.2f}"))
+        return align_columns(rows, left=(0,))
+    width = max(len("controller"), *(len(run.controller) for run in study.runs))
     lines = [
         f"{'controller':<{width}}   z/R  quiet RMS    peak  settling  residual  rebound",
         f"{'':<{width}}              [deg]   [deg]       [s]     [deg]    [deg]",
@@ -140,7 +136,12 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     """Write recordings, text report and figure to new files; return their paths."""
     setup = study.setup
     rig = setup.bench.model.rig
-    gains = {control.name: _gain_set_name(control) for control in setup.controls}
+    gains = {  # names of sets whose values are unchanged
+        control.name: control.gains.name
+        for control in setup.controls
+        if control.gains is not None and control.gains.name in gain_names()
+        if control.gains == load_gains(control.gains.name)
+    }
     recordings = {}
     for run in study.runs:
         provenance = {
@@ -173,14 +174,6 @@ def write_simulation(
         write_recording(path, recording, {"software": f"benchtool {__version__}", **facts})
     text.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [*tables, text, *save_figures(render_figures(page.name, subject), out)]
-
-
-def _gain_set_name(control: PitchControl) -> str:
-    """Return the name of a controller's gain set, "" if its values were changed."""
-    gains = control.gains
-    if gains is None or gains.name not in gain_names() or gains != load_gains(gains.name):
-        return ""
-    return gains.name
 
 
 @figure(

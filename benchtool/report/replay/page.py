@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +21,7 @@ from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resamp
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.report.figure import figure
 from benchtool.report.numbers import format_number
-from benchtool.report.page import Page, Paragraph, Report, Table, Warnings
+from benchtool.report.page import Page, Report, Table, Warnings
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import (
     OVER,
@@ -93,7 +94,7 @@ class ReplayedLog:
 
 
 def _has_values(values: Array) -> bool:
-    return bool(values.size and np.isfinite(values).any())
+    return bool(np.isfinite(values).any())
 
 
 PITCH_LABEL = "pitch [deg]\n(nose down +)"
@@ -172,19 +173,20 @@ def _pitch(axes: Axes, log: ReplayedLog, interval: tuple[float, float] | None = 
         axes.set_ylim(max(bottom, low - margin), min(top, high + margin))
 
 
+def _rotor_lines(axes: Axes, time_s: Array, rows: Array, **look: Any) -> None:
+    for rotor, row in enumerate(rows):
+        broken_line(axes, time_s, row, color=rotor_color(rotor), lw=0.8, **look)
+
+
 def _pulses(axes: Axes, log: ReplayedLog) -> None:
-    for rotor, row in enumerate(log.track.pwm_us):
-        broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
+    _rotor_lines(axes, log.track.time_s, log.track.pwm_us)
     if log.replay is not None:
-        for rotor, row in enumerate(log.replay.pwm_us):
-            style = {"color": rotor_color(rotor), "lw": 0.8, "ls": ":", "zorder": 1.9}
-            broken_line(axes, log.replay.time_s, row, **style)
+        _rotor_lines(axes, log.replay.time_s, log.replay.pwm_us, ls=":", zorder=1.9)
     rotor_legend(axes, len(log.track.pwm_us))
 
 
 def _speeds(axes: Axes, log: ReplayedLog) -> None:
-    for rotor, row in enumerate(log.track.rpm):
-        broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
+    _rotor_lines(axes, log.track.time_s, log.track.rpm)
     if not len(log.track.pwm_us):
         rotor_legend(axes, len(log.track.rpm))
 
@@ -217,7 +219,7 @@ def _legend(figure: Figure, log: ReplayedLog) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
-def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
+def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, ...]:
     """Return pitch errors (n,) of log and simulated run from reference or median: deg."""
     target_rad = track.reference_rad
     if not np.isfinite(target_rad).any():
@@ -229,21 +231,17 @@ def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
     return recorded, np.degrees(theta - target_rad)
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
+def rms_and_peak(errors: Array) -> tuple[float, float]:
+    """Return the root mean square and the value of largest size; nan without finite errors."""
+    if not np.isfinite(errors).any():
+        return float("nan"), float("nan")
+    rms, peak = np.sqrt(np.nanmean(errors**2)), errors[np.nanargmax(np.abs(errors))]
+    return float(rms), float(peak)
 
 
-def _peak(values: Array) -> float:
-    if not np.isfinite(values).any():
-        return float("nan")
-    return float(values[int(np.nanargmax(np.abs(values)))])
-
-
-def _rms_and_peak(errors: Array) -> tuple[str, ...]:
+def _cells(errors: Array) -> tuple[str, ...]:
     # Adding 0 removes the sign of a zero.
-    return tuple(
-        format_number(round(statistic(errors), 2) + 0.0, ".2f") for statistic in (_rms, _peak)
-    )
+    return tuple(format_number(round(value, 2) + 0.0, ".2f") for value in rms_and_peak(errors))
 
 
 def visits_table(log: ReplayedLog) -> Table | None:
@@ -251,55 +249,50 @@ def visits_table(log: ReplayedLog) -> Table | None:
     track = log.track
     if not track.visits:
         return None
-    recorded, simulated = errors_deg(log.track, log.replay)
-    is_simulated = log.replay is not None and not log.replay.warning
+    errors = errors_deg(log.track, log.replay)
+    if log.replay is None or log.replay.warning:
+        errors = errors[:1]
     inside = [
         (f"{start_s:.2f} … {end_s:.2f}", log.rotors(first, last), np.arange(first, last + 1))
         for (start_s, end_s), (first, last) in zip(log.intervals, track.visits, strict=True)
     ]
     outside = ("outside", "none", np.flatnonzero(track.max_coverage <= 0.0))
     rows = [
-        (
-            span,
-            rotors,
-            *_rms_and_peak(recorded[part]),
-            *(_rms_and_peak(simulated[part]) if is_simulated else ()),
-        )
+        (span, rotors, *(cell for error in errors for cell in _cells(error[part])))
         for span, rotors, part in (*inside, outside)
     ]
     baseline = "reference" if np.isfinite(track.reference_rad).any() else "median of the log"
-    heads = ("time [s]", "rotors over surface", "RMS", "largest")
+    heads = (
+        *("time [s]", "rotors over surface", "RMS", "largest"),
+        *("simulated RMS", "simulated largest"),
+    )
     return Table(
         f"Pitch minus {baseline}, in degrees, positive nose down.",
-        (*heads, *(("simulated RMS", "simulated largest") if is_simulated else ())),
+        heads[: 2 + 2 * len(errors)],
         rows,
         text_columns=2,
     )
 
 
-def _title(log: ReplayedLog) -> str:
-    kind = "Pitch recording" if log.recorded.is_run else "Replayed log"
-    return f"{kind}: {log.recorded.name}"
-
-
 def _sentence(log: ReplayedLog) -> str:
     track, replay = log.track, log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
-    inside = track.max_coverage > 0.0
+    inside, scope = track.max_coverage > 0.0, ""
+    (rms, _), (simulated_rms, _) = rms_and_peak(recorded), rms_and_peak(simulated)
     duration_s = len(track) / track.rate_Hz
-    text = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {_rms(recorded):.2f}°"
+    text = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {rms:.2f}°"
     if inside.any():
+        (rms, peak), (simulated_rms, _) = map(rms_and_peak, (recorded[inside], simulated[inside]))
+        scope = " over the surface"
         text += (
             f"; over a surface in {pluralize(len(track.visits), 'interval')} "
-            f"({inside.sum() / track.rate_Hz:.4g} s): RMS {_rms(recorded[inside]):.2f}°, maximum "
-            f"{format_number(_peak(recorded[inside]), '+.2f')}°"
+            f"({inside.sum() / track.rate_Hz:.4g} s): RMS {rms:.2f}°, maximum "
+            f"{format_number(peak, '+.2f')}°"
         )
     if replay is not None and replay.warning:
         text += f". The run simulated with {replay.model} deviates from the log and is not valid"
     elif replay is not None and np.isfinite(simulated).any():
-        part = inside if inside.any() else np.ones(len(track), bool)
-        scope = " over the surface" if inside.any() else ""
-        text += f". Simulated with {replay.model}: {_rms(simulated[part]):.2f}°{scope}"
+        text += f". Simulated with {replay.model}: {simulated_rms:.2f}°{scope}"
     return text + "."
 
 
@@ -307,24 +300,21 @@ def _highlights(log: ReplayedLog) -> dict[str, str]:
     replay = log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
     inside = log.track.max_coverage > 0.0
-    tiles = {"RMS pitch error": f"{_rms(recorded):.2f}°"}
+    part, scope = (inside, ", over a surface") if inside.any() else (~inside, "")
+    errors = {f"RMS pitch error{scope}": recorded[part]}
     if inside.any():
-        tiles = {
-            "RMS pitch error, over a surface": f"{_rms(recorded[inside]):.2f}°",
-            "elsewhere": f"{_rms(recorded[~inside]):.2f}°",
-        }
+        errors["elsewhere"] = recorded[~inside]
+    if replay is not None and not replay.warning:
+        errors[f"simulated RMS error{scope}"] = simulated[part]
+        if replay.driven_by == "pulses":
+            errors["recorded − simulated, RMS"] = recorded - simulated
+    tiles = {name: f"{rms_and_peak(values)[0]:.2f}°" for name, values in errors.items()}
     if replay is not None and replay.warning:
         tiles["simulated run"] = "deviates from the log"
-    elif replay is not None:
-        part = inside if inside.any() else np.ones(len(inside), bool)
-        name = "simulated RMS error" + (", over a surface" if inside.any() else "")
-        tiles[name] = f"{_rms(simulated[part]):.2f}°"
-        if replay.driven_by == "pulses":
-            tiles["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
     return tiles
 
 
-NO_BUDGET = Paragraph(
+NO_BUDGET = (
     "This page contains no fit and no uncertainty budget. benchtool explain estimates missing "
     "effects from a pitch recording with standard uncertainties."
 )
@@ -343,7 +333,9 @@ REPLAY = Page(
         ),
         lambda log: sections_behind(log.recorded),
     ],
-    title=_title,
+    title=lambda log: (
+        f"{'Pitch recording' if log.recorded.is_run else 'Replayed log'}: {log.recorded.name}"
+    ),
     summary=_sentence,
     highlights=_highlights,
 )

@@ -24,6 +24,7 @@ from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
 from benchtool.report.panels import panels_height, points, quantity_panels, stack_panels
 from benchtool.report.ratio import (
     BASES,
+    DISTANCE_LABEL,
     Curve,
     RatioPoints,
     conditions_over,
@@ -38,7 +39,6 @@ from benchtool.report.sweep.run import ERRORS, SweepRun
 
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
 DOTTED = (0, (1.2, 1.6))
 
 
@@ -54,10 +54,8 @@ def model_words(run: SweepRun) -> str:
 
 def plain(run: SweepRun) -> NDArray[np.bool_]:
     """Return a mask (s,) of settings with a level, centred plate, as in model curves."""
-    level: NDArray[np.bool_] = run.measured()
-    for name in ("plate_tilt_deg", "plate_x_m"):
-        level = level & (np.abs(np.nan_to_num(run.column(name))) < 1e-6)
-    return level
+    offsets = np.array([run.column(name) for name in ("plate_tilt_deg", "plate_x_m")])
+    return run.measured() & np.all(np.abs(np.nan_to_num(offsets)) < 1e-6, axis=0)
 
 
 def _max_speeds(run: SweepRun) -> Array:
@@ -190,14 +188,13 @@ def efficiency(figure: Figure, run: SweepRun) -> None:
 def quantities(figure: Figure, run: SweepRun) -> None:
     """Draw one panel per quantity against plate distance, or pulse width without a plate."""
     z, near, levels = run.z_over_R(run.settings), run.measured() & plain(run), run.level_us()
-    derived = _panel_quantities(run)
-    label = DISTANCE_LABEL if run.measured().any() else "pulse [µs]"
+    derived, has_plate = _panel_quantities(run), run.measured().any()
+    label = DISTANCE_LABEL if has_plate else "pulse [µs]"
     panels = quantity_panels(figure, [item.quantity for item in derived], label)
-    if not run.measured().any():
-        for axes, quantity in zip(panels, derived, strict=True):
-            points(axes, levels, quantity.value, quantity.total_error, BLUE, ms=3.6)
-        return
     for axes, quantity in zip(panels, derived, strict=True):
+        if not has_plate:
+            points(axes, levels, quantity.value, quantity.total_error, BLUE, ms=3.6)
+            continue
         for index, level in enumerate(np.unique(levels[near])):
             color, rows = CYCLE[index % len(CYCLE)], near & (levels == level)
             points(
@@ -209,8 +206,8 @@ def quantities(figure: Figure, run: SweepRun) -> None:
                 mean = float(np.nanmean(quantity.value[parked]))
                 axes.axhline(mean, color=color, lw=1.0, ls=DOTTED)
         axes.set_xlim(left=0.0)
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower right", ncols=4)
+    if has_plate:
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=4)
 
 
 def _panel_quantities(run: SweepRun) -> list[QuantityValues]:
@@ -295,8 +292,7 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
     newtons_per_kg = calibration_data["gravity_m_s2"] / calibration_data["lever_ratio"]
     force_N = np.array(calibration_data["masses_kg"], float) * newtons_per_kg
     counts, residual_N = (
-        np.array(calibration_data["counts"], float),
-        np.array(calibration_data["residuals_N"], float),
+        np.array(calibration_data[name], float) for name in ("counts", "residuals_N")
     )
     loading = np.arange(len(force_N)) <= int(force_N.argmax())
     labels = ("reading [counts]", "reading −\nforce [mN]")

@@ -76,12 +76,11 @@ def view_fit(root: Path, name: str) -> PageSection:
     from benchtool.fit.result_file import read_fit
     from benchtool.report.figure import captions
     from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
-    from benchtool.report.page import Paragraph
     from benchtool.web.drawing import FigureImage
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
-    blocks = [block for block in terminal_blocks(stored) if block != Paragraph(SIMULATED)]
+    blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
     warnings, tables = blocks[-1], blocks[1:-1]
     texts = captions("fit")
     figures = [
