@@ -37,12 +37,12 @@ from benchtool.physics.model_file import load_model as _load_model
 from benchtool.report.answer.folder import check_not_existing, write_json
 from benchtool.report.compare import page as comparing
 from benchtool.report.compare.pooled import PooledFits
+from benchtool.report.figure import look as figure_style
 from benchtool.report.flight.pitch_study import PitchStudy
-from benchtool.report.motor.page import MOTOR, motor_lines
+from benchtool.report.motor import MOTOR, motor_lines
 from benchtool.report.replay.replay_source import STAND, ReplaySource, read_recorded
 from benchtool.report.report_file import detect_kind
 from benchtool.report.result import Data, Found, Result, estimate_row, saved_paths
-from benchtool.report.style import look as figure_style
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.results import explain_result, fit_result, flight_result, pitch_result, pool_result

@@ -17,7 +17,7 @@ from benchtool.explain.request import Request, read_request
 from benchtool.explain.result import SURE, Explanation
 from benchtool.fit.recipe import FitInputs
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.answer.folder import PAGE, write_folder
+from benchtool.report.answer.folder import write_folder
 from benchtool.report.answer.page import ANSWER
 from benchtool.report.compare import pooled as pooling
 from benchtool.report.compare.pooled import PooledFits, pool_fits
@@ -25,6 +25,7 @@ from benchtool.report.fit.figures import ratio_rows
 from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
 from benchtool.report.flight import flight as flight_report
 from benchtool.report.flight import pitch_study as pitch_report
+from benchtool.report.page import PAGE
 from benchtool.report.result import (
     Result,
     effects_frame,
@@ -140,7 +141,7 @@ def explain_result(
 
 def _write_answer(folder: Path, answer: Explanation, _: Sequence[str]) -> list[Path]:
     written = write_folder(folder, answer)
-    return [folder / PAGE, *map(Path, filter(None, [written.model]))]
+    return [folder / PAGE, *(Path(path) for kind, path in written.items() if kind == "model")]
 
 
 def pitch_result(

@@ -111,7 +111,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
     from benchtool.data.run.state import store_state
-    from benchtool.report.files import check_not_existing, save_figure
+    from benchtool.report.figure import check_not_existing, save_figure
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):

@@ -344,7 +344,7 @@ def _explain_one(
 ) -> dict[str, Any]:
     """Write the folder of one answer and return its JSON data; runs in a worker process."""
     from benchtool.commands.terminal.batch import write_folder_once
-    from benchtool.report.answer.folder import WrittenFiles, answer_tables
+    from benchtool.report.answer.folder import answer_tables
     from benchtool.results import explain_result
 
     name, inputs = item
@@ -352,4 +352,4 @@ def _explain_one(
     inputs = replace(inputs, out=None)
     result = explain_result(inputs, permit=permit, commands=[command])
     write_folder_once(None if out is None else out / name, result.save)
-    return answer_tables(result.found, WrittenFiles())
+    return answer_tables(result.found)

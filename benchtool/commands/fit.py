@@ -215,7 +215,7 @@ def _print_fit(fit: FitSummary) -> None:
     """Print the sections of a fit report."""
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.report.fit.page import terminal_blocks
-    from benchtool.report.page import Paragraph, Table, Warnings
+    from benchtool.report.page import Table, Warnings
 
     console = Output()
     for section in terminal_blocks(fit):
@@ -224,8 +224,8 @@ def _print_fit(fit: FitSummary) -> None:
             print_table(console, section.select_columns(range(min(width, len(section.header)))))
         elif isinstance(section, Warnings):
             console.print_lines(*(f"! {line}" for line in section.sentences))
-        elif isinstance(section, Paragraph):
-            console.print_lines(section.text)
+        elif isinstance(section, str):
+            console.print_lines(section)
 
 
 def _print_runs(fits: Mapping[str, FitSummary]) -> None:

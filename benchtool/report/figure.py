@@ -1,22 +1,129 @@
-"""Registry of figures, and the report pages that show them."""
+"""Figures: style, registry by page, and files with reproducible bytes."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from io import BytesIO
+from pathlib import Path
 from pkgutil import iter_modules
+from textwrap import wrap
+from threading import RLock
 from typing import Any, Literal, TypeVar
 
-from benchtool.core.errors import UnknownChoice
-from benchtool.report.page import Block, Commands, FigureBlock, Report, Section
-from benchtool.report.style import WIDTH_IN, look, new_figure
+import matplotlib as mpl
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
+from benchtool.core.errors import UnknownChoice, WouldOverwrite
+from benchtool.data.atomic import make_folder, replace_bytes
+from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
+
+WIDTH_IN = 7.0  # width of every figure: the text width of a printed A4 page, inches
+TITLE_CHARACTERS = 69  # characters of a title per line at the full figure width
+SIMULATED = "SIMULATED"
+SIMULATED_GID = "simulated-stamp"
+_OURS: dict[str, Any] = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.0,
+    "axes.labelcolor": BLACK,
+    "axes.edgecolor": GREY,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": PALE,
+    "grid.linewidth": 0.6,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": BLACK,
+    "ytick.labelcolor": BLACK,
+    "legend.fontsize": 8.8,
+    "legend.framealpha": 0.92,
+    "legend.edgecolor": PALE,
+    "legend.fancybox": False,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 5.5,
+    "errorbar.capsize": 2.5,
+    "savefig.dpi": 160,
+    "savefig.facecolor": "white",
+    "hatch.linewidth": 0.5,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.constrained_layout.w_pad": 0.06,
+    "svg.hashsalt": "benchtool",
+    "pdf.fonttype": 42,
+}
+
+# Settings of windows, keys and folders are not part of the style.
+_NOT_LOOK = (
+    "backend", "interactive", "toolbar", "keymap", "webagg", "tk.", "macosx", "docstring",
+    "figure.hooks", "date.epoch", "savefig.directory", "timezone",
+)  # fmt: skip
+_LOOK: Any = {
+    key: value for key, value in mpl.rcParamsDefault.items() if not key.startswith(_NOT_LOOK)
+} | _OURS
+_DRAWING = RLock()
+
+
+@contextmanager
+def look() -> Iterator[None]:
+    """Apply the style over any matplotlibrc, then restore it; a lock admits one thread."""
+    with _DRAWING, rc_context(_LOOK):
+        yield
+
+
+class NotebookFigure(Figure):
+    """Figure with a notebook display that does not need pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        return figure_bytes(self, "png")
+
+
+def new_figure(
+    title: str,
+    *,
+    simulated: bool,
+    height_in: float,
+    width_in: float = WIDTH_IN,
+    layout: Literal["constrained"] | None = "constrained",
+) -> Figure:
+    """Return an empty figure with its title line, and a stamp if the data is simulated."""
+    figure = NotebookFigure(figsize=(width_in, height_in), layout=layout)
+    line_length = int(TITLE_CHARACTERS * width_in / WIDTH_IN) - (len(SIMULATED) + 2) * simulated
+    text = figure.suptitle(
+        "\n".join(wrap(title, line_length)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"
+    )
+    if layout is None:
+        text.set_y(1.0 - 0.09 / height_in)
+    if simulated:
+        figure.text(
+            0.988, 1.0 - 0.09 / height_in, SIMULATED, ha="right", va="top", fontsize=9,
+            fontweight="bold", color=VERMILION, gid=SIMULATED_GID,
+            bbox={"boxstyle": "square,pad=0.25", "facecolor": "white", "edgecolor": VERMILION},
+        )  # fmt: skip
+    return figure
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FigureBlock:
+    """Figure with caption."""
+
+    figure: Figure
+    caption: str
+
+
+PACKAGE = "benchtool.report."
 Draw = TypeVar("Draw", bound=Callable[..., None])
-Text = (
-    str | Callable[..., str]
-)  # format string, "{0.name}": attribute of the subject; or a function
+Text = str | Callable[..., str]  # a function of the subject, or its format: "{0.name}"
 Size = float | Callable[..., float]
 
 
@@ -24,8 +131,7 @@ def is_simulated(subject: Any) -> bool:
     """Return whether a subject, or any of several subjects, is simulated."""
     if hasattr(subject, "simulated"):
         return bool(subject.simulated)
-    items = subject.values() if isinstance(subject, Mapping) else subject
-    return any(is_simulated(item) for item in items)
+    return any(map(is_simulated, subject))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -34,7 +140,7 @@ class FigureEntry:
 
     caption: Text
     title: Text
-    page: str = ""  # default: folder of the module; for "folder.part", the text before the dot
+    page: str = ""  # default: folder of the module; a further page of a folder is "folder.part"
     name: str = ""  # file name; default: name of the function
     when: Callable[[Any], bool] = lambda subject: True  # False: nothing to draw
     each: Callable[[Any], Mapping[str, Any]] | None = None  # a figure ``name_key`` per item
@@ -45,7 +151,7 @@ class FigureEntry:
     draw: Callable[..., None] = field(init=False)
 
     def __call__(self, draw: Draw) -> Draw:
-        self.page = self.page or draw.__module__.rpartition(".")[0].rpartition(".")[2]
+        self.page = self.page or draw.__module__.removeprefix(PACKAGE).partition(".")[0]
         self.name = self.name or draw.__name__
         if (self.page, self.name) in _FIGURES:
             raise ValueError(f"duplicate figure name {self.name} on page {self.page}; rename one")
@@ -59,24 +165,24 @@ class FigureEntry:
             return
         items = {"": ()} if self.each is None else {k: (v,) for k, v in self.each(subject).items()}
         for key, item in items.items():
-            name, simulated = f"{self.name}_{key}" if key else self.name, self.simulated
             with look():
                 blank = new_figure(
-                    _value(self.title, subject, *item),
-                    simulated=simulated if isinstance(simulated, bool) else simulated(subject),
-                    height_in=_value(self.height_in, subject, *item),
-                    width_in=_value(self.width_in, subject, *item),
+                    evaluate(self.title, subject, *item),
+                    simulated=evaluate(self.simulated, subject),
+                    height_in=evaluate(self.height_in, subject, *item),
+                    width_in=evaluate(self.width_in, subject, *item),
                     layout=self.layout,
                 )
                 self.draw(blank, subject, *item)
-            yield name, FigureBlock(blank, _value(self.caption, subject, *item))
+            name = f"{self.name}_{key}" if key else self.name
+            yield name, FigureBlock(blank, evaluate(self.caption, subject, *item))
 
 
 figure = FigureEntry  # the decorator of a figure
 _FIGURES: dict[tuple[str, str], FigureEntry] = {}
 
 
-def _value(value: Any, *subject: Any) -> Any:
+def evaluate(value: Any, *subject: Any) -> Any:
     """Return a formatted text, the result of a function, or the value unchanged."""
     if isinstance(value, str):
         return value.format(*subject)
@@ -84,9 +190,10 @@ def _value(value: Any, *subject: Any) -> Any:
 
 
 @cache
-def _load(folder: str) -> None:
-    package = import_module(f"benchtool.report.{folder}")
-    for module in iter_modules(package.__path__):
+def _load(name: str) -> None:
+    """Import a module of this package, and all modules of a folder."""
+    package = import_module(PACKAGE + name)
+    for module in iter_modules(getattr(package, "__path__", ())):
         import_module(f"{package.__name__}.{module.name}")
 
 
@@ -99,8 +206,7 @@ def registered_figures(page: str) -> dict[str, FigureEntry]:
 def all_figures() -> list[FigureEntry]:
     """Return every figure of every folder, by page and name."""
     for module in iter_modules(import_module("benchtool.report").__path__):
-        if module.ispkg:
-            _load(module.name)
+        _load(module.name)
     return [_FIGURES[key] for key in sorted(_FIGURES)]
 
 
@@ -121,63 +227,87 @@ def captions(page: str) -> dict[str, str]:
     return {name: text for name, text in texts.items() if isinstance(text, str)}
 
 
-Part = str | Callable[[Any], Block | Sequence[Block] | None]  # a name or a block
-PAGES: dict[str, Page] = {}  # pages of all imported modules, by name
+Format = Literal["svg", "png", "pdf"]
+
+# No dates and versions: the bytes depend only on the data and the library. Rasterised parts of a
+# vector file (sampler traces) need less resolution than a whole png.
+_FORMATS: dict[str, dict[str, Any]] = {
+    "svg": {"dpi": 110, "metadata": dict.fromkeys(("Date", "Creator", "Format", "Type"))},
+    "png": {"dpi": 160, "metadata": {"Software": None}},
+    "pdf": {"dpi": 160, "metadata": dict.fromkeys(("CreationDate", "Creator", "Producer"))},
+}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Page:
-    """Report page: section titles with their parts, or functions that return sections."""
+def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
+    """Return the contents of a figure file."""
+    if file_format not in _FORMATS:
+        raise UnknownChoice("figure format", file_format, _FORMATS)
+    buffer = BytesIO()
+    with look():
+        figure.savefig(buffer, format=file_format, **_FORMATS[file_format])
+    return buffer.getvalue()
 
-    name: str
-    layout: Sequence[tuple[Text, Sequence[Part]] | Callable[[Any], Sequence[Section]]]
-    title: Text = ""
-    summary: Text = ""
-    highlights: Callable[[Any], Mapping[str, str]] = lambda subject: {}
 
-    def __post_init__(self) -> None:
-        PAGES[self.name] = self
-
-    @property
-    def figures(self) -> tuple[str, ...]:
-        listed = [item[1] for item in self.layout if isinstance(item, tuple)]
-        return tuple(part for parts in listed for part in parts if isinstance(part, str))
-
-    def sections(
-        self, subject: Any, figures: Mapping[str, FigureBlock] | None = None
-    ) -> list[Section]:
-        """Return the non-empty sections of a subject; without `figures`, draw them now."""
-        drawn = render_figures(self.name, subject, self.figures) if figures is None else figures
-        sections: list[Section] = []
-        for item in self.layout:
-            if not isinstance(item, tuple):
-                sections += item(subject)
-                continue
-            title, parts = item
-            blocks = [block for part in parts for block in _blocks(part, subject, drawn)]
-            if blocks:
-                sections.append(Section(_value(title, subject), blocks))
-        return sections
-
-    def report(
-        self,
-        subject: Any,
-        commands: Sequence[str] = (),
-        figures: Mapping[str, FigureBlock] | None = None,
-    ) -> Report:
-        return Report(
-            title=_value(self.title, subject),
-            summary=_value(self.summary, subject),
-            sections=[*self.sections(subject, figures), Section("Made with", [Commands(commands)])],
-            simulated=is_simulated(subject),
-            highlights=self.highlights(subject),
+def figure_axes(figure: Figure) -> str:
+    """Return axes as JSON: boxes (fractions of the figure from left and top), limits, labels."""
+    boxes = []
+    for axes in figure.axes:
+        scales = (axes.get_xscale(), axes.get_yscale())
+        if not axes.axison or not set(scales) <= {"linear", "log"}:
+            continue
+        position = axes.get_position()
+        corners = (position.x0, 1 - position.y1, position.x1, 1 - position.y0)
+        # Of several stacked axes only the lowest may have an x label.
+        siblings = (axes, *axes.get_shared_x_axes().get_siblings(axes))
+        label = next((sibling.get_xlabel() for sibling in siblings if sibling.get_xlabel()), "")
+        boxes.append(
+            {
+                "box": [round(edge, 4) for edge in corners],
+                "x": [*axes.get_xlim(), scales[0]],
+                "y": [*axes.get_ylim(), scales[1]],
+                "labels": [_plain(label), _plain(axes.get_ylabel())],
+            }
         )
+    return json.dumps(boxes)
 
 
-def _blocks(part: Part, subject: Any, figures: Mapping[str, FigureBlock]) -> Sequence[Block]:
-    if isinstance(part, str):
-        return [
-            result for key, result in figures.items() if key == part or key.startswith(f"{part}_")
-        ]
-    result = part(subject)
-    return result if isinstance(result, Sequence) else [] if result is None else [result]
+def _plain(label: str) -> str:
+    return re.sub(r"\\\w+|[${}]", "", label)
+
+
+def save_figure(
+    figure: Figure, stem: Path, formats: Sequence[Format] = ("svg", "png"), *, replace: bool = False
+) -> tuple[Path, ...]:
+    """Write `stem`.svg, `stem`.png, ... and return their paths; overwrite only with `replace`."""
+    contents = {
+        stem.with_name(f"{stem.name}.{name}"): figure_bytes(figure, name) for name in formats
+    }
+    if not replace:
+        check_not_existing(contents)
+    for path, content in contents.items():
+        write_whole(path, content)
+    return tuple(contents)
+
+
+def save_figures(
+    figures: Mapping[str, FigureBlock], folder: Path, *, replace: bool = False
+) -> list[Path]:
+    """Write an SVG and a PNG file per figure, named as its key; return their paths."""
+    return [
+        path
+        for name, block in figures.items()
+        for path in save_figure(block.figure, folder / name, replace=replace)
+    ]
+
+
+def check_not_existing(paths: Iterable[Path]) -> None:
+    """Raise WouldOverwrite if one of the files exists."""
+    for path in paths:
+        if path.exists():
+            raise WouldOverwrite(str(path))
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file atomically; create its folder."""
+    make_folder(path.parent)
+    replace_bytes(path, content)

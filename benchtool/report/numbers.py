@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Sequence
 from math import floor, isfinite, log10
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -45,6 +46,19 @@ def with_unit(text: str, symbol: str) -> str:
 def format_number(value: float, form: str) -> str:
     """Return a number in a Python format (".2f") with a true minus sign; "–" if not finite."""
     return f"{value:{form}}".replace("-", "−") if isfinite(value) else "–"
+
+
+def align_columns(rows: Sequence[Sequence[str]], left: Collection[int]) -> list[str]:
+    """Return rows of cells as lines with aligned columns; those in `left` are left-aligned."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = (
+            cell.ljust(width) if at in left else cell.rjust(width)
+            for at, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        lines.append("  ".join(cells).rstrip())
+    return lines
 
 
 def scaled(value: float, exponent: int, decimals: int) -> str:

@@ -1,9 +1,11 @@
-"""Common figure elements: error bars, shaded spans, decimated lines, legends, z/R axis."""
+"""Common parts of pages: figure elements, and panels and tables of derived quantities."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
+from math import ceil, nan
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,10 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array, from_si
+from benchtool.data.derived import QuantityValues
+from benchtool.data.quantities import Quantity
+from benchtool.report.numbers import display_unit, format_number, value_with_sd
+from benchtool.report.page import Table
 from benchtool.report.palette import CYCLE, GREY, PALE
 
 OVER = "#bfe3c8"  # background while a rotor is over a surface; paper, figures 26 to 28
@@ -22,14 +28,26 @@ DOTTED = (0, (1.5, 1.5))
 
 
 def stack_panels(
-    figure: Figure, heights: Sequence[float], *, sharex: bool = True, sharey: bool = False
+    figure: Figure,
+    heights: Sequence[float],
+    labels: Collection[str] = (),
+    xlabel: str = "",
+    *,
+    sharex: bool = True,
+    sharey: bool = False,
 ) -> list[Axes]:
-    """Return stacked panels with the given relative heights."""
+    """Return stacked panels of relative heights, with the label of x and aligned labels of y."""
     grid = figure.subplots(
         len(heights), 1, sharex=sharex, sharey=sharey, squeeze=False,
         gridspec_kw={"height_ratios": list(heights)},
     )  # fmt: skip
-    return list(grid[:, 0])
+    panels = list(grid[:, 0])
+    panels[-1].set_xlabel(xlabel)
+    for axes, label in zip(panels, labels, strict=False):
+        axes.set_ylabel(label)
+    if labels:
+        figure.align_ylabels(panels)
+    return panels
 
 
 def points(
@@ -104,14 +122,9 @@ def rotor_color(rotor: int) -> str:
 
 def rotor_legend(axes: Axes, rotors: int) -> None:
     """Add a legend of rotor colours above a panel; none for one rotor."""
-    numbers = range(rotors if rotors > 1 else 0)
-    legend_over(
-        axes,
-        [
-            Line2D([], [], color=rotor_color(index), label=str(index + 1) if index else "rotor 1")
-            for index in numbers
-        ],
-    )
+    labels = ["rotor 1", *map(str, range(2, rotors + 1))] if rotors > 1 else []
+    lines = [Line2D([], [], color=rotor_color(k), label=label) for k, label in enumerate(labels)]
+    legend_over(axes, lines)
 
 
 def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
@@ -127,9 +140,8 @@ def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **replacement
     """Add one legend of all axes below the figure; `replacements` by label, with _ for a blank."""
     handles: dict[str, Any] = {}
     for panel in axes:
-        handles |= {
-            label: handle for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
-        }
+        panel_handles, labels = panel.get_legend_handles_labels()
+        handles |= dict(zip(labels, panel_handles, strict=True))
     handles |= {label.replace("_", " "): handle for label, handle in replacements.items()}
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=ncols)
 
@@ -149,3 +161,82 @@ def named_rows(
         label.set_fontweight("bold" if name in bold else "normal")
     axes.set_ylim(len(names) - bottom, -top)
     axes.grid(visible=False, axis="y")
+
+
+COLUMNS = 2  # panels per row
+
+
+def panels_height(quantities: Sequence[object]) -> float:
+    """Return the figure height in inches for one panel per quantity."""
+    return 0.8 + 2.1 * ceil(len(quantities) / COLUMNS)
+
+
+def quantity_panels(figure: Figure, quantities: Sequence[Quantity], label: str) -> list[Axes]:
+    """Return one panel per quantity; y axes are labelled with symbol and unit."""
+    rows = ceil(len(quantities) / COLUMNS)
+    grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True).ravel().tolist()
+    for index, (axes, quantity) in enumerate(zip(grid, quantities, strict=False)):
+        axes.set_title(quantity.title)
+        axes.set_ylabel(re.sub(r"([A-Za-zη]+)_(\w+)", r"$\1_{\2}$", with_symbol(quantity)))
+        if index >= len(quantities) - COLUMNS:
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(label)
+    for axes in grid[len(quantities) :]:
+        axes.remove()
+    return list(grid[: len(quantities)])
+
+
+def with_symbol(quantity: Quantity) -> str:
+    """Return symbol and unit, for example "C_T [–]"."""
+    return f"{quantity.symbol} [{display_unit(quantity.unit)}]"
+
+
+def values_table(
+    caption: str,
+    rows: Sequence[Sequence[str]],
+    header: Sequence[str],
+    quantities: Sequence[QuantityValues],
+) -> Table:
+    """Return a table of quantities with standard errors; `rows` are the leading cells."""
+    cells = [
+        [
+            value_with_sd(float(value), float(error)) if np.isfinite(value) else "–"
+            for value, error in zip(quantity.value, quantity.total_error, strict=True)
+        ]
+        for quantity in quantities
+    ]
+    return Table(
+        caption,
+        (*header, *(with_symbol(quantity.quantity) for quantity in quantities)),
+        [(*row, *(column[row_index] for column in cells)) for row_index, row in enumerate(rows)],
+    )
+
+
+def origins_table(quantities: Sequence[QuantityValues]) -> Table:
+    """Return a table of formula, origin and error contributions (percent) of each quantity."""
+    rows = []
+    for item in quantities:
+        size = np.abs(np.where(item.value != 0.0, item.value, np.nan))
+        parts = {"own": item.standard_error}
+        parts |= {
+            source.name: np.sqrt(np.sum(source.columns**2, axis=1)) for source in item.error_sources
+        }
+        shares = [f"{name} {_median_percent(part, size)}" for name, part in parts.items()]
+        formula = item.quantity.formula if item.origin.startswith("from ") else "–"
+        rows.append((
+            item.quantity.title, item.quantity.symbol, formula, item.origin, ", ".join(shares),
+            _median_percent(item.total_error, size),
+        ))  # fmt: skip
+    return Table(
+        "Origin of each quantity and its standard error in percent of the value (median of the "
+        "rows): independent part (own), then errors shared by all rows.",
+        ("quantity", "symbol", "formula", "origin", "errors [%]", "together [%]"),
+        rows,
+        text_columns=5,
+    )
+
+
+def _median_percent(part: Array, size: Array) -> str:
+    shares = 100.0 * np.abs(part) / size
+    shares = shares[np.isfinite(shares)]
+    return format_number(float(np.median(shares)) if shares.size else nan, ".2g")

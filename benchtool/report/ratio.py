@@ -23,8 +23,13 @@ from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGE
 from benchtool.physics.model import Model
 from benchtool.report.palette import GREY, SERIES_STYLES, Role
 from benchtool.report.panels import DASHED, points
-from benchtool.report.style import ratio_label
 
+DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
+BASES = {  # quantity that is equal for both thrusts of a ratio
+    "equal_power": "equal electrical power",
+    "equal_pwm": "equal pwm",
+    "equal_rpm2": "equal rpm²",
+}
 _DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED}
 _BAND_ALPHA = {68: 0.30, 95: 0.13}
 
@@ -65,18 +70,13 @@ class Curve:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """True within the validity range of the curve's law (m,)."""
-        valid: NDArray[np.bool_] = self.z_over_R >= self.nearest_z_over_R
-        return valid
+        return np.asarray(self.z_over_R >= self.nearest_z_over_R, bool)
 
 
 def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions:
     """Return conditions of a level plate under every disc; z/R (m,), speeds (n_rotors, 1)."""
-    return Conditions.build(
-        rig,
-        speed_rad_s=speed_rad_s,
-        plate_z_m=z_over_R * rig.propulsion.radius_m,
-        coverage=np.ones((rig.n_discs, 1)),
-    )
+    plate_z_m, coverage = z_over_R * rig.propulsion.radius_m, np.ones((rig.n_discs, 1))
+    return Conditions.build(rig, speed_rad_s=speed_rad_s, plate_z_m=plate_z_m, coverage=coverage)
 
 
 def ratio_values(model: Model, draws: Mapping[str, Array] | None = None) -> list[Any]:
@@ -116,6 +116,20 @@ def uncertainty_bands(
     ratio_draws = np.asarray(factor_at_distance(model, speed_rad_s, z_over_R, draws, basis), float)
     ratio_draws = np.broadcast_to(ratio_draws, (len(next(iter(draws.values()))), len(z_over_R)))
     return uncertainty_band(ratio_draws, 68), uncertainty_band(ratio_draws, 95)
+
+
+def model_curve(
+    model: Model,
+    speed_rad_s: Array,
+    z_over_R: Array,
+    draws: Mapping[str, Array],
+    basis: str,
+    label: str,
+) -> Curve:
+    """Return the curve of a model, with its bands if there are draws."""
+    ratio = factor_at_distance(model, speed_rad_s, z_over_R, basis=basis)
+    bands = uncertainty_bands(model, speed_rad_s, z_over_R, draws, basis)
+    return Curve(z_over_R, ratio, label, "model", "fit", bands, model.nearest_z_over_R)
 
 
 def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]:
@@ -160,8 +174,8 @@ def draw_ratio(
             transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
             color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
         )  # fmt: skip
-    axes.set_xlabel("distance to the plate  $z/R$ [–]")
-    axes.set_ylabel(ratio_label(basis))
+    ylabel = "$T_{IGE}\\,/\\,T_{OGE}$ [–]  at " + BASES[basis]
+    axes.set(xlabel=DISTANCE_LABEL, ylabel=ylabel)
     distances = np.concatenate(
         [[1.0], *(item.z_over_R for item in series), *(item.z_over_R for item in curves)]
     )

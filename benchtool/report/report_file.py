@@ -14,8 +14,8 @@ from benchtool.data.run.recording_file import metadata_path
 from benchtool.explain.pitch.replay import ReplayInputs
 from benchtool.fit.nominal import nominal_model, rig_for_data
 from benchtool.report.compare.page import COMPARISON, RunComparison
-from benchtool.report.files import render_report, write_whole
-from benchtool.report.page import Report
+from benchtool.report.figure import write_whole
+from benchtool.report.page import PAGE, render_report
 from benchtool.report.replay.page import recording_page
 from benchtool.report.sweep.page import COMPARED, SWEEP
 from benchtool.report.sweep.run import read_sweep_run
@@ -26,7 +26,6 @@ ACCEPTED_PATHS = (
     "or a recording of benchtool import or simulate"
 )
 KIND_BY_FILE: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
-PAGE = "report.html"
 
 
 def detect_kind(path: Path) -> Kind:
@@ -56,10 +55,7 @@ def detect_kind(path: Path) -> Kind:
 
 def is_mixed(paths: Sequence[Path]) -> bool:
     """Return True for sweeps together with recordings, which need the comparison page."""
-    if len(paths) < 2:
-        return False
-    kinds = {detect_kind(path) for path in paths}
-    return "recording" in kinds and kinds <= {"sweep", "recording"}
+    return len(paths) > 1 and {*map(detect_kind, paths)} in ({"recording"}, {"sweep", "recording"})
 
 
 def page_text(
@@ -70,13 +66,23 @@ def page_text(
     if len(paths) > 1 and set(kinds) != {"sweep"}:
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
         raise InputError(f"several paths must all be sweeps: {listed}")
-    if kinds[0] in ("fit", "explanation"):
+    if kinds[0] in KIND_BY_FILE.values():
         page = paths[0] / PAGE
         if not page.is_file():
             command = "benchtool fit" if kinds[0] == "fit" else "benchtool explain"
             raise FileFormatError(str(paths[0]), f"{PAGE} is missing; repeat {command} --out")
         return page.read_text("utf-8")
-    return render_report(build_report(paths, kinds[0], replay_inputs, commands))
+    if kinds[0] != "sweep":
+        return render_report(recording_page(paths[0], replay_inputs, commands))
+    replay_inputs.check_unused("a sweep has no controller")
+    first, model = read_sweep_run(paths[0]), None
+    if replay_inputs.model:
+        rig = rig_for_data([str(paths[0])], replay_inputs.model, replay_inputs.rig) or first.rig
+        model = nominal_model(replay_inputs.model, rig, replay_inputs.permit)
+    runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
+    if len(runs) > 1:
+        return render_report(COMPARED.report(runs, commands))
+    return render_report(SWEEP.report(runs[0], commands))
 
 
 def write_report(
@@ -97,16 +103,14 @@ def write_report(
     path = paths[0]
     default_target = path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
     target = out or (Path(PAGE) if len(paths) > 1 else default_target)
-    has_page = (
-        comparison is None and len(paths) == 1 and detect_kind(paths[0]) in ("fit", "explanation")
-    )
-    if has_page and replay_inputs not in (None, ReplayInputs()):
-        raise InputError(
-            f"{paths[0]} already has a page; --model and its options are only for runs and "
-            f"recordings"
-        )
-    if has_page and target.resolve() == (paths[0] / PAGE).resolve() and target.is_file():
-        return target
+    if comparison is None and len(paths) == 1 and detect_kind(path) in KIND_BY_FILE.values():
+        if replay_inputs not in (None, ReplayInputs()):
+            raise InputError(
+                f"{path} already has a page; --model and its options are only for runs and "
+                f"recordings"
+            )
+        if target.resolve() == (path / PAGE).resolve() and target.is_file():
+            return target
     if target.exists() and not replace:
         raise WouldOverwrite(str(target), "--overwrite")
     if comparison is not None:
@@ -115,23 +119,3 @@ def write_report(
         text = page_text(paths, replay_inputs, commands)
     write_whole(target, text.encode("utf-8"))
     return target
-
-
-def build_report(
-    paths: Sequence[Path],
-    kind: Kind,
-    replay_inputs: ReplayInputs | None = None,
-    commands: Sequence[str] = (),
-) -> Report:
-    """Return the report of a sweep, a recording, or several sweeps."""
-    replay_inputs = replay_inputs or ReplayInputs()
-    if kind != "sweep":
-        return recording_page(paths[0], replay_inputs, commands)
-    replay_inputs.check_unused("a sweep has no controller")
-    first = read_sweep_run(paths[0])
-    model = None
-    if replay_inputs.model:
-        rig = rig_for_data([str(paths[0])], replay_inputs.model, replay_inputs.rig) or first.rig
-        model = nominal_model(replay_inputs.model, rig, replay_inputs.permit)
-    runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
-    return COMPARED.report(runs, commands) if len(runs) > 1 else SWEEP.report(runs[0], commands)

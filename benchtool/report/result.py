@@ -13,8 +13,8 @@ from benchtool.core.fit_result import Estimate
 from benchtool.data.columns import rows_to_frame
 from benchtool.explain.result import Explanation
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.figure import Page, render_figures
-from benchtool.report.files import inline_svg, write_report
+from benchtool.report.figure import render_figures
+from benchtool.report.page import PAGE, Page, inline_svg, write_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,24 +52,19 @@ class Result(Generic[Found]):
 
     def figures(self) -> dict[str, Figure]:
         """Return all figures of the report page, by name."""
-        return {
-            name: block.figure
-            for name, block in render_figures(
-                self._page.name, self.found, self._page.figures
-            ).items()
-        }
+        blocks = render_figures(self._page.name, self.found, self._page.figures)
+        return {name: block.figure for name, block in blocks.items()}
 
     def plot(self, figure: str = "") -> Figure:
         """Return a figure by name; default: the first figure of the report page."""
-        if figure:
-            blocks = render_figures(self._page.name, self.found, [figure])
-            if not blocks:
-                raise InputError(f"figure {figure!r} has no data in this result")
-            return next(iter(blocks.values())).figure
-        for name in self._page.figures:
-            if blocks := render_figures(self._page.name, self.found, [name]):
-                return next(iter(blocks.values())).figure
-        raise InputError("this result has no figures")
+        for name in [figure] if figure else self._page.figures:
+            for block in render_figures(self._page.name, self.found, [name]).values():
+                return block.figure
+        raise InputError(
+            f"figure {figure!r} has no data in this result"
+            if figure
+            else "this result has no figures"
+        )
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> Path:
         """Write the report page, one self-contained HTML file, and return its path.
@@ -89,7 +84,7 @@ class Result(Generic[Found]):
         """
         if self._write is not None:
             return list(self._write(Path(folder), self.found, commands))
-        return [self.report(Path(folder) / "report.html", commands)]
+        return [self.report(Path(folder) / PAGE, commands)]
 
     def __repr__(self) -> str:
         return self.summary()
@@ -123,13 +118,12 @@ def saved_paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
 
 def estimates_frame(output: FitOutput) -> pd.DataFrame:
     """Return estimates and derived values of all methods."""
-    return rows_to_frame(
-        [
-            {"method": result.method} | estimate_row(item)
-            for result in output.results
-            for item in (*result.estimates, *result.derived)
-        ]
-    )
+    rows = [
+        {"method": result.method} | estimate_row(item)
+        for result in output.results
+        for item in (*result.estimates, *result.derived)
+    ]
+    return rows_to_frame(rows)
 
 
 def estimate_row(item: Estimate) -> dict[str, Any]:
@@ -146,14 +140,13 @@ def estimate_row(item: Estimate) -> dict[str, Any]:
 def effects_frame(answer: Explanation) -> pd.DataFrame:
     """Return the parameters of the effects that a verdict names."""
     columns = ("value", "std", "low", "high", "tolerance", "unit")
-    return rows_to_frame(
-        [
-            {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
-            | {name: getattr(item, name) for name in columns}
-            for effect in answer.effects
-            for item in effect.parameters
-        ]
-    )
+    rows = [
+        {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
+        | {name: getattr(item, name) for name in columns}
+        for effect in answer.effects
+        for item in effect.parameters
+    ]
+    return rows_to_frame(rows)
 
 
 def gap_frame(answer: Explanation) -> pd.DataFrame:

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from benchtool import __version__
 from benchtool.data.calibration import format_traceability
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run import Run
 from benchtool.fit.uncertainty.run_budget import run_budget
 from benchtool.report.fit.budget import budget_sentence, budget_table
-from benchtool.report.page import Block, FactTable, Paragraph, Section
+from benchtool.report.page import Block, Section
 
 MISSING_VALUE = "not stated"
 
@@ -35,20 +36,18 @@ def run_state_table(metadata: Mapping[str, Any]) -> dict[str, str]:
 def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return address, versions, rate, channels and reports of the device."""
     device = metadata.get("device") or {}
+    device_id = metadata.get("device_id", MISSING_VALUE)
+    firmware, protocol = (device.get(key, MISSING_VALUE) for key in ("firmware", "protocol"))
     facts = {
         "address": str(metadata.get("address", MISSING_VALUE)),
-        "device": f"{metadata.get('device_id', MISSING_VALUE)}, firmware "
-        f"{device.get('firmware', MISSING_VALUE)}, protocol "
-        f"{device.get('protocol', MISSING_VALUE)}",
+        "device": f"{device_id}, firmware {firmware}, protocol {protocol}",
     }
     if "rate_Hz" in device:
         facts["stream"] = f"{device['rate_Hz']:g} Hz: {', '.join(device.get('channels', {}))}"
     if "watchdog_s" in device:
         facts["watchdog"] = f"{device['watchdog_s']:g} s"
-    if reported := device.get("facts"):
-        facts["reported by the device"] = ", ".join(
-            f"{key} = {value}" for key, value in reported.items()
-        )
+    if reported := [f"{key} = {value}" for key, value in (device.get("facts") or {}).items()]:
+        facts["reported by the device"] = ", ".join(reported)
     return facts
 
 
@@ -137,15 +136,36 @@ def version_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     return {"recorded with": listed or MISSING_VALUE}
 
 
+def bench_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
+    """Return the rig and the device of a run."""
+    return rig_facts(metadata) | device_facts(metadata)
+
+
+def condition_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
+    """Return state, air and calibration of a run."""
+    state, air = run_state_table(metadata), air_facts(metadata)
+    return state | air | calibration_facts(metadata)
+
+
+def data_facts(
+    metadata: Mapping[str, Any], sha256: str, file_hashes: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the software of a run and its page, and the hashes of its data."""
+    reported = {
+        "reported with": f"benchtool {__version__}",
+        "sha256 of the run's data (points and samples)": sha256,
+    }
+    hashes = {f"sha256 of {name}": digest for name, digest in file_hashes.items()}
+    return version_facts(metadata) | reported | hashes
+
+
 def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return a short list: rig, device, state, air density, calibration, versions."""
     rig, air = rig_facts(metadata), air_facts(metadata)
     facts: dict[str, str] = {key: rig[key] for key in ("rig", "rotor radius") if key in rig}
     facts["device"] = device_facts(metadata)["device"]
     facts |= run_state_table(metadata)
-    facts["air"] = air.get("density", MISSING_VALUE) + (
-        "" if "density" not in air else f", {air['air']}"
-    )
+    facts["air"] = f"{air['density']}, {air['air']}" if "density" in air else MISSING_VALUE
     facts |= calibration_facts(metadata)
     return facts | version_facts(metadata)
 
@@ -154,8 +174,8 @@ def run_sections(paths: Iterable[str]) -> list[Section]:
     """Return one section per run folder: rig, air, calibration and uncertainty budget."""
     sections = []
     for path in (Path(path) for path in paths if is_run(path)):
-        blocks: list[Block] = [FactTable(simple_facts(Run.open(path).metadata))]
+        blocks: list[Block] = [simple_facts(Run.open(path).metadata)]
         if (budget := run_budget(path)) is not None:
-            blocks += [budget_table(budget), Paragraph(budget_sentence(budget))]
+            blocks += [budget_table(budget), budget_sentence(budget)]
         sections.append(Section(f"The run {path.resolve().name}", blocks))
     return sections

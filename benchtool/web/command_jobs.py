@@ -126,7 +126,6 @@ def explain(
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import added_sentence, answer_page
     from benchtool.report.figure import render_figures
-    from benchtool.report.page import Paragraph
     from benchtool.results import explain_result
 
     def progress(stage: str, share: float) -> None:
@@ -141,7 +140,7 @@ def explain(
     write_folder(hidden_folder, answer, display_path=out)
     page = answer_page(answer, render_figures("answer", answer), next_file(answer)[0])
     # The page shows this sentence next to its button, as its text changes.
-    skipped_blocks = [Paragraph(added_sentence(answer))] if answer.effects else []
+    skipped_blocks = [added_sentence(answer)] if answer.effects else []
     return Explanation(
         sentence=page.summary,
         new_effects=tuple(effect.name for effect in added_effects(answer)),

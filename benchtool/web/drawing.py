@@ -33,8 +33,7 @@ class FigureImage:
     axes: str = ""
 
 
-# A text is a paragraph, a mapping a table of facts.
-Content: TypeAlias = "Block | FigureImage | str | Mapping[str, str]"
+Content: TypeAlias = "Block | FigureImage"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +55,8 @@ class PageSection:
         command: tuple[str, ...] = (),
     ) -> PageSection:
         """Return a section of blocks; figures and tables may be placed side by side."""
-        from benchtool.report.page import FigureBlock, Table
+        from benchtool.report.figure import FigureBlock
+        from benchtool.report.page import Table
 
         html = "".join(
             f'<div class="block-beside">{as_html(block)}</div>'
@@ -70,10 +70,9 @@ class PageSection:
 def as_html(block: Content) -> str:
     """Return a block as HTML with escaped text."""
     from benchtool.report import page
+    from benchtool.report.figure import FigureBlock, figure_axes, figure_bytes
 
-    if isinstance(block, page.FigureBlock):
-        from benchtool.report.files import figure_axes, figure_bytes
-
+    if isinstance(block, FigureBlock):
         block = FigureImage(
             figure_bytes(block.figure, "svg"), block.caption, figure_axes(block.figure)
         )
@@ -85,19 +84,18 @@ def as_html(block: Content) -> str:
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
-    if isinstance(block, str | page.Paragraph):
-        return f"<p>{escape(block if isinstance(block, str) else block.text)}</p>"
+    if isinstance(block, str):
+        return f"<p>{escape(block)}</p>"
     if isinstance(block, page.Heading):
         return f'<h3 class="card-title">{escape(block.text)}</h3>'
-    if isinstance(block, Mapping | page.FactTable):
-        facts = block.items if isinstance(block, page.FactTable) else block
+    if isinstance(block, Mapping):
         rows = "".join(
-            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts.items()
+            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in block.items()
         )
         return f'<dl class="facts">{rows}</dl>'
     if isinstance(block, page.Warnings):
         lines = "".join(f"<li>{escape(line)}</li>" for line in block.sentences)
-        return f'<ul class="warn-box" aria-label="page.Warnings">{lines}</ul>' if lines else ""
+        return f'<ul class="warn-box" aria-label="Warnings">{lines}</ul>' if lines else ""
     if isinstance(block, page.Commands):
         return f"<pre><code>{escape(chr(10).join(block.lines))}</code></pre>"
     if isinstance(block, page.Table):

@@ -183,11 +183,10 @@ def view_fit(root: Path, name: str) -> PageSection:
     from benchtool.fit.result_file import read_fit
     from benchtool.report.figure import captions
     from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
-    from benchtool.report.page import Paragraph
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
-    blocks = [block for block in terminal_blocks(stored) if block != Paragraph(SIMULATED)]
+    blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
     warnings, tables = blocks[-1], blocks[1:-1]
     texts = captions("fit")
     figures = [
@@ -217,7 +216,7 @@ def _motor_parts(path: Path) -> tuple[str, ...]:
 
 def _view_motor(path: Path) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
-    from benchtool.report.motor.page import MOTOR, motor_sentence
+    from benchtool.report.motor import MOTOR, motor_sentence
 
     fit = fit_motor([path])
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]

@@ -12,11 +12,9 @@ import numpy as np
 
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.report.files import save_figure
+from benchtool.report.figure import FigureBlock, look, new_figure, save_figure
 from benchtool.report.fit.figures import fitted_curve, ratio_points
-from benchtool.report.page import FigureBlock
 from benchtool.report.ratio import draw_ratio
-from benchtool.report.style import look, new_figure
 
 HERE = Path(__file__).parent
 FITS = HERE.parents[1] / "fits"
@@ -36,10 +34,11 @@ def figures() -> dict[str, FigureBlock]:
         ratio_points(eq2, "one rotor (simulated bench)", "single_rotor"),
         ratio_points(eq4, "four rotors (simulated bench)", "quad"),
     ]
+    one, three, four = (fitted_curve(fit, z) for fit in (eq2, eq3, eq4))
     curves = [
-        replace(fitted_curve(eq2, z, "eq. (2), fitted to one rotor", "single_rotor"), bands=()),
-        replace(fitted_curve(eq3, z, "eq. (3), best fit", "quad"), style="formula", bands=()),
-        fitted_curve(eq4, z, "eq. (4), fitted", "model"),
+        replace(one, label="eq. (2), fitted to one rotor", role="single_rotor", bands=()),
+        replace(three, label="eq. (3), best fit", role="quad", style="formula", bands=()),
+        replace(four, label="eq. (4), fitted"),
     ]
     with look():
         overview = new_figure("Four rotors need the body lift", simulated=True, height_in=4.5)

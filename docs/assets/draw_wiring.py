@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from benchtool.report.files import save_figure
+from benchtool.report.figure import save_figure
 
 HERE = Path(__file__).parent
 INK, PAPER = "#222222", "#f6f4ee"

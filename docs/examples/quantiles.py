@@ -7,7 +7,7 @@ from scipy.stats import probplot
 
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
-from benchtool.report.fit.residuals import standardised
+from benchtool.report.fit.diagnostics import standardised
 
 
 @figure(

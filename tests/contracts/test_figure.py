@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from benchtool.report.figure import PAGES, all_figures
-from benchtool.report.files import figure_bytes
-from benchtool.report.style import SIMULATED_GID
+from benchtool.report.figure import SIMULATED_GID, all_figures, figure_bytes
+from benchtool.report.page import PAGES
 from tests.contracts.figure_subjects import SUBJECTS
 
 FIGURES = {f"{entry.page}/{entry.name}": entry for entry in all_figures()}

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from benchtool.report.answer.folder import VERSION, WrittenFiles, answer_tables
+from benchtool.report.answer.folder import VERSION, answer_tables
 from tests.unit.explain.hand_made import answer
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "results.md").read_text("utf-8")
@@ -21,8 +21,8 @@ def example() -> dict[str, Any]:
 
 
 def test_the_example_is_what_the_code_writes():
-    written = WrittenFiles(model="found/model.toml", schedule="found/next_schedule.toml")
-    made = json.loads(json.dumps(answer_tables(answer("class"), written)))
+    written = {"model": "found/model.toml", "schedule": "found/next_schedule.toml"}
+    made = json.loads(json.dumps(answer_tables(answer("class"), **written)))
     shown = example()
     shortened = shown["next_experiment"]["text"].removesuffix("...")
     assert made["next_experiment"]["text"].startswith(shortened)
@@ -33,7 +33,7 @@ def test_the_example_is_what_the_code_writes():
 
 
 def test_the_table_names_every_key_and_the_version():
-    made = answer_tables(answer("class"), WrittenFiles())
+    made = answer_tables(answer("class"))
     told = set(re.findall(r"`\.?([\w.\[\]]+)`", PAGE.split("## Example")[0]))
     words = {word for one in told for word in re.split(r"[.\[\]]+", one)}
     assert set(made) <= words

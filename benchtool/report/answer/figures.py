@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import degrees
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.explain.findings import (
-    AlternativeEffects,
-    ChannelGap,
-    Disagreement,
-    FoundParameter,
-)
+from benchtool.explain.findings import AlternativeEffects, ChannelGap, Disagreement, FoundParameter
 from benchtool.explain.result import Explanation
 from benchtool.physics.effects.effect import Subsystem
 from benchtool.report.figure import figure
@@ -28,6 +23,11 @@ LOGARITHMIC_FROM = 12.0  # multiple of the noise above which an axis is logarith
 MAX_REGIMES = 6  # regimes per panel
 MAX_BARS = 9  # explanations drawn; the remaining ones share one bar
 VISIBLE = 0.001  # less probable explanations share that bar as well
+ABOVE_RIGHT: dict[str, Any] = {  # position of a legend
+    "loc": "lower right",
+    "bbox_to_anchor": (1.0, 1.0),
+    "borderaxespad": 0.2,
+}
 ALWAYS = ("none", "unknown")  # explanations drawn at any probability
 
 STAGE_TITLES: dict[Subsystem, str] = {  # for headings and cells
@@ -57,9 +57,8 @@ _CHANNELS = {
 
 def find_channel_label(channel: str) -> ChannelLabel:
     """Return display title, unit and factor of a channel."""
-    if channel not in _CHANNELS:
-        return ChannelLabel(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
-    return _CHANNELS[channel]
+    rotor = ChannelLabel(f"speed of rotor {channel.removeprefix('rpm')}", "rpm")
+    return _CHANNELS.get(channel, rotor)
 
 
 def _disagreements(answer: Explanation) -> list[Disagreement]:
@@ -78,10 +77,10 @@ def _marked(answer: Explanation, item: Disagreement) -> str:
     return where.regime if item.stage != "pwm_to_rpm" else ""
 
 
-def visible_regimes(
-    before: Mapping[str, float], after: Mapping[str, float], marked: str
-) -> list[str]:
+def _regimes(answer: Explanation, item: Disagreement) -> list[str]:
     """Return regimes above noise by improvement, at least one, including the marked one."""
+    before, after = item.by_regime, item.after if answer.effects else {}
+    marked = _marked(answer, item)
     ranked = sorted(
         before, key=lambda name: before[name] ** 2 - after.get(name, 0.0) ** 2, reverse=True
     )
@@ -91,11 +90,6 @@ def visible_regimes(
     if marked in ranked[MAX_REGIMES:]:
         visible[-1] = marked
     return visible
-
-
-def _regimes(answer: Explanation, item: Disagreement) -> list[str]:
-    after = item.after if answer.effects else {}
-    return visible_regimes(item.by_regime, after, _marked(answer, item))
 
 
 @figure(
@@ -111,7 +105,9 @@ def _regimes(answer: Explanation, item: Disagreement) -> list[str]:
 def draw_disagreements(figure: Figure, answer: Explanation) -> None:
     """Draw one panel per stage and one bar per regime; 1 is noise alone."""
     stages, changed = _disagreements(answer), bool(answer.effects)
-    panels = stack_panels(figure, [len(_regimes(answer, item)) for item in stages])
+    xlabel = "residual size over the stated noise [–]    (line: noise alone)"
+    heights = [len(_regimes(answer, item)) for item in stages]
+    panels = stack_panels(figure, heights, xlabel=xlabel)
     half, height = (0.19, 0.36) if changed else (0.0, 0.6)
     for axes, item in zip(panels, stages, strict=True):
         names = _regimes(answer, item)
@@ -127,13 +123,12 @@ def draw_disagreements(figure: Figure, answer: Explanation) -> None:
         axes.axvline(1.0, color=BLACK, lw=1.0)
         named_rows(axes, names, [_marked(answer, item)], bottom=0.5, top=0.5)
         axes.set_title(STAGE_TITLES[item.stage])
-    panels[-1].set_xlabel("residual size over the stated noise [–]    (line: noise alone)")
     if max(stages[0].by_regime.values()) > LOGARITHMIC_FROM:
         panels[-1].set_xscale("log")
         panels[-1].set_xlim(left=0.5)
         panels[-1].xaxis.set_major_formatter("{x:g}")
     if changed:
-        panels[0].legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+        panels[0].legend(ncols=2, **ABOVE_RIGHT)
 
 
 WHICH = "Posterior probability of each candidate; blue: verdict."
@@ -222,9 +217,7 @@ def parameters(figure: Figure, answer: Explanation) -> None:
     """Draw one point with interval per parameter; grey band: within tolerance."""
     items = _parameters(answer)
     sizes = [
-        tuple(
-            (value - item.neutral) / item.tolerance for value in (item.low, item.value, item.high)
-        )
+        [(value - item.neutral) / item.tolerance for value in (item.low, item.value, item.high)]
         for item in items.values()
     ]
     axes = figure.subplots()
@@ -283,10 +276,7 @@ def gap(figure: Figure, answer: Explanation) -> None:
     axes.set_xlabel("prediction error over the noise floor [–]    (grey: 5 to 95 % of pure noise)")
     handles, labels = axes.get_legend_handles_labels()
     handle_by_label = dict(zip(labels, handles, strict=True))
-    axes.legend(
-        list(handle_by_label.values()), list(handle_by_label), loc="lower right", ncols=3,
-        bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2,
-    )  # fmt: skip
+    axes.legend(handle_by_label.values(), handle_by_label, ncols=3, **ABOVE_RIGHT)
 
 
 def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
@@ -295,11 +285,10 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
         color=PALE, linewidth=0.0, zorder=0.5, gid="noise-floor",
     )  # fmt: skip
     before = (gap.before, gap.before_low, gap.before_high)
+    after = (gap.after, gap.after_low, gap.after_high)
+    bars = [("adjusted within tolerance", 0.0, before, AFTER)]
     if changed:
-        after = (gap.after, gap.after_low, gap.after_high)
         bars = [("before", -0.2, before, BEFORE), ("after", 0.2, after, AFTER)]
-    else:
-        bars = [("adjusted within tolerance", 0.0, before, AFTER)]
     for label, step, values, color in bars:
         value, low, high = (bound / gap.floor for bound in values)
         axes.barh(
@@ -329,10 +318,10 @@ def depends(figure: Figure, answer: Explanation) -> None:
     """Draw residuals, a smooth function with its band, and the law shifted to its mean."""
     dependence = answer.depends
     assert dependence is not None
-    curve, axes = dependence.curve, figure.subplots()
+    curve, variable, axes = dependence.curve, dependence.variable, figure.subplots()
     axes.axhline(0.0, color=GREY, linewidth=0.9)
     axes.plot(curve.points, 100.0 * curve.shares, "o", ms=3.0, color=GREY, alpha=0.6)
-    if dependence.variable.is_categorical:
+    if variable.is_categorical:
         axes.plot(curve.at, 100.0 * curve.mean, "_", color=BLUE)
     else:
         axes.fill_between(
@@ -344,11 +333,8 @@ def depends(figure: Figure, answer: Explanation) -> None:
         law = 100.0 * (curve.law + shift)
         axes.plot(curve.at, law, "--", color=ORANGE, label="law")
         axes.legend(loc="best")
-    if (
-        dependence.variable.scale in ("positive", "distance")
-        and 0.0 < 4.0 * curve.at[0] < curve.at[-1]
-    ):
+    if variable.scale in ("positive", "distance") and 0.0 < 4.0 * curve.at[0] < curve.at[-1]:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel(f"{dependence.variable.phrase}, {dependence.variable.symbol} [–]")
+    axes.set_xlabel(f"{variable.phrase}, {variable.symbol} [–]")
     axes.set_ylabel(f"missed [% of {dependence.form.quantity}]", color=BLACK)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -24,25 +23,25 @@ from benchtool.explain.updated_model import (
 )
 from benchtool.report.answer.page import answer_page
 from benchtool.report.answer.tables import unjudged_sentence
-from benchtool.report.figure import render_figures
-from benchtool.report.files import save_figure, write_report, write_whole
+from benchtool.report.figure import render_figures, save_figures, write_whole
+from benchtool.report.fit.page import refuse_full
+from benchtool.report.page import PAGE, write_report
 
-PAGE = "report.html"
 ANSWER = "answer.json"
 
 
 def check_not_existing(folder: Path | None, json_file: Path | None) -> None:
     """Raise WouldOverwrite if the folder is not empty or the JSON file exists."""
-    if folder is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise WouldOverwrite(str(folder), "--overwrite")
+    if folder is not None:
+        refuse_full(folder, "--overwrite")
     if json_file is not None and json_file.exists():
         raise WouldOverwrite(str(json_file), "--overwrite")
 
 
 def write_folder(
     folder: Path, answer: Explanation, display_path: Path | None = None
-) -> WrittenFiles:
-    """Write an explanation, replacing its files; return the paths of models, schedule and draft."""
+) -> dict[str, str]:
+    """Write an explanation, replacing its files; return their paths by kind."""
     shown_folder, effects_file = display_path or folder, answer.request.effects_file
     folder.mkdir(parents=True, exist_ok=True)
     model = _write_model(folder, MODEL, answer if answer.effects else None, effects_file)
@@ -50,29 +49,19 @@ def write_folder(
     name, text = next_file(answer)
     if name:
         replace_text(folder / name, text)
-    draft = _write_draft(folder, answer)
-    model, schedule, nearest, draft = (
-        str(shown_folder / file) if file else "" for file in (model, name, nearest, draft)
-    )
-    written = WrittenFiles(model=model, schedule=schedule, nearest=nearest, draft=draft)
+    draft = ""
+    if answer.depends is not None and answer.depends.law is not None:  # of an unnamed effect
+        names = (f"{DRAFT_NAME}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
+        draft = next(file for file in names if not (folder / file).exists())
+        replace_text(folder / draft, draft_effect(answer.depends))
+    files = {"model": model, "schedule": name, "nearest": nearest, "draft": draft}
+    written = {kind: str(shown_folder / file) for kind, file in files.items() if file}
     figures = render_figures("answer", answer)
-    for stem, block in figures.items():
-        save_figure(block.figure, folder / stem, replace=True)
+    save_figures(figures, folder, replace=True)
     page = answer_page(answer, figures, name, str(shown_folder))
     write_report(folder / PAGE, page, replace=True)
-    replace_json(folder / ANSWER, answer_tables(answer, written))
+    replace_json(folder / ANSWER, answer_tables(answer, **written))
     return written
-
-
-def _write_draft(folder: Path, answer: Explanation) -> str:
-    """Write the drafted effect of an unnamed dependence to a new file; return its name or ""."""
-    depends = answer.depends
-    if depends is None or depends.law is None:
-        return ""
-    names = (f"{DRAFT_NAME}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
-    name = next(name for name in names if not (folder / name).exists())
-    replace_text(folder / name, draft_effect(depends))
-    return name
 
 
 def _write_model(
@@ -81,16 +70,14 @@ def _write_model(
     """Write the model with its rig and effects file; return its name, "" without a model."""
     if answer is None:
         return ""
-    user_effects = effects_file if user_effect_names(answer) else None
-    if user_effects is not None:
-        write_whole(folder / user_effects.name, user_effects.read_bytes())
+    user_effects = ""
+    if effects_file is not None and user_effect_names(answer):
+        user_effects = effects_file.name
+        write_whole(folder / user_effects, effects_file.read_bytes())
     rig, rig_text = export_rig_reference(answer.request.loaded.model.rig)
     if rig_text:
         replace_text(folder / rig, rig_text)
-    replace_text(
-        folder / name,
-        format_added_model(answer, rig, user_effects.name if user_effects is not None else ""),
-    )
+    replace_text(folder / name, format_added_model(answer, rig, user_effects))
     return name
 
 
@@ -98,7 +85,7 @@ def write_json(path: Path, answer: Explanation, folder: Path | None = None) -> N
     """Write the JSON file of an explanation; replaces an existing file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if folder is None:
-        replace_json(path, answer_tables(answer, WrittenFiles()))
+        replace_json(path, answer_tables(answer))
     else:
         replace_text(path, (folder / ANSWER).read_text(encoding="utf-8"))
 
@@ -106,18 +93,12 @@ def write_json(path: Path, answer: Explanation, folder: Path | None = None) -> N
 VERSION = 2  # increased when a key is removed or changes its meaning, not for new keys
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenFiles:
-    """Paths of the files written with an explanation; "" means not written."""
+def answer_tables(answer: Explanation, **written: str) -> dict[str, Any]:
+    """Return the contents of the JSON file; all keys are always present.
 
-    model: str = ""
-    schedule: str = ""
-    nearest: str = ""
-    draft: str = ""
-
-
-def answer_tables(answer: Explanation, written: WrittenFiles) -> dict[str, Any]:
-    """Return the contents of the JSON file; all keys are always present."""
+    Args:
+        written: paths of the written `model`, `schedule`, `nearest` model and `draft`.
+    """
     tables = {
         "version": VERSION,
         "verdict": answer.kind,
@@ -152,23 +133,19 @@ def answer_tables(answer: Explanation, written: WrittenFiles) -> dict[str, Any]:
         },
         "nearest": _fields(answer.nearest and answer.nearest.effect, "name")
         | _fields(answer.nearest, "share_closed", "after")
-        | {"model": written.nearest or None},
-        "depends": _depends(answer.depends, written.draft),
+        | {"model": written.get("nearest")},
+        "depends": _depends(answer.depends, written.get("draft")),
         "tolerances": dict(answer.tolerances),
         "not_judged": {
-            name: {
-                "reason": unjudged.reason,
-                "tolerances_needed": unjudged.size,
-                "sentence": unjudged_sentence(answer, name),
-            }
+            name: {"reason": unjudged.reason, "tolerances_needed": unjudged.size,
+                   "sentence": unjudged_sentence(answer, name)}
             for name, unjudged in answer.not_judged.items()
         },
         "remarks": list(answer.remarks),
-        "next_experiment": _next(answer, written.schedule),
-        "model_out": written.model or None,
+        "next_experiment": _next(answer, written.get("schedule")),
+        "model_out": written.get("model"),
         "seconds": answer.seconds,
-        **_fields(answer, "bench", "window_s", "draws"),
-        **_fields(answer, "seed", "simulated"),
+        **_fields(answer, "bench", "window_s", "draws", "seed", "simulated"),
         "model": answer.request.loaded.model.name,
         "data": {
             "learn": {source.name: source.sha256 for source in answer.request.learn},
@@ -176,11 +153,10 @@ def answer_tables(answer: Explanation, written: WrittenFiles) -> dict[str, Any]:
         },
         "software": f"benchtool {__version__}",
     }  # fmt: skip
-    cleaned: dict[str, Any] = json_ready(tables)
-    return cleaned
+    return dict(json_ready(tables))
 
 
-def _depends(dependence: FoundDependence | None, file: str) -> dict[str, Any]:
+def _depends(dependence: FoundDependence | None, file: str | None) -> dict[str, Any]:
     """Return the dependence of an unnamed effect and the law drafted from it."""
     law = None if dependence is None else dependence.law
     return {
@@ -188,7 +164,7 @@ def _depends(dependence: FoundDependence | None, file: str) -> dict[str, Any]:
         **_fields(dependence, "probability", "candidates", "closed"),
         "law": None if dependence is None else dependence.formula or None,
         "numbers": {} if law is None else law.values,
-        "file": file or None,
+        "file": file,
     }
 
 
@@ -202,13 +178,13 @@ def _fields(item: Any, *names: str, **spans: str) -> dict[str, Any]:
     return values | pairs
 
 
-def _next(answer: Explanation, path: str) -> dict[str, Any]:
+def _next(answer: Explanation, path: str | None) -> dict[str, Any]:
     experiment = answer.next
     kind = None if experiment is None else "schedule" if experiment.schedule is not None else "plan"
     return {
         **_fields(experiment, "candidates", "title", "reason"),
         "kind": kind,
-        "file": path or None,
+        "file": path,
         "text": None if experiment is None else next_file(answer)[1],
         **_fields(experiment, "expected", "minutes"),
     }

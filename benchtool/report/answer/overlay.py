@@ -36,14 +36,11 @@ def overlay_caption(window_s: float) -> str:
     )
 
 
-def _overlay_title(answer: Explanation, overlay: Overlay) -> str:
-    source = "recording" if answer.bench == "pitch" else "sweep"
-    title = find_channel_label(overlay.channel).title.capitalize()
-    return f"{title} on the validation {source}"
-
-
 @figure(
-    title=_overlay_title,
+    title=lambda answer, overlay: (
+        f"{find_channel_label(overlay.channel).title.capitalize()} on the validation "
+        f"{'recording' if answer.bench == 'pitch' else 'sweep'}"
+    ),
     caption=lambda answer, _: overlay_caption(answer.window_s),
     each=lambda answer: {item.channel: item for item in answer.overlays},
     height_in=3.7,
@@ -66,12 +63,12 @@ def overlay(figure: Figure, answer: Explanation, overlay: Overlay) -> None:
     grid[1, 1].sharey(grid[1, 0])
     rows = (overlay.at >= first) & (overlay.at <= last)
     factor = find_channel_label(overlay.channel).factor
-    visible = factor * np.concatenate(
-        [overlay.measured[rows], overlay.before[rows], overlay.after[rows]]
-    )
+    signals = (overlay.measured, overlay.before, overlay.after)
+    visible = factor * np.concatenate([signal[rows] for signal in signals])
     if np.isfinite(visible).any() and np.nanmax(visible) > np.nanmin(visible):
-        margin = 0.06 * float(np.nanmax(visible) - np.nanmin(visible))
-        grid[0, 1].set_ylim(float(np.nanmin(visible)) - margin, float(np.nanmax(visible)) + margin)
+        low, high = float(np.nanmin(visible)), float(np.nanmax(visible))
+        margin = 0.06 * (high - low)
+        grid[0, 1].set_ylim(low - margin, high + margin)
     for axes in grid[:, 0]:
         axes.axvspan(first, last, color=PALE, alpha=0.6, linewidth=0.0, zorder=0.3)
     for axes in grid[:, 1]:
@@ -86,15 +83,12 @@ def worst_stretch(at: Array, error: Array) -> tuple[float, float]:
     """Return start and end of the nan-free interval with the largest mean square error."""
     is_gap = ~np.isfinite(at)
     interval_ids = np.cumsum(is_gap)
-    worst, best = (0.0, 1.0), -1.0
-    for interval_id in np.unique(interval_ids):
-        rows = (interval_ids == interval_id) & ~is_gap
-        if not np.isfinite(error[rows]).any():
-            continue
-        size = float(np.nanmean(error[rows] ** 2))
-        if size > best:
-            worst, best = (float(at[rows][0]), float(at[rows][-1])), size
-    return worst
+    intervals = [(interval_ids == interval_id) & ~is_gap for interval_id in np.unique(interval_ids)]
+    intervals = [rows for rows in intervals if np.isfinite(error[rows]).any()]
+    if not intervals:
+        return 0.0, 1.0
+    worst = at[max(intervals, key=lambda rows: np.nanmean(error[rows] ** 2))]
+    return float(worst[0]), float(worst[-1])
 
 
 def _overlay_column(
@@ -109,14 +103,10 @@ def _overlay_column(
     if not answer.effects:
         simulated = [("simulated", display.factor * overlay.before, AFTER, "s")]
     values, residuals = panels
-    if as_lines:
-        values.plot(
-            overlay.at, measured, color=BLACK, label="measured", rasterized=True, lw=0.9, zorder=2.0
-        )
-    else:
-        values.plot(
-            overlay.at, measured, "o", color=BLACK, ms=3.4, label="measured", lw=0.8, zorder=2.4
-        )
+    style: dict[str, Any] = {"lw": 0.9, "zorder": 2.0, "rasterized": True}
+    if not as_lines:
+        style = {"lw": 0.8, "zorder": 2.4, "marker": "o", "ls": "", "ms": 3.4}
+    values.plot(overlay.at, measured, color=BLACK, label="measured", **style)
     floors = [
         display.factor * gap.floor
         for gap in answer.gaps
@@ -124,7 +114,7 @@ def _overlay_column(
     ]
     spread(residuals, floors[0] if floors else float("nan"), "noise-floor")
     for label, model, color, marker in simulated:
-        style: dict[str, Any] = {"color": color, "label": label}
+        style = {"color": color, "label": label}
         if as_lines:
             dashes = "--" if color == BEFORE else "-"
             values.plot(overlay.at, model, lw=1.2, ls=dashes, zorder=2.2, rasterized=True, **style)

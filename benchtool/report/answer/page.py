@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from benchtool import __version__
-from benchtool.core.parameter import Parameter
 from benchtool.explain.engine.held_out import FLOOR_QUANTILE
 from benchtool.explain.law_search.draft import DRAFT_NAME
 from benchtool.explain.next_steps import format_steps, next_sentence, next_steps
@@ -30,19 +29,9 @@ from benchtool.report.answer.tables import (
     tolerances_table,
     unjudged_sentence,
 )
-from benchtool.report.figure import Page
+from benchtool.report.figure import FigureBlock
 from benchtool.report.numbers import display_unit
-from benchtool.report.page import (
-    Block,
-    Commands,
-    FactTable,
-    FigureBlock,
-    Paragraph,
-    Report,
-    Section,
-    Table,
-    Warnings,
-)
+from benchtool.report.page import Block, Commands, Page, Report, Section, Table, Warnings
 from benchtool.report.run_facts import run_sections
 
 
@@ -67,20 +56,14 @@ def changes(answer: Explanation) -> tuple[Change, ...]:
     """Return the parameters changed in the new model, identified ones first; empty without one."""
     if not answer.effects:
         return ()
-    old = answer.request.loaded.model.parameters
     named = {effect.name for effect in added_effects(answer)}
-
-    def change(name: str, item: Parameter) -> Change:
-        before = old[name].value if name in old else None
-        return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
-
-    new = model_with_effects(answer)
-    reference = answer.request.loaded.model
+    new, reference = model_with_effects(answer), answer.request.loaded.model
+    old = {name: item.value for name, item in reference.parameters.items()}
     for effect in new.effects:
         if all(present.name != effect.name for present in reference.effects):
             reference = reference.with_effect(effect)
     changed = [
-        change(name, item)
+        Change(name, old.get(name), item.value, item.unit, name.partition(".")[0] in named)
         for name, item in new.parameters.items()
         if not isclose(reference.parameters[name].value, item.value, abs_tol=ZERO_TOLERANCE)
     ]
@@ -96,7 +79,7 @@ def changes_table(answer: Explanation) -> Table:
             (
                 change.name,
                 "found" if change.found else "adjusted within its uncertainty or tolerance",
-                "–" if change.unit == "1" else display_unit(change.unit),
+                display_unit(change.unit),
                 "absent" if change.before is None else f"{change.before:.4g}",
                 f"{change.now:.4g}",
             )
@@ -122,24 +105,19 @@ def nearest_sentence(answer: Explanation, folder: str) -> str:
     return f"{text} {', '.join(gaps)}.{file}"
 
 
-def _draft(answer: Explanation, folder: str) -> str:
-    """Return a sentence with the file of the drafted law, or how to get one."""
-    dependence = answer.depends
-    if dependence is None or dependence.law is None:
-        return ""
-    if not folder:
-        return " Its law can be drafted as an effect file: add --out FOLDER."
-    return f" Its law is drafted as an effect: {Path(folder) / DRAFT_NAME}.py."
-
-
 def added_sentence(answer: Explanation, folder: str = "") -> str:
     """Return a sentence on the effects added to the model, and its file if there is a folder."""
     kind = answer.kind
     old = answer.request.loaded.model.name
     if not answer.effects:
         reason = "nothing is missing" if kind == "none" else "no effect is named"
+        draft = " Its law can be drafted as an effect file: add --out FOLDER."
+        if answer.depends is None or answer.depends.law is None:
+            draft = ""
+        elif folder:
+            draft = f" Its law is drafted as an effect: {Path(folder) / DRAFT_NAME}.py."
         nearest = nearest_sentence(answer, folder)
-        return f"No new model: {reason}, so {old} is unchanged.{_draft(answer, folder)}{nearest}"
+        return f"No new model: {reason}, so {old} is unchanged.{draft}{nearest}"
     names = " and ".join(effect.phrase for effect in added_effects(answer))
     remark = ", the most probable of the class," if kind == "class" else ""
     if not folder:
@@ -148,7 +126,7 @@ def added_sentence(answer: Explanation, folder: str = "") -> str:
 
 
 def where_sentence(answer: Explanation) -> str:
-    """Return a sentence on the stage and regime with the largest disagreement."""
+    """Return a sentence on the largest disagreement, or on the error of a complete model."""
     where = answer.where
     if where is None:
         return _agreement(answer)
@@ -186,27 +164,24 @@ def _agreement(answer: Explanation) -> str:
 
 def _now(answer: Explanation, next_name: str, folder: str) -> list[Block]:
     """Return blocks on the new model and on the next experiment and commands."""
-    blocks: list[Block] = [Paragraph(added_sentence(answer, folder))]
+    blocks: list[Block] = [added_sentence(answer, folder)]
     if answer.effects:
         blocks.append(changes_table(answer))
     if to_do := next_sentence(answer):
-        blocks.append(Paragraph(to_do))
+        blocks.append(to_do)
     if next_name:
-        blocks += [Paragraph(f"File: {next_name}, in the folder of this page."), next_table(answer)]
-    steps = next_steps(answer, folder) if folder else ()
-    if steps:
-        blocks.append(Paragraph("Next commands, in the directory of the original command:"))
+        blocks += [f"File: {next_name}, in the folder of this page.", next_table(answer)]
+    if steps := next_steps(answer, folder) if folder else ():
+        blocks.append("Next commands, in the directory of the original command:")
         blocks.append(Commands(format_steps(steps)))
     return blocks
 
 
 def _not_judged(answer: Explanation) -> list[Block]:
-    names = answer.not_judged
     blocks: list[Block] = [Warnings(answer.remarks)] if answer.remarks else []
-    if names:
-        sentences = {answer.find_title(name): unjudged_sentence(answer, name) for name in names}
-        blocks.append(FactTable(sentences))
-    return blocks or [Paragraph("All effects of this kind of bench were judged.")]
+    if names := answer.not_judged:
+        blocks.append({answer.find_title(name): unjudged_sentence(answer, name) for name in names})
+    return blocks or ["All effects of this kind of bench were judged."]
 
 
 def _facts(answer: Explanation) -> Block:
@@ -221,9 +196,7 @@ def _facts(answer: Explanation) -> Block:
         "took": f"{answer.seconds:.1f} s",
         "software": f"benchtool {__version__}",
     }
-    return FactTable(
-        facts | {f"sha256 of {name}": digest for name, digest in answer.request.hashes.items()}
-    )
+    return facts | {f"sha256 of {name}": digest for name, digest in answer.request.hashes.items()}
 
 
 def _highlights(answer: Explanation) -> dict[str, str]:
@@ -249,9 +222,9 @@ def _depends(answer: Explanation) -> Block | None:
         f"of action; the probability accounts for their number."
     )
     if dependence.law is None:
-        return Paragraph(f"{text} No law closes enough of the gap to be drafted.")
+        return f"{text} No law closes enough of the gap to be drafted."
     numbers = ", ".join(f"{name} = {value:.4g}" for name, value in dependence.law.values.items())
-    return Paragraph(
+    return (
         f"{text} The shortest law is {dependence.formula} with {numbers}. In tenfold "
         f"cross-validation, laws close {100.0 * dependence.closed:.0f} % of the squared gap of the "
         f"held-out readings. The law is descriptive; it does not identify the cause."
@@ -265,17 +238,17 @@ FLOOR = (
 ANSWER = Page(
     "answer",
     [
-        ("Where", [lambda answer: Paragraph(where_sentence(answer)), "where"]),
+        ("Where", [where_sentence, "where"]),
         (
             "Which",
             [
-                lambda answer: Paragraph(answer.sentence),
+                lambda answer: answer.sentence,
                 lambda answer: effects_table(answer) if answer.effects else None,
                 *("parameters", "which"),
             ],
         ),
         ("What it depends on", [_depends, "depends"]),
-        ("The gap", [gap_table, lambda answer: Paragraph(FLOOR.format(answer)), "gap", "overlay"]),
+        ("The gap", [gap_table, lambda answer: FLOOR.format(answer), "gap", "overlay"]),
         ("Tolerances", [tolerances_table]),
         ("What was not judged", [_not_judged]),
         ("What stands behind it", [_facts]),

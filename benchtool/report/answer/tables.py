@@ -49,6 +49,9 @@ def _effects_caption(answer: Explanation, more: str = "") -> str:
 
 def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tuple[str, ...]:
     head = (effect.title, STAGE_TITLES[effect.stage])
+    exponent = decimal_exponent(item.value, item.std)
+    decimals = decimals_for(item.std / 10.0**exponent)
+    interval = " … ".join(scaled(end, exponent, decimals) for end in (item.low, item.high))
     p_value = f"{effect.p_value:.2g}" if effect.p_value >= 1e-15 else f"<\u00a0{1e-15:.0e}"
     ratio = f"{effect.log_likelihood_ratio:.1f}"
     # Browsers break lines after a hyphen but not after a minus.
@@ -57,17 +60,10 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
         *(head if first else ("", "")),
         item.name,
         parameter_text(item),
-        _interval(item),
+        f"({interval})·{power_of_ten(exponent)}" if exponent else interval,
         with_unit(f"{item.tolerance:.3g}", item.unit),
         *(evidence if first else ("", "", "")),
     )
-
-
-def _interval(item: FoundParameter) -> str:
-    exponent = decimal_exponent(item.value, item.std)
-    decimals = decimals_for(item.std / 10.0**exponent)
-    interval = f"{scaled(item.low, exponent, decimals)} … {scaled(item.high, exponent, decimals)}"
-    return f"({interval})·{power_of_ten(exponent)}" if exponent else interval
 
 
 SHORT_LEGEND = (
@@ -75,13 +71,12 @@ SHORT_LEGEND = (
     "Floor: error of a correct model due to sensor and wake noise. Closed: share of the squared "
     "error above the floor that is removed, 100 % at the floor."
 )
-LEGEND = f"As given: model file without adjustment. {SHORT_LEGEND}"
 
 
 def gap_table(answer: Explanation) -> Table:
     """Return a table of the gap of each channel: as given, before, after, floor."""
     return Table(
-        f"{_gap_caption(answer)} {LEGEND}",
+        f"{_gap_caption(answer)} As given: model file without adjustment. {SHORT_LEGEND}",
         (
             *("channel", "unit", "as given", "before (95 %)", "after (95 %)", "floor"),
             *("floor, 5 to 95 %", "closed"),
@@ -106,28 +101,25 @@ def _gap_caption(answer: Explanation) -> str:
 def _gap_row(gap: ChannelGap, changed: bool) -> tuple[str, ...]:
     display = find_channel_label(gap.channel)
 
-    def to_text(value: float) -> str:
-        return f"{display.factor * value:.3g}"
+    def to_text(*values: float) -> str:
+        return " … ".join(f"{display.factor * value:.3g}" for value in values)
 
+    after, share = "as before", "–"
+    if changed:
+        after = f"{to_text(gap.after)} ({to_text(gap.after_low, gap.after_high)})"
+        share = f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"
+        if gap.before <= gap.floor_high:  # noise alone can cause the gap
+            share = "within noise"
     return (
         display.title,
         display.unit,
         to_text(gap.as_given),
-        f"{to_text(gap.before)} ({to_text(gap.before_low)} … {to_text(gap.before_high)})",
-        f"{to_text(gap.after)} ({to_text(gap.after_low)} … {to_text(gap.after_high)})"
-        if changed
-        else "as before",
+        f"{to_text(gap.before)} ({to_text(gap.before_low, gap.before_high)})",
+        after,
         to_text(gap.floor),
-        f"{to_text(gap.floor_low)} … {to_text(gap.floor_high)}",
-        _share(gap) if changed else "–",
+        to_text(gap.floor_low, gap.floor_high),
+        share,
     )
-
-
-def _share(gap: ChannelGap) -> str:
-    """Return the closed share of a gap, "within noise" if noise alone can cause the gap."""
-    if gap.before <= gap.floor_high:
-        return "within noise"
-    return f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"
 
 
 def unjudged_sentence(answer: Explanation, name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 from math import hypot, nan
 from pathlib import Path
 
@@ -30,12 +31,11 @@ from benchtool.report.compare.runs import (
     ranked,
     read_compared,
 )
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import Block, Heading, Table
+from benchtool.report.page import Block, Heading, Page, Table
 from benchtool.report.palette import CYCLE
-from benchtool.report.panels import points
-from benchtool.report.quantities import origins_table, panels_height, quantity_panels
+from benchtool.report.panels import origins_table, panels_height, points, quantity_panels
 from benchtool.report.sweep.figures import MARKERS
 
 THRUST = Quantity(
@@ -99,14 +99,17 @@ MAX_BARS = 60  # error bars of a run in a panel, limited for legibility; assumed
 MAIN = 0.1  # rows above this share of a run's maximum thrust set the axis range; assumed
 
 
-def _exclusions(comparison: RunComparison) -> str:
+def _curves_caption(comparison: RunComparison) -> str:
     column = AXES[comparison.over][0]
     names = [run.name for run in comparison.runs if run.values(column) is None]
-    note = (
-        f" Rows below {100 * LOADED:g} % of a run's maximum thrust are excluded, rows above "
+    return (
+        f"Quantities of each run over {comparison.over}: settings of sweeps"
+        + (" with the plate parked" if any(run.away for run in comparison.runs) else "")
+        + f", levels of recordings; bars: standard errors if known, for up to {MAX_BARS} rows. "
+        f"Rows below {100 * LOADED:g} % of a run's maximum thrust are excluded, rows above "
         f"{100 * MAIN:g} % set the axis range."
+        + (f" Not drawn, {column} is missing: {', '.join(names)}." if names else "")
     )
-    return note + (f" Not drawn, {column} is missing: {', '.join(names)}." if names else "")
 
 
 def _find_quantities(comparison: RunComparison) -> list[Quantity]:
@@ -122,12 +125,7 @@ def _find_quantities(comparison: RunComparison) -> list[Quantity]:
 
 @figure(
     title=lambda comparison: f"Runs compared over {comparison.over}",
-    caption=lambda comparison: (
-        f"Quantities of each run over {comparison.over}: settings of sweeps"
-        + (" with the plate parked" if any(run.away for run in comparison.runs) else "")
-        + f", levels of recordings; bars: standard errors if known, for up to {MAX_BARS} rows."
-        f"{_exclusions(comparison)}"
-    ),
+    caption=_curves_caption,
     when=lambda comparison: bool(_find_quantities(comparison)),
     height_in=lambda comparison: (
         panels_height(_find_quantities(comparison)) + 0.2 * (len(comparison.runs) // 3)
@@ -137,12 +135,12 @@ def curves(figure: Figure, comparison: RunComparison) -> None:
     """Draw quantities of several runs over thrust, rpm, power, throttle or distance."""
     column, label = AXES[comparison.over]
     quantities = _find_quantities(comparison)
+    runs = list(zip(comparison.runs, cycle(CYCLE), cycle(MARKERS), strict=False))
     for axes, quantity in zip(quantity_panels(figure, quantities, label), quantities, strict=True):
-        for index, run in enumerate(comparison.runs):
+        for run, color, marker in runs:
             x, y = run.values(column), run.values(quantity.name)
             if x is None or y is None:
                 continue
-            color, marker = CYCLE[index % len(CYCLE)], MARKERS[index % len(MARKERS)]
             loaded = run.loaded
             if loaded.sum() > MAX_BARS:
                 axes.plot(x[0][loaded], y[0][loaded], ".", color=color, ms=2.5, zorder=1.5)
@@ -151,10 +149,9 @@ def curves(figure: Figure, comparison: RunComparison) -> None:
         axes.set_xlim(left=0.0 if comparison.over != "throttle" else None)
         _limit(axes, comparison, quantity.name)
     handles = [
-        Line2D([], [], ls="", marker=MARKERS[index % len(MARKERS)], color=CYCLE[index % len(CYCLE)],
-               label=run.name)
-        for index, run in enumerate(comparison.runs)
-    ]  # fmt: skip
+        Line2D([], [], ls="", marker=marker, color=color, label=run.name)
+        for run, color, marker in runs
+    ]
     longest_name = max(len(run.name) for run in comparison.runs)
     figure.legend(handles=handles, loc="outside lower right", ncols=3 if longest_name <= 22 else 2)
 
@@ -194,15 +191,17 @@ def best_table(comparison: RunComparison) -> Table | None:
         for key in (*EFFICIENCIES, *SHOWN)
         if any(key in result.values for result in comparison.found)
     ]
-    rows = []
+    rows, best, by = [], comparison.found[0], comparison.ranked_by
     for rank, result in enumerate(comparison.found, 1):
-        cells = [
-            value_with_sd(*result.values[key]) if key in result.values else "–" for key in columns
-        ]
-        has_rank = comparison.ranked_by in result.values
-        remark = result.remark or ("–" if has_rank else "no efficiency: no current channel")
-        place = str(rank) if has_rank else "–"
-        rows.append((place, result.run, *cells, _behind(comparison, result), remark))
+        values, place, behind = result.values, "–", "–"
+        remark = result.remark or "no efficiency: no current channel"
+        if by in values:  # then also in those of the best
+            place, remark = str(rank), result.remark or "–"
+            (first, first_sd), (value, value_sd) = best.values[by], values[by]
+            if rank > 1 and (sd := hypot(first_sd, value_sd)) > 0.0:
+                behind = f"{(first - value) / sd:.1f}"
+        cells = [value_with_sd(*values[key]) if key in values else "–" for key in columns]
+        rows.append((place, result.run, *cells, behind, remark))
     return Table(
         f"At {comparison.thrust_N:g} N, the most efficient first "
         f"({TITLES[comparison.ranked_by]}): interpolated from rows within a factor 1.5, ± standard "
@@ -224,23 +223,14 @@ def short_table(comparison: RunComparison) -> Table | None:
     return table.select_columns(columns)
 
 
-def _behind(comparison: RunComparison, result: AtThrust) -> str:
-    best, by = comparison.found[0], comparison.ranked_by
-    if result is best or by not in result.values or by not in best.values:
-        return "–"
-    (first, first_sd), (value, sd) = best.values[by], result.values[by]
-    difference_sd = hypot(first_sd, sd)
-    return f"{(first - value) / difference_sd:.1f}" if difference_sd > 0.0 else "–"
-
-
 def best_rows(comparison: RunComparison) -> list[dict[str, object]]:
     """Return the values and errors of each run at the requested thrust as rows of a table."""
-    rows: list[dict[str, object]] = []
-    for result in comparison.found:
-        values = {key: value for key, (value, _) in result.values.items()}
-        errors = {error_channel_name(key): sd for key, (_, sd) in result.values.items()}
-        rows.append({"run": result.run, "remark": result.remark, **values, **errors})
-    return rows
+    return [
+        {"run": result.run, "remark": result.remark}
+        | {key: value for key, (value, _) in result.values.items()}
+        | {error_channel_name(key): sd for key, (_, sd) in result.values.items()}
+        for result in comparison.found
+    ]
 
 
 def comparison_sentence(comparison: RunComparison) -> str:
@@ -260,11 +250,8 @@ def comparison_sentence(comparison: RunComparison) -> str:
 
 
 def _origins(comparison: RunComparison) -> list[Block]:
-    blocks: list[Block] = []
-    for run in comparison.runs:
-        if run.quantities:
-            blocks += [Heading(run.name), origins_table(run.quantities)]
-    return blocks
+    runs = [run for run in comparison.runs if run.quantities]
+    return [part for run in runs for part in (Heading(run.name), origins_table(run.quantities))]
 
 
 COMPARISON = Page(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +19,15 @@ from benchtool.core.parameter import resolve_name
 from benchtool.core.text import pluralize
 from benchtool.data.atomic import json_ready, make_folder, replace_json
 from benchtool.data.run.entry import FIT_FILE
-from benchtool.fit.pool import Difference, PooledEstimates, RigValues, pool_rigs
+from benchtool.fit.pool import PooledEstimates, RigValues, pool_rigs
 from benchtool.fit.result_file import read_fit
 from benchtool.fit.run_recipe import FitSummary
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.report.figure import Page, figure, render_figures
-from benchtool.report.files import save_figure, write_report
+from benchtool.report.figure import figure
 from benchtool.report.fit.page import refuse_full
 from benchtool.report.fit.tables import name_with_unit
 from benchtool.report.numbers import format_number, value_with_sd
-from benchtool.report.page import Table
+from benchtool.report.page import Page, Table
 from benchtool.report.palette import BLUE, GREY, PALE
 
 ONE_QUANTITY = 1.0 - 1e-9  # correlation of two names of one quantity: R_m, R_m over radius
@@ -64,8 +64,8 @@ def pool_fits(
     requested = [resolve_name(name, units, "fitted parameter") for name in (*of, *shared)]
     names = list(dict.fromkeys(requested)) or [
         name
-        for name in units
-        if _is_physics(name, fits) and sum(name in _units(fit) for fit in fits.values()) > 1
+        for name, unit in units.items()
+        if unit == "1" and _is_physics(name) and sum(name in _units(f) for f in fits.values()) > 1
     ]
     if not names:
         raise InputError(
@@ -73,9 +73,8 @@ def pool_fits(
             f"{', '.join(units)}"
         )
     rigs = [_values(name, fit, names) for name, fit in fits.items()]
-    pooled = pool_rigs(rigs, names, requested[len(of) :], seed=seed)
     return PooledFits(
-        pooled=pooled,
+        pooled=pool_rigs(rigs, names, requested[len(of) :], seed=seed),
         units={name: units[name] for name in names},
         basis=next(iter(fits.values())).basis,
         simulated=any(fit.simulated for fit in fits.values()),
@@ -128,12 +127,11 @@ def _check_fits(fits: Mapping[str, FitSummary]) -> dict[str, str]:
     return hashes
 
 
-def _is_physics(name: str, fits: Mapping[str, FitSummary]) -> bool:
-    """Return True for dimensionless parameters, except those of noise, sensors and the plate."""
+def _is_physics(name: str) -> bool:
+    """Return False for parameters of noise, sensors and the plate."""
     effect = EFFECTS.get(name.partition(".")[0])
-    if name.startswith("noise.") or (effect and effect.subsystem in ("sensor", "plate")):
-        return False
-    return any(_units(fit).get(name) == "1" for fit in fits.values())
+    is_bench = effect is not None and effect.subsystem in ("sensor", "plate")
+    return not name.startswith("noise.") and not is_bench
 
 
 def _values(label: str, fit: FitSummary, names: Sequence[str]) -> RigValues:
@@ -196,16 +194,10 @@ def summary(pooled_fits: PooledFits) -> str:
         label, pair = ("most significant", real[0]) if real else ("largest", pairs[0])
         lines.append(
             f"  significant differences: {len(real)} of {pluralize(len(pairs), 'pair')}; {label}: "
-            f"{_format_difference(pair)}"
+            f"{pair.rig} − {pair.other} = {value_with_sd(pair.value, pair.sd)} (95 %: "
+            f"{_span(*pair.interval_95)})"
         )
     return "\n".join(lines)
-
-
-def _format_difference(pair: Difference) -> str:
-    return (
-        f"{pair.rig} − {pair.other} = {value_with_sd(pair.value, pair.sd)} (95 %: "
-        f"{_span(*pair.interval_95)})"
-    )
 
 
 def rigs_table(pooled_fits: PooledFits) -> Table:
@@ -266,16 +258,14 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
             "tau_prior_scale": float(pooled.scale[k]),
             "alike": float(alike),  # null if shared
         }
-    contents: dict[str, Any] = json_ready(
-        {
-            "format": "benchtool-pool-1", "software": f"benchtool {__version__}",
-            "seed": pooled_fits.seed, "basis": pooled_fits.basis,
-            "simulated": pooled_fits.simulated, "data": dict(pooled_fits.hashes),
-            "parameters": parameters, "rigs": rigs_rows(pooled_fits),
-            "differences": differences_rows(pooled_fits),
-        }
-    )  # fmt: skip
-    return contents
+    contents = {
+        "format": "benchtool-pool-1", "software": f"benchtool {__version__}",
+        "seed": pooled_fits.seed, "basis": pooled_fits.basis,
+        "simulated": pooled_fits.simulated, "data": dict(pooled_fits.hashes),
+        "parameters": parameters, "rigs": rigs_rows(pooled_fits),
+        "differences": differences_rows(pooled_fits),
+    }  # fmt: skip
+    return dict(json_ready(contents))
 
 
 @figure(
@@ -283,9 +273,8 @@ def tables(pooled_fits: PooledFits) -> dict[str, Any]:
     title="Each rig separate and pooled",
     caption="Open: separate fit; filled: partially pooled; bars: 95 %. Band: 95 % interval of the "
     "common mean.",
-    height_in=lambda pooled_fits: (
-        0.5
-        + -(-len(pooled_fits.units) // MAX_COLUMNS) * (0.8 + 0.36 * len(pooled_fits.pooled.rigs))
+    height_in=lambda fits: (
+        0.5 + ceil(len(fits.units) / MAX_COLUMNS) * (0.8 + 0.36 * len(fits.pooled.rigs))
     ),
 )
 def forest(figure: Figure, pooled_fits: PooledFits) -> None:
@@ -293,7 +282,7 @@ def forest(figure: Figure, pooled_fits: PooledFits) -> None:
     pooled, table = pooled_fits.pooled, rigs_rows(pooled_fits)
     rigs = [rig.name for rig in pooled.rigs]
     n_columns = min(MAX_COLUMNS, len(pooled.names))
-    n_rows = -(-len(pooled.names) // n_columns)
+    n_rows = ceil(len(pooled.names) / n_columns)
     panels = figure.subplots(n_rows, n_columns, sharey=True, squeeze=False).ravel()
     for axes in panels[len(pooled.names) :]:
         axes.set_visible(False)
@@ -327,8 +316,5 @@ def write_pool(folder: Path, pooled_fits: PooledFits, commands: Sequence[str] = 
     refuse_full(folder)
     make_folder(folder)
     replace_json(folder / "pool.json", tables(pooled_fits))
-    figures = render_figures("compare.pooled", pooled_fits, POOL.figures)
-    saved = [path for name, block in figures.items()
-             for path in save_figure(block.figure, folder / name)]  # fmt: skip
-    page = write_report(folder / "report.html", POOL.report(pooled_fits, commands, figures))
-    return [page, folder / "pool.json", *saved]
+    page, *figures = POOL.write(folder, pooled_fits, commands)
+    return [page, folder / "pool.json", *figures]

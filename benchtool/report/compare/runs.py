@@ -89,7 +89,15 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
         if away or over == "distance":
             selected = np.flatnonzero(parked if away else ~parked)
             rows = rows.select(selected)
-            quantities = tuple(_select_rows(quantity, selected) for quantity in quantities)
+            quantities = tuple(
+                replace(
+                    quantity,
+                    value=quantity.value[selected],
+                    standard_error=quantity.standard_error[selected],
+                    error_sources=tuple(part.select(selected) for part in quantity.error_sources),
+                )
+                for quantity in quantities
+            )
     run = ComparedRun(name=name, path=path, rows=rows, quantities=quantities, away=away)
     if run.values("thrust_N") is None:
         raise FileFormatError(str(path), "thrust is missing, required for a comparison")
@@ -107,15 +115,6 @@ def _ramps(path: Path) -> Recording | None:
     samples = read_samples(path)
     phases = [word_to_code("phase", name) for name in ("ramp", "settle", "sample")]
     return split_levels(samples.select(np.isin(samples.column("phase"), phases)))
-
-
-def _select_rows(quantity: QuantityValues, rows: NDArray[np.intp]) -> QuantityValues:
-    return replace(
-        quantity,
-        value=quantity.value[rows],
-        standard_error=quantity.standard_error[rows],
-        error_sources=tuple(source.select(rows) for source in quantity.error_sources),
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from benchtool.fit.uncertainty.budget import COVERAGE, Budget
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import MAIN_PARAMETERS, wanted_rank
 from benchtool.report.numbers import display_unit, format_number, with_unit
-from benchtool.report.page import Block, Paragraph, Table
+from benchtool.report.page import Block, Table
 from benchtool.report.palette import BLACK, BLUE, ORANGE
 
 SMALL = 0.03  # share of combined; omitted if smaller: ten such sources change it by 0.5 %
@@ -45,7 +45,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     """
     indices = shown_quantities(budget)[: 3 if short else None]
     lines = shown_lines(budget, indices) if short else range(len(budget.lines))
-    size = np.nan_to_num(budget.one_percent, nan=1.0)
+    is_zero, size = np.isnan(budget.one_percent), np.nan_to_num(budget.one_percent, nan=1.0)
 
     def shares(numbers: object) -> list[str]:
         return [
@@ -58,10 +58,14 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         f"{budget.names[index]} −{percent:.0f} %" if percent >= 0.5 else ""
         for index, percent in zip(most_reduced, 100.0 * reduction.max(axis=1), strict=True)
     ]
-    rows = [
-        (_name(budget, row), _format_source(budget, row), halved[row], *shares(budget.parts[row]))
-        for row in lines
-    ]
+    rows = []
+    for row in lines:
+        line = budget.lines[row]
+        source = with_unit(f"{line.kind}: {line.sd:.2g}", line.unit)
+        if not line.in_fit and line.kind == "A":
+            source += " from residuals"
+        name = line.name if line.in_fit else f"{line.name} *"
+        rows.append((name, source, halved[row], *shares(budget.parts[row])))
 
     def total(name: str, numbers: object) -> None:
         rows.append((name, "", "", *shares(numbers)))
@@ -74,9 +78,10 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     if (monte_carlo := budget.monte_carlo) is not None:
         total(f"Monte Carlo, {INTERVAL}: lower end", monte_carlo.low)
         total("upper end", monte_carlo.high)
-    is_zero = np.isnan(budget.one_percent)
-    units = (display_unit(budget.units[p]) if is_zero[p] else "%" for p in indices)
-    heads = (f"{budget.names[p]} [{unit}]" for p, unit in zip(indices, units, strict=True))
+    heads = [
+        f"{budget.names[p]} [{display_unit(budget.units[p]) if is_zero[p] else '%'}]"
+        for p in indices
+    ]
     n_omitted = len(budget.lines) - len(lines)
     omitted = f" {pluralize(n_omitted, 'smaller source')} omitted." if n_omitted else ""
     return Table(
@@ -92,17 +97,6 @@ MAX_DOF = 10_000.0  # above it Student's t equals the normal distribution to fou
 
 def _dof(dof: float) -> str:
     return f"above {MAX_DOF:,.0f}" if dof > MAX_DOF else format_number(dof, ".0f")
-
-
-def _name(budget: Budget, row: int) -> str:
-    line = budget.lines[row]
-    return line.name if line.in_fit else f"{line.name} *"
-
-
-def _format_source(budget: Budget, row: int) -> str:
-    line = budget.lines[row]
-    measured = " from residuals" if line.kind == "A" and not line.in_fit else ""
-    return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit) + measured
 
 
 def budget_sentence(budget: Budget) -> str:
@@ -122,7 +116,7 @@ def budget_sentence(budget: Budget) -> str:
 def budget_blocks(budget: Budget | None) -> list[Block]:
     """Return the blocks of a budget: contributions, sources, sensitivities, correlations."""
     if budget is None:
-        return [Paragraph("No budget: the points do not determine all parameters.")]
+        return ["No budget: the points do not determine all parameters."]
     indices = shown_quantities(budget)
     names = [budget.names[index] for index in indices]
     sources = Table(
@@ -146,21 +140,17 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
             for line in budget.lines
         ],
     )
+    matrix = np.array(budget.correlation)[np.ix_(indices, indices)]
     correlations = Table(
         "Correlations of the quantities from all sources.",
         ("", *names),
         [
-            (
-                budget.names[row],
-                *(format_number(budget.correlation[row][p], ".2f") for p in indices),
-            )
-            for row in indices
+            (name, *(format_number(value, ".2f") for value in row))
+            for name, row in zip(names, matrix, strict=True)
         ],
     )
-    return [
-        *(budget_table(budget), Paragraph(budget_sentence(budget))),
-        *(sources, sensitivities, correlations),
-    ]
+    summary = budget_table(budget), budget_sentence(budget)
+    return [*summary, sources, sensitivities, correlations]
 
 
 @figure(
@@ -168,12 +158,13 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
     caption="Contributions of sources to quantities: standard uncertainty in percent of the value, "
     "included in the fit's standard error or not; dashed: combined.",
     when=lambda fit: fit.budget is not None,
-    height_in=lambda fit: chart_height(fit.budget),
+    height_in=lambda subject: chart_height(subject.budget),
 )
 def budget(figure: Figure, subject: Any) -> None:
     """Draw contributions of the largest sources to up to four quantities."""
     budget: Budget = subject.budget
-    indices, lines = _select_bars(budget)
+    indices = shown_quantities(budget)[:4]
+    lines = shown_lines(budget, indices)
     panels = figure.subplots(1, len(indices), sharey=True, squeeze=False)[0]
     colors = [BLUE if budget.lines[row].in_fit else ORANGE for row in lines]
     for axes, index in zip(panels, indices, strict=True):
@@ -196,9 +187,4 @@ def budget(figure: Figure, subject: Any) -> None:
 
 def chart_height(budget: Budget) -> float:
     """Return the height of the bar chart in inches."""
-    return 1.9 + 0.26 * len(_select_bars(budget)[1])
-
-
-def _select_bars(budget: Budget) -> tuple[list[int], list[int]]:
-    indices = shown_quantities(budget)[:4]
-    return indices, shown_lines(budget, indices)
+    return 1.9 + 0.26 * len(shown_lines(budget, shown_quantities(budget)[:4]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import isfinite
+from math import isfinite, nan
 
 import matplotlib as mpl
 import numpy as np
@@ -27,9 +27,8 @@ from benchtool.report.ratio import (
     RatioPoints,
     curve_distances,
     draw_ratio,
-    factor_at_distance,
     formula_curves,
-    uncertainty_bands,
+    model_curve,
 )
 
 LINE_POINTS = 120
@@ -87,7 +86,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     rows = []
     for bin_distance in np.unique(distance[is_shown]):
         in_bin = is_shown & (distance == bin_distance)
-        single = float(error[in_bin][0]) if data.errors == "stated" else float("nan")
+        single = float(error[in_bin][0]) if data.errors == "stated" else nan
         rows.append((
             data.z_over_R[in_bin].mean(), *_mean_and_sd(measured[in_bin], single),
             not data.used[in_bin].any(),
@@ -96,7 +95,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     return RatioPoints(z, mean, sd, label, role, is_excluded.astype(bool))
 
 
-def _mean_and_sd(values: Array, single: float = float("nan")) -> tuple[float, float]:
+def _mean_and_sd(values: Array, single: float = nan) -> tuple[float, float]:
     """Return mean and standard deviation of values; `single` is the sd of a single one."""
     return float(values.mean()), float(np.std(values, ddof=1)) if len(values) > 1 else single
 
@@ -104,35 +103,23 @@ def _mean_and_sd(values: Array, single: float = float("nan")) -> tuple[float, fl
 def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
     """Return measured z/R, T_IGE/T_OGE and its standard deviation at each distance."""
     points = ratio_points(fit, "")
-    columns = {"z_over_R": points.z_over_R, "ratio": points.ratio, "sd": points.sd}
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    rows = zip(points.z_over_R, points.ratio, points.sd, strict=True)
+    return [{"z_over_R": z, "ratio": ratio, "sd": sd} for z, ratio, sd in rows]
 
 
-def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "model") -> Curve:
+def fitted_curve(fit: FitOutput, z_over_R: Array) -> Curve:
     """Return the curve of the fitted model with its 68 % and 95 % bands."""
-    result = fit.results[-1]
-    speeds = _fastest(fit).speed_rad_s
-    curve = Curve(
-        z_over_R,
-        factor_at_distance(fit.fitted, speeds, z_over_R, basis=shown_basis(fit)),
-        label or f"fit: {fit.fitted.name}",
-        role,
-        "fit",
-        nearest_z_over_R=fit.fitted.nearest_z_over_R,
-    )
-    rng = np.random.default_rng(fit.recipe.seed)
+    result, rng = fit.results[-1], np.random.default_rng(fit.recipe.seed)
+    draws = np.empty((0, len(result.estimates)))  # no band if the data do not determine the curve
     if len(result.samples):
         draws = result.samples[rng.integers(len(result.samples), size=SHOWN_DRAWS)]
     elif np.isfinite(result.covariance).all():
         draws = rng.multivariate_normal(
             result.values, result.covariance, SHOWN_DRAWS, method="svd", check_valid="ignore"
         )
-    else:  # no band if the data do not determine the curve
-        return curve
-    free = {item.name: draws[:, [column]] for column, item in enumerate(result.estimates)}
-    return replace(
-        curve, bands=uncertainty_bands(fit.fitted, speeds, z_over_R, free, shown_basis(fit))
-    )
+    free = {item.name: draws[:, [k]] for k, item in enumerate(result.estimates) if len(draws)}
+    model, speeds = fit.fitted, _fastest(fit).speed_rad_s
+    return model_curve(model, speeds, z_over_R, free, shown_basis(fit), f"fit: {model.name}")
 
 
 def _fastest(fit: FitOutput) -> Conditions:
@@ -149,9 +136,7 @@ def _fully_covered(fit: FitOutput) -> NDArray[np.bool_]:
     for rotor, disc in enumerate(fit.fitted.rig.disc_of_rotor):
         squares[disc] += conditions.speed_rad_s[rotor] ** 2
     covered = np.all((conditions.coverage > 0.999) | (squares == 0.0), axis=0)
-    level: NDArray[np.bool_] = conditions.plate_tilt_rad == 0.0
-    is_complete: NDArray[np.bool_] = level & covered
-    return is_complete
+    return np.asarray(covered & (conditions.plate_tilt_rad == 0.0), bool)
 
 
 def name_of_data(fit: FitOutput) -> str:
@@ -172,19 +157,16 @@ def thrust(figure: Figure, fit: FitOutput) -> None:
     data = fit.data
     predicted = np.broadcast_to(fit.fitted.thrust_N(data.conditions), data.observed.shape)
     error = data.standard_error if data.errors != "none" else np.full(len(data.observed), np.nan)
-    above, below = stack_panels(figure, (2.4, 1.0))
+    labels = ("thrust [N]", "measured −\nmodel [N]")
+    above, below = stack_panels(figure, (2.4, 1.0), labels, "rotor speed [rpm]")
     for label, rows, color, marker in _levels(fit):
         rpm = from_si(_mean_speed(data.conditions)[rows], "rpm")
         points(above, rpm, data.observed[rows], error[rows], color, marker, ms=4.2, label=label)
         speeds, line_N = _line(fit, rows[-1])
         above.plot(from_si(speeds, "rpm"), line_N, color=color, lw=1.2)
         points(below, rpm, (data.observed - predicted)[rows], error[rows], color, marker, ms=4.2)
-    above.set_ylabel("thrust [N]")
     above.legend(loc="upper left", ncols=2 if len(above.containers) > 6 else 1)
     below.axhline(0.0, color=GREY, linewidth=0.9)
-    below.set_ylabel("measured −\nmodel [N]")
-    figure.align_ylabels([above, below])
-    below.set_xlabel("rotor speed [rpm]")
 
 
 def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
@@ -210,8 +192,7 @@ def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
 def _mean_speed(conditions: Conditions) -> Array:
     """Return the root mean square speed (n,) of the driven rotors: rad/s."""
     turning = np.maximum((conditions.speed_rad_s > 0.0).sum(axis=0), 1)
-    speed: Array = np.sqrt((conditions.speed_rad_s**2).sum(axis=0) / turning)
-    return speed
+    return np.asarray(np.sqrt((conditions.speed_rad_s**2).sum(axis=0) / turning), float)
 
 
 def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
@@ -230,7 +211,9 @@ def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
 )
 def area(figure: Figure, fit: FitOutput) -> None:
     """Draw shares of the full increment; below: deviations from the straight line."""
-    share, departure = stack_panels(figure, (2.2, 1.0))
+    labels = ("share of the full\nthrust increment [–]", "deviation from\nthe line [–]")
+    xlabel = "covered share of the rotor disc's area [–]"
+    share, departure = stack_panels(figure, (2.2, 1.0), labels, xlabel)
     ends = np.array([0.0, 1.0])
     share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="proportional to the area")
     departure.axhline(0.0, color=BLACK, linestyle=DASHED, linewidth=1.2)
@@ -241,18 +224,12 @@ def area(figure: Figure, fit: FitOutput) -> None:
     covered_at, fitted, sd = factor_table(
         factors, {item.name: item.sd for item in fit.results[0].derived}
     )
-    for axes, values, label in (
-        (share, fitted, "fitted area factors"),
-        (departure, fitted - covered_at, None),
-    ):
+    lines = ((share, fitted, "fitted area factors"), (departure, fitted - covered_at, None))
+    for axes, values, label in lines:
         axes.fill_between(covered_at, values - sd, values + sd, color=VERMILION, alpha=0.2, lw=0.0)
         axes.plot(covered_at, values, "v-", color=VERMILION, ms=5.0, lw=1.3, label=label)
     share.legend(loc="upper left")
-    share.set_ylabel("share of the full\nthrust increment [–]")
-    departure.set_ylabel("deviation from\nthe line [–]")
-    departure.set_xlabel("covered share of the rotor disc's area [–]")
     departure.set_xlim(-0.03, 1.03)
-    figure.align_ylabels([share, departure])
 
 
 def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
@@ -290,15 +267,10 @@ def laws(figure: Figure, fit: FitOutput) -> None:
     scores = scored_laws(fit.laws)
     axes = figure.subplots()
     rows = range(len(scores))
-    axes.errorbar(
-        [score.behind for score in scores],
-        rows,
-        xerr=[2.0 * score.behind_se for score in scores],
-        fmt="o",
-    )
+    errors = [2.0 * score.behind_se for score in scores]
+    axes.errorbar([score.behind for score in scores], rows, xerr=errors, fmt="o")
     axes.axvline(0.0, color=GREY, lw=0.8)
     axes.set_yticks(rows, [f"{score.law}\n{score.verdict}" for score in scores])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=1.0)
-    axes.set_xlabel("log score loss per distance [–], ± two standard errors")
-    axes.set_ylabel("law")
+    axes.set(xlabel="log score loss per distance [–], ± two standard errors", ylabel="law")

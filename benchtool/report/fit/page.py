@@ -11,8 +11,6 @@ from benchtool.data.atomic import make_folder
 from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput, FitSummary
-from benchtool.report.figure import Page, render_figures
-from benchtool.report.files import save_figure, write_report
 from benchtool.report.fit.budget import budget_blocks, budget_sentence, budget_table
 from benchtool.report.fit.tables import (
     comparison_table,
@@ -24,31 +22,27 @@ from benchtool.report.fit.tables import (
     short_table,
     wanted_rank,
 )
-from benchtool.report.page import Block, FactTable, Paragraph, Warnings
+from benchtool.report.page import Block, Page, Warnings
 from benchtool.report.run_facts import run_sections
 
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"
 
 
 def _results(fit: FitOutput) -> list[Block]:
-    blocks: list[Block] = [
-        Paragraph(sentence(fit)),
-        Warnings(fit.warnings),
-        *(estimates_table(result) for result in fit.results),
-    ]
-    return [*blocks, methods_table(fit.results)] if len(fit.results) > 1 else blocks
+    methods = [methods_table(fit.results)] if len(fit.results) > 1 else []
+    return [sentence(fit), Warnings(fit.warnings), *map(estimates_table, fit.results), *methods]
 
 
 def _comparisons(fit: FitSummary, end: str = ".") -> list[Block]:
     blocks: list[Block] = []
     if fit.comparison is not None:
-        blocks += [Paragraph(fit.comparison.sentence + end), comparison_table(fit.comparison)]
+        blocks += [fit.comparison.sentence + end, comparison_table(fit.comparison)]
     if fit.laws is not None:
-        blocks += [Paragraph(fit.laws.sentence + end), laws_table(fit.laws)]
+        blocks += [fit.laws.sentence + end, laws_table(fit.laws)]
     return blocks
 
 
-def _facts(fit: FitOutput) -> FactTable:
+def _facts(fit: FitOutput) -> dict[str, str]:
     rig = fit.loaded.model.rig
     n_sources = len(rig.sources) - len(rig.not_stated)
     facts = {
@@ -68,7 +62,7 @@ def _facts(fit: FitOutput) -> FactTable:
     facts |= {f"outcome of {result.method}": result.outcome.message for result in fit.results}
     if repairs := fit.data.points.provenance.get("repairs", ""):
         facts["repairs made while reading"] = repairs
-    return FactTable(facts)
+    return facts
 
 
 def _highlights(fit: FitOutput) -> dict[str, str]:
@@ -101,10 +95,10 @@ FIT = Page(
 )
 
 
-def refuse_full(folder: Path) -> None:
+def refuse_full(folder: Path, option: str = "") -> None:
     """Raise WouldOverwrite if the folder is not empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise WouldOverwrite(str(folder))
+        raise WouldOverwrite(str(folder), option)
 
 
 def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Path:
@@ -112,10 +106,7 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
     refuse_full(folder)
     make_folder(folder)
     write_result(folder, fit)
-    figures = render_figures("fit", fit, FIT.figures)
-    for name, block in figures.items():
-        save_figure(block.figure, folder / name)
-    return write_report(folder / "report.html", FIT.report(fit, commands, figures))
+    return FIT.write(folder, fit, commands)[0]
 
 
 def figure_files(folder: Path) -> dict[str, Path]:
@@ -126,14 +117,14 @@ def figure_files(folder: Path) -> dict[str, Path]:
 
 def terminal_blocks(fit: FitSummary) -> list[Block]:
     """Return the terminal output of `benchtool fit`: sentence, tables, warnings."""
-    blocks: list[Block] = [Paragraph(SIMULATED)] if fit.simulated else []
-    blocks.append(Paragraph(sentence(fit)))
+    blocks: list[Block] = [SIMULATED] if fit.simulated else []
+    blocks.append(sentence(fit))
     for result in fit.results:
-        blocks += [short_table(result), Paragraph(f"{result.method}: {result.outcome.message}")]
+        blocks += [short_table(result), f"{result.method}: {result.outcome.message}"]
     if len(fit.results) > 1:
         blocks.append(methods_table(fit.results))
     if fit.budget is not None:
-        blocks += [budget_table(fit.budget, short=True), Paragraph(budget_sentence(fit.budget))]
+        blocks += [budget_table(fit.budget, short=True), budget_sentence(fit.budget)]
     return [*blocks, *_comparisons(fit, end=""), Warnings(fit.warnings)]
 
 

@@ -69,18 +69,15 @@ def short_table(result: FitResult) -> Table:
         name, unit, value, sd, interval, statistical, *_ = _estimate_row(item)
         value += "" if item.open else f" ± {sd}"
         rows.append((name, unit, value + _bound(item), interval, statistical))
-    return Table(
-        f"{result.model}, {METHODS[result.method]}; ± {_kind(result)}",
-        ("parameter", "unit", "value", "95 % interval", "statistical"),
-        rows,
-        text_columns=2,
-    )
+    caption = f"{result.model}, {METHODS[result.method]}; ± {_kind(result)}"
+    head = ("parameter", "unit", "value", "95 % interval", "statistical")
+    return Table(caption, head, rows, text_columns=2)
 
 
 def value_cells(result: FitResult, names: Iterable[str]) -> list[str]:
     """Return the printed estimate of each name; "–" if the result lacks it."""
-    estimates = {item.name: item for item in (*result.estimates, *result.derived)}
-    return [printed(estimates[name]) if name in estimates else "–" for name in names]
+    cells = {item.name: printed(item) for item in (*result.estimates, *result.derived)}
+    return [cells.get(name, "–") for name in names]
 
 
 def fits_table(fits: Mapping[str, Sequence[FitResult]]) -> Table:
@@ -203,12 +200,9 @@ def comparison_table(comparison: Comparison) -> Table:
         (
             score.model,
             "best" if rank == 0 else "clearly behind" if score.is_clearly_behind else "close",
-            str(score.parameters),
-            f"{score.chi2_per_dof:.3g}",
+            *(str(score.parameters), f"{score.chi2_per_dof:.3g}"),
             f"{score.behind_best:.1f} ± {score.behind_best_se:.1f}",
-            f"{score.held_out_rms:.4g}",
-            f"{score.aic:.1f}",
-            f"{score.bic:.1f}",
+            *(f"{score.held_out_rms:.4g}", f"{score.aic:.1f}", f"{score.bic:.1f}"),
         )
         for rank, score in enumerate(comparison.scores)
     ]

@@ -1,36 +1,37 @@
-"""Simulated flights of one case under several controllers: figure, table, files."""
+"""Simulated flights of one case under several controllers: figure, table, warnings, files."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchtool import __version__
 from benchtool.core.errors import InputError
+from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.data.run.recording_file import metadata_path, write_recording
-from benchtool.report.figure import Page, figure, render_figures
-from benchtool.report.files import check_not_existing, save_figure
-from benchtool.report.flight.warnings import collect_warnings
+from benchtool.report.figure import figure
+from benchtool.report.flight.pitch_study import write_simulation
+from benchtool.report.numbers import align_columns
+from benchtool.report.page import Page
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
 from benchtool.simulate.controllers.controller import make_controller
 from benchtool.simulate.flight.cases import FlightCase
-from benchtool.simulate.flight.environment import Environment
+from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import fly_user_controller
 from benchtool.simulate.flight.study import (
     FlownCase,
-    Measures,
     build_recording,
+    check_duration,
     controller_label,
     fly_and_measure,
     measure,
@@ -59,62 +60,6 @@ def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
     return min(ends), max(ends)
 
 
-def _position(
-    axes: Axes, flown: FlownCase, free: FlownCase, obstacle_m: tuple[float, float] | None
-) -> None:
-    shade(axes, over_surface(flown))
-    x_m = flown.flight["x_m"]
-    for edge in obstacle_m or ():
-        if edge <= float(x_m.max()) + 0.5:
-            axes.axhline(edge, color=GREEN, linewidth=0.9, linestyle=DOTTED)
-    axes.axhline(flown.case.goals[-1].x_m, color=GREY, linewidth=1.1, linestyle=DASHED)
-    axes.plot(free.flight["time_s"], free.flight["x_m"], color=GREY, linewidth=1.3)
-    axes.plot(flown.flight["time_s"], x_m, color=BLUE)
-    _strike(axes, flown, x_m)
-
-
-def _pitch(axes: Axes, flown: FlownCase, free: FlownCase) -> None:
-    shade(axes, over_surface(flown))
-    axes.axhline(0.0, color=GREY, linewidth=0.7)
-    grey_deg = np.degrees(free.flight["pitch_rad"])
-    axes.plot(free.flight["time_s"], grey_deg, color=GREY, linewidth=1.1)
-    time_s, pitch_deg = flown.flight["time_s"], np.degrees(flown.flight["pitch_rad"])
-    command_deg = np.degrees(flown.flight["pitch_ref_rad"])
-    axes.plot(time_s, command_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
-    axes.plot(time_s, pitch_deg, color=BLUE, linewidth=1.3)
-    _strike(axes, flown, pitch_deg)
-
-
-def _strike(axes: Axes, flown: FlownCase, values: Array) -> None:
-    """Mark the end of a flight that ended early."""
-    if flown.flight.ending != "flown":
-        axes.plot(
-            flown.flight["time_s"][-1], values[-1], marker="X", markersize=9, color=VERMILION,
-            zorder=5, markeredgecolor="white",
-        )  # fmt: skip
-
-
-def over_surface(flown: FlownCase) -> list[tuple[float, float]]:
-    """Return start and end (s) of the intervals with a rotor over a surface."""
-    discs = range(1, flown.case.vehicle.rig.n_discs + 1)
-    covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
-    return spans(flown.flight["time_s"], covered > 1e-3)
-
-
-def _legend(figure: Figure, obstacle: bool) -> None:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLUE, label="flight"),
-        Line2D([], [], color=GREY, linewidth=1.3, label="PID out of ground effect"),
-        Line2D([], [], color=VERMILION, linewidth=1.0, label="pitch command"),
-        Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
-    ]
-    if obstacle:
-        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle edges"))
-    handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
-    one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
-    figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
-
-
 def _title(flights: Sequence[FlownCase]) -> str:
     case = flights[1].case
     height = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
@@ -137,15 +82,46 @@ def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
     )
     last_s = float(max(flown.flight["time_s"][-1] for flown in others))
     obstacle_m = obstacle_extent(others[0].case)
+    free_s, free_pitch_deg = free.flight["time_s"], np.degrees(free.flight["pitch_rad"])
     for flown, (upper, lower) in zip(others, axes.T, strict=True):
-        _position(upper, flown, free, obstacle_m)
-        _pitch(lower, flown, free)
+        time_s, x_m = flown.flight["time_s"], flown.flight["x_m"]
+        pitch_deg = np.degrees(flown.flight["pitch_rad"])
+        for edge in obstacle_m or ():
+            if edge <= float(x_m.max()) + 0.5:
+                upper.axhline(edge, color=GREEN, linewidth=0.9, linestyle=DOTTED)
+        upper.axhline(flown.case.goals[-1].x_m, color=GREY, linewidth=1.1, linestyle=DASHED)
+        upper.plot(free_s, free.flight["x_m"], color=GREY, linewidth=1.3)
+        upper.plot(time_s, x_m, color=BLUE)
+        lower.axhline(0.0, color=GREY, linewidth=0.7)
+        lower.plot(free_s, free_pitch_deg, color=GREY, linewidth=1.1)
+        command_deg = np.degrees(flown.flight["pitch_ref_rad"])
+        lower.plot(time_s, command_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
+        lower.plot(time_s, pitch_deg, color=BLUE, linewidth=1.3)
+        discs = range(1, flown.case.vehicle.rig.n_discs + 1)
+        covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
+        for panel, values in ((upper, x_m), (lower, pitch_deg)):
+            shade(panel, spans(time_s, covered > 1e-3))
+            if flown.flight.ending != "flown":  # it ended early
+                panel.plot(
+                    time_s[-1], values[-1], marker="X", markersize=9, color=VERMILION, zorder=5,
+                    markeredgecolor="white",
+                )  # fmt: skip
         upper.set_title(f"{controller_label(flown)}\n{summarize_flight(flown)}", linespacing=1.35)
         lower.set_xlabel("time [s]")
         lower.set_xlim(0.0, last_s)
     axes[0][0].set_ylabel("position $x$ [m]")
     axes[1][0].set_ylabel("pitch, nose down [deg]")
-    _legend(figure, obstacle_m is not None)
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=BLUE, label="flight"),
+        Line2D([], [], color=GREY, linewidth=1.3, label="PID out of ground effect"),
+        Line2D([], [], color=VERMILION, linewidth=1.0, label="pitch command"),
+        Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
+    ]
+    if obstacle_m is not None:
+        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle edges"))
+    handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
+    one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
+    figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
 
 
 FLIGHT = Page("flight", [("The flight", ["flight"])])
@@ -166,12 +142,6 @@ def fly_each(
     return flights
 
 
-def _arrival_text(measures: Measures) -> str:
-    if measures.ending == "flown":
-        return f"{measures.arrives_s:.1f}" if measures.arrives else "never"
-    return "hits the obstacle" if measures.ending == "struck" else "lost"
-
-
 def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     """Return the table of measures; the first flight is out of ground effect."""
     names = [controller_label(flown) for flown in flights]
@@ -184,27 +154,134 @@ def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     rows = []
     for name, flown in zip(names, flights, strict=True):
         measures = flown.measures
+        arrival = f"{measures.arrives_s:.1f}" if measures.arrives else "never"
+        if measures.ending != "flown":
+            arrival = "hits the obstacle" if measures.ending == "struck" else "lost"
         low_cm, high_cm = (round(100.0 * z_m, 1) + 0.0 for z_m in measures.range_z_m)
         low, high = measures.range_m
         rows.append(
             (
-                name, _arrival_text(measures), f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
+                name, arrival, f"{measures.max_x_m:.2f}", f"{measures.push_backs}",
                 f"{measures.max_pitch_deg:.1f}", f"{measures.rms_pitch_deg:.2f}",
                 f"{measures.max_roll_deg:.1f}", f"{low_cm:.1f}..{high_cm:.1f}",
                 f"{low:.3f}..{high:.3f}",
             )
         )  # fmt: skip
-    widths = [max(map(len, column)) for column in zip(heads, units, *rows, strict=True)]
-    left = (0, 1, len(heads) - 1)
+    return align_columns([heads, units, *rows], left=(0, 1, len(heads) - 1))
 
-    def line(cells: Sequence[str]) -> str:
-        padded = (
-            cell.ljust(width) if at in left else cell.rjust(width)
-            for at, (cell, width) in enumerate(zip(cells, widths, strict=True))
+
+BODY_DEPTH_OVER_R = 1.0  # of hub and undercarriage, only for the warning; assumed
+MAX_HEIGHT_ERROR_M, MAX_TILT_DEG, MAX_SPEED_M_S = 10.0, 75.0, 30.0  # of such vehicles; assumed
+MIN_EFFECT = 0.001  # share of thrust below which ground effect counts as absent; assumed
+
+
+def collect_warnings(flights: Sequence[FlownCase]) -> list[str]:
+    """Return the warnings about flights; the first flight is that out of ground effect."""
+    case = flights[-1].case
+    lines = []
+    if not all(flown.measures.arrives for flown in flights) and (warning := check_duration(case)):
+        lines.append(warning)
+    for flown in flights:
+        name = f"{controller_label(flown)} OGE" if flown is flights[0] else controller_label(flown)
+        lines += [f"{name}: {text}" for text in _flight_warnings(flown)]
+    if ignored := case.vehicle.idle_effects:
+        names = ", ".join(effect.name for effect in ignored)
+        lines.append(f"{names}: effects of the model that do not act in flight; ignored")
+    if no_effect := _absent_effect_warning(flights[1:]):
+        lines.append(no_effect)
+    with_map = [flown for flown in flights if flown.case.feeds_forward]
+    if any(not flown.flight.user_controller for flown in with_map) and not any(case.map_offset_m):
+        lines.append(
+            "feedforward: its map is the model of the plant, so it is optimal by construction"
         )
-        return "  ".join(padded).rstrip()
+    return lines
 
-    return [line(cells) for cells in (heads, units, *rows)]
+
+def _flight_warnings(flown: FlownCase) -> list[str]:
+    flight, measures, vehicle = flown.flight, flown.measures, flown.case.vehicle
+    radius_m = vehicle.rig.propulsion.radius_m
+    lines = []
+    if flight.ending == "struck":
+        part = "hub, legs or a rotor" if vehicle.undercarriage_m else "a rotor"
+        lines.append(f"{part} touched the obstacle at {flight.end_s:.2f} s")
+    if flight.ending == "lost":
+        lines.append(f"the state is not finite from {flight.end_s:.2f} s")
+    if measures.max_roll_deg > 90.0:
+        lines.append(
+            f"it turned over (roll {measures.max_roll_deg:.0f} deg); the other measures are invalid"
+        )
+    elif warning := _envelope_warning(flown):
+        lines.append(warning)
+    if measures.held_ticks:
+        lines.append(
+            f"a rotor was below z/R = {vehicle.model.nearest_z_over_R:g}, the validity limit, in "
+            f"{pluralize(measures.held_ticks, 'step')}; its height was clamped to the limit"
+        )
+    is_near = flight.ending == "flown" and measures.nearest_m < BODY_DEPTH_OVER_R * radius_m
+    if is_near and not vehicle.undercarriage_m:
+        lines.append(
+            f"a rotor was {100.0 * measures.nearest_m:.0f} cm above the surface, where hub or legs "
+            f"may strike it; to include them, add --set undercarriage_m=0.1"
+        )
+    return lines
+
+
+def _absent_effect_warning(flights: Sequence[FlownCase]) -> str:
+    """Return a warning if ground effect was absent in all flights, else ""."""
+    for flown in flights:
+        factors = [flown.flight[f"factor{k + 1}"] for k in range(flown.case.vehicle.rig.n_discs)]
+        if flown.flight.ending != "flown" or np.abs(np.array(factors) - 1.0).max() > MIN_EFFECT:
+            return ""
+    nearest_m = min(flown.measures.nearest_m for flown in flights)
+    case = flights[0].case
+    if isfinite(nearest_m):
+        z_over_R = nearest_m / case.vehicle.rig.propulsion.radius_m
+        return (
+            f"ground effect is absent: the smallest z/R is {z_over_R:.3g}, where it changes thrust "
+            f"by less than {100.0 * MIN_EFFECT:g} %; fly lower or raise the surface"
+        )
+    distance_text = ""
+    if case.below.blocks:
+        away_m = min(_distance_m(case.path_m(), block) for block in case.below.blocks)
+        distance_text = f" (the nearest box is {away_m:.2g} m from the straight path)"
+    return (
+        f"ground effect is absent: no rotor was over a surface of "
+        f"{case.below.name!r}{distance_text}; move its boxes, or change --goal-m"
+    )
+
+
+def _envelope_warning(flown: FlownCase) -> str:
+    """Return a warning if the flight is outside the range of such vehicles, else ""."""
+    flight, measures = flown.flight, flown.measures
+    height_error_m = max(measures.range_z_m, key=abs)
+    tilt_deg = max(measures.max_pitch_deg, measures.max_roll_deg)
+    speed_m_s = float(np.sqrt(sum(flight[f"v{axis}_m_s"] ** 2 for axis in "xyz")).max())
+    violations = [
+        text
+        for text, value, limit in (
+            (f"height error {height_error_m:+.3g} m", abs(height_error_m), MAX_HEIGHT_ERROR_M),
+            (f"tilt {tilt_deg:.3g} deg", tilt_deg, MAX_TILT_DEG),
+            (f"speed {speed_m_s:.3g} m/s", speed_m_s, MAX_SPEED_M_S),
+        )
+        if not value <= limit
+    ]
+    if not violations:
+        return ""
+    return (
+        f"the flight is unrealistic: {', '.join(violations)} (limits, assumed: "
+        f"{MAX_HEIGHT_ERROR_M:g} m, {MAX_TILT_DEG:g} deg, {MAX_SPEED_M_S:g} m/s); its measures are "
+        f"invalid, use other gains"
+    )
+
+
+def _distance_m(path_m: Array, block: Block) -> float:
+    """Return the least distance of a path (n, 2) from a block in plan: m."""
+    share = np.linspace(0.0, 1.0, 401)[:, None]
+    segments = [begin + share * (end - begin) for begin, end in pairwise(path_m)]
+    x, y = np.concatenate([path_m[:1], *segments]).T
+    gap_x = np.maximum(np.maximum(block.x_m[0] - x, x - block.x_m[1]), 0.0)
+    gap_y = np.maximum(np.maximum(block.y_m[0] - y, y - block.y_m[1]), 0.0)
+    return float(np.hypot(gap_x, gap_y).min())
 
 
 def report_lines(flights: Sequence[FlownCase]) -> list[str]:
@@ -226,15 +303,8 @@ def write_flights(out: Path, flights: Sequence[FlownCase]) -> list[Path]:
     names[0] = "oge"
     if len(set(names)) < len(names):
         raise InputError(f"duplicate controller: {', '.join(names[1:])}; give each once")
-    tables = {out / f"{name}.csv": flown for name, flown in zip(names, flights, strict=True)}
-    text = out / "numbers.txt"
-    figures = [out / "flight.svg", out / "flight.png"]
-    check_not_existing([*tables, *(metadata_path(path) for path in tables), text, *figures])
-    out.mkdir(parents=True, exist_ok=True)
-    for path, flown in tables.items():
-        write_recording(
-            path, build_recording(flown.flight), {"software": f"benchtool {__version__}"}
-        )
-    text.write_text("\n".join(report_lines(flights)) + "\n", encoding="utf-8")
-    block = render_figures("flight", flights)["flight"]
-    return [*tables, text, *save_figure(block.figure, out / "flight")]
+    recordings = {
+        name: (build_recording(flown.flight), {})
+        for name, flown in zip(names, flights, strict=True)
+    }
+    return write_simulation(out, FLIGHT, flights, recordings, report_lines(flights))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,14 +13,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool import __version__
+from benchtool.core.recording import Recording
 from benchtool.core.text import pluralize
 from benchtool.data.run.recording_file import metadata_path, write_recording
-from benchtool.report.figure import Page, figure, render_figures
-from benchtool.report.files import check_not_existing, save_figure
+from benchtool.report.figure import check_not_existing, figure, render_figures, save_figures
+from benchtool.report.numbers import align_columns
+from benchtool.report.page import Page
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, shade, spans, stack_panels
 from benchtool.simulate.controllers.controller import make_controller
-from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, load_gains
 from benchtool.simulate.loop import results_in_order
 from benchtool.simulate.pitch.run import PitchJob
@@ -46,9 +47,7 @@ class PitchStudy:
 def pitch_study(
     setup: PitchSetup,
     seed: int = 0,
-    user_controllers: Sequence[
-        tuple[str, type[Any]]
-    ] = (),  # user controllers; a new instance per run
+    user_controllers: Sequence[tuple[str, type[Any]]] = (),  # a new instance per run
     only_user_controllers: bool = False,
 ) -> PitchStudy:
     """Simulate all controllers with and without the plate, with the same noise."""
@@ -56,10 +55,8 @@ def pitch_study(
     rate_Hz = setup.rate_Hz
     near = setup.schedule.sampled(rate_Hz, radius_m)
     far = replace(setup.schedule, plate=()).sampled(rate_Hz, radius_m)
-    jobs = [
-        PitchJob(setup.bench, control)
-        for control in (() if only_user_controllers else setup.controls)
-    ]
+    controls = () if only_user_controllers else setup.controls
+    jobs = [PitchJob(setup.bench, control) for control in controls]
     results = list(
         results_in_order(
             partial(simulate_pitch, job, schedule, seed) for schedule in (near, far) for job in jobs
@@ -89,14 +86,14 @@ def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
 def table_lines(study: PitchStudy) -> list[str]:
     """Return one line per controller and plate interval, or RMS errors without a plate."""
     visits = visit_rows(study)
-    width = max(len("controller"), *(len(run.controller) for run in study.runs))
     if not visits:
-        lines = [f"{'controller':<{width}}  RMS error [deg]  largest [deg]"]
+        rows = [("controller", "RMS error [deg]", "largest [deg]")]
         for run in study.runs:
             error = np.degrees(run.column("true_theta_rad") - run.column("reference_rad"))
             rms, largest = np.sqrt(np.mean(error**2)), np.max(np.abs(error))
-            lines.append(f"{run.controller:<{width}}  {rms:>15.2f}  {largest:>13.2f}")
-        return lines
+            rows.append((run.controller, f"{rms:.2f}", f"{largest:.2f}"))
+        return align_columns(rows, left=(0,))
+    width = max(len("controller"), *(len(run.controller) for run in study.runs))
     lines = [
         f"{'controller':<{width}}   z/R  quiet RMS    peak  settling  residual  rebound",
         f"{'':<{width}}              [deg]   [deg]       [s]     [deg]    [deg]",
@@ -143,13 +140,14 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     """Write recordings, text report and figure to new files; return their paths."""
     setup = study.setup
     rig = setup.bench.model.rig
-    recordings = {out / f"{re.sub('[:+]', '-', run.controller)}.csv": run for run in study.runs}
-    table = out / "numbers.txt"
-    sidecars = [metadata_path(path) for path in recordings]
-    check_not_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
-    out.mkdir(parents=True, exist_ok=True)
-    gains = {control.name: _gain_set_name(control) for control in setup.controls}
-    for path, run in recordings.items():
+    gains = {  # names of sets whose values are unchanged
+        control.name: control.gains.name
+        for control in setup.controls
+        if control.gains is not None and control.gains.name in gain_names()
+        if control.gains == load_gains(control.gains.name)
+    }
+    recordings = {}
+    for run in study.runs:
         provenance = {
             "device": f"simulated pitch bench {rig.name}",
             "model": setup.bench.model.name,
@@ -158,19 +156,28 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
             "schedule": setup.schedule.name,
             "seed": str(study.seed),
         }
-        facts = {"software": f"benchtool {__version__}", "rig": asdict(rig)}
-        write_recording(path, run.recording(rig, provenance), facts)
-    table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
-    block = render_figures("flight.pitch", study)["pitch"]
-    return [*recordings, table, *save_figure(block.figure, out / "pitch")]
+        name = re.sub("[:+]", "-", run.controller)
+        recordings[name] = run.recording(rig, provenance), {"rig": asdict(rig)}
+    return write_simulation(out, PITCH, study, recordings, report_lines(study))
 
 
-def _gain_set_name(control: PitchControl) -> str:
-    """Return the name of a controller's gain set, "" if its values were changed."""
-    gains = control.gains
-    if gains is None or gains.name not in gain_names() or gains != load_gains(gains.name):
-        return ""
-    return gains.name
+def write_simulation(
+    out: Path,
+    page: Page,
+    subject: Any,
+    recordings: Mapping[str, tuple[Recording, Mapping[str, Any]]],  # and facts, by file name
+    lines: Sequence[str],
+) -> list[Path]:
+    """Write recordings, text report and figures to new files; return their paths."""
+    tables = {out / f"{name}.csv": recording for name, recording in recordings.items()}
+    text = out / "numbers.txt"
+    figures = [out / f"{name}.{kind}" for name in page.figures for kind in ("svg", "png")]
+    check_not_existing([*tables, *map(metadata_path, tables), text, *figures])
+    out.mkdir(parents=True, exist_ok=True)
+    for path, (recording, facts) in tables.items():
+        write_recording(path, recording, {"software": f"benchtool {__version__}", **facts})
+    text.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [*tables, text, *save_figures(render_figures(page.name, subject), out)]
 
 
 @figure(
@@ -182,7 +189,9 @@ def _gain_set_name(control: PitchControl) -> str:
 )
 def pitch(figure: Figure, study: PitchStudy) -> None:
     """Draw one panel per run with common axes, as in figures 26 to 28 of the paper."""
-    panels = stack_panels(figure, [1.0] * len(study.runs), sharey=True)
+    n_runs, xlabel = len(study.runs), "time [s]    (green: rotor over the plate)"
+    labels = ["pitch [deg]\n(nose down +)"] * n_runs
+    panels = stack_panels(figure, [1.0] * n_runs, labels, xlabel, sharey=True)
     for axes, run, away in zip(panels, study.runs, study.away, strict=True):
         shade(axes, spans(run.time_s, run.column("plate_share") > 0.0), "over-plate")
         lines: list[tuple[PitchRun, str, str, dict[str, Any]]] = [
@@ -193,8 +202,6 @@ def pitch(figure: Figure, study: PitchStudy) -> None:
         for source, column, label, style in lines:
             axes.plot(run.time_s, np.degrees(source.column(column)), label=label, **style)
         axes.set_title(run.controller)
-        axes.set_ylabel("pitch [deg]\n(nose down +)")
-    panels[-1].set_xlabel("time [s]    (green: rotor over the plate)")
     panels[0].set_xlim(float(run.time_s[0]), float(run.time_s[-1]))
     legend_below(figure, panels[:1], 3)
 

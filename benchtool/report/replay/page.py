@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,9 +19,9 @@ from benchtool.core.units import Array
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
 from benchtool.fit.nominal import rig_for_data
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import format_number
-from benchtool.report.page import Paragraph, Report, Table, Warnings
+from benchtool.report.page import Page, Report, Table, Warnings
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import (
     OVER,
@@ -93,24 +94,25 @@ class ReplayedLog:
 
 
 def _has_values(values: Array) -> bool:
-    return bool(values.size and np.isfinite(values).any())
+    return bool(np.isfinite(values).any())
 
 
+PITCH_LABEL = "pitch [deg]\n(nose down +)"
 Panel = Callable[[Axes, ReplayedLog], None]
 
 
-def _panels(log: ReplayedLog) -> list[Panel]:
-    """Return the panels with data, from top to bottom."""
+def _panels(log: ReplayedLog) -> dict[str, Panel]:
+    """Return the panels with data by the label of their y axis, from top to bottom."""
     track = log.track
     torque = _has_values(track.torque_Nm) or _has_values(track.disturbance_Nm)
-    panels: list[tuple[bool, Panel]] = [
-        (True, _pitch),
-        (_has_values(track.pwm_us), _pulses),
-        (_has_values(track.rpm), _speeds),
-        (torque, _torque),
-        (_has_values(log.height_m), _height),
+    panels: list[tuple[bool, str, Panel]] = [
+        (True, PITCH_LABEL, _pitch),
+        (_has_values(track.pwm_us), "outputs\n[µs]", _pulses),
+        (_has_values(track.rpm), "speeds\n[rpm]", _speeds),
+        (torque, "torque\n[mN m]", _torque),
+        (_has_values(log.height_m), "surface\nbelow [m]", _height),
     ]
-    return [panel for has_data, panel in panels if has_data]
+    return {label: panel for has_data, label, panel in panels if has_data}
 
 
 @figure(
@@ -122,13 +124,11 @@ def _panels(log: ReplayedLog) -> list[Panel]:
 def log(figure: Figure, log: ReplayedLog) -> None:
     """Draw the whole log: attitude, and below outputs, speeds, torque and height."""
     draw, time_s = _panels(log), log.track.time_s
-    panels = stack_panels(figure, [2.0] + [1.0] * (len(draw) - 1))
-    for axes, panel in zip(panels, draw, strict=True):
+    panels = stack_panels(figure, [2.0] + [1.0] * (len(draw) - 1), draw, "time [s]")
+    for axes, panel in zip(panels, draw.values(), strict=True):
         shade(axes, log.intervals)
         panel(axes, log)
-    panels[-1].set_xlabel("time [s]")
     panels[0].set_xlim(float(time_s[0]), float(time_s[-1]))
-    figure.align_ylabels(panels)
     _legend(figure, log)
 
 
@@ -141,15 +141,16 @@ def log(figure: Figure, log: ReplayedLog) -> None:
 def closer(figure: Figure, log: ReplayedLog) -> None:
     """Draw the attitude around each of the first surface intervals."""
     time_s, shown_intervals = log.track.time_s, log.intervals[:MAX_CLOSER]
-    panels = stack_panels(figure, [1.0] * len(shown_intervals), sharex=False)
+    heights = [1.0] * len(shown_intervals)
+    panels = stack_panels(figure, heights, xlabel="time [s]", sharex=False)
     for axes, (start_s, end_s) in zip(panels, shown_intervals, strict=True):
         margin_s = min(CLOSER_S, max(1.0, 0.5 * (end_s - start_s)))
         shade(axes, log.intervals)
         _pitch(axes, log, (start_s - margin_s, end_s + margin_s))
+        axes.set_ylabel(PITCH_LABEL)
         axes.set_xlim(
             max(start_s - margin_s, float(time_s[0])), min(end_s + margin_s, float(time_s[-1]))
         )
-    panels[-1].set_xlabel("time [s]")
     _legend(figure, log)
 
 
@@ -164,7 +165,6 @@ def _pitch(axes: Axes, log: ReplayedLog, interval: tuple[float, float] | None = 
         simulated_rows = (replay.time_s >= start_s) & (replay.time_s <= end_s)
         simulated = np.degrees(replay.theta_rad[simulated_rows])
         broken_line(axes, replay.time_s[simulated_rows], simulated, color=BLUE, lw=1.0, zorder=2.4)
-    axes.set_ylabel("pitch [deg]\n(nose down +)")
     values = np.concatenate([theta, reference])
     if np.isfinite(values).any():
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
@@ -173,21 +173,20 @@ def _pitch(axes: Axes, log: ReplayedLog, interval: tuple[float, float] | None = 
         axes.set_ylim(max(bottom, low - margin), min(top, high + margin))
 
 
+def _rotor_lines(axes: Axes, time_s: Array, rows: Array, **look: Any) -> None:
+    for rotor, row in enumerate(rows):
+        broken_line(axes, time_s, row, color=rotor_color(rotor), lw=0.8, **look)
+
+
 def _pulses(axes: Axes, log: ReplayedLog) -> None:
-    for rotor, row in enumerate(log.track.pwm_us):
-        broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
+    _rotor_lines(axes, log.track.time_s, log.track.pwm_us)
     if log.replay is not None:
-        for rotor, row in enumerate(log.replay.pwm_us):
-            style = {"color": rotor_color(rotor), "lw": 0.8, "ls": ":", "zorder": 1.9}
-            broken_line(axes, log.replay.time_s, row, **style)
-    axes.set_ylabel("outputs\n[µs]")
+        _rotor_lines(axes, log.replay.time_s, log.replay.pwm_us, ls=":", zorder=1.9)
     rotor_legend(axes, len(log.track.pwm_us))
 
 
 def _speeds(axes: Axes, log: ReplayedLog) -> None:
-    for rotor, row in enumerate(log.track.rpm):
-        broken_line(axes, log.track.time_s, row, color=rotor_color(rotor), lw=0.8)
-    axes.set_ylabel("speeds\n[rpm]")
+    _rotor_lines(axes, log.track.time_s, log.track.rpm)
     if not len(log.track.pwm_us):
         rotor_legend(axes, len(log.track.rpm))
 
@@ -201,12 +200,10 @@ def _torque(axes: Axes, log: ReplayedLog) -> None:
         broken_line(axes, track.time_s, 1e3 * track.disturbance_Nm, color=VERMILION, lw=1.1)
         if replay is not None and _has_values(replay.disturbance_Nm):
             broken_line(axes, replay.time_s, 1e3 * replay.disturbance_Nm, color=BLUE, lw=1.0)
-    axes.set_ylabel("torque\n[mN m]")
 
 
 def _height(axes: Axes, log: ReplayedLog) -> None:
     broken_line(axes, log.track.time_s, log.height_m, color=BLACK, lw=0.9)
-    axes.set_ylabel("surface\nbelow [m]")
 
 
 def _legend(figure: Figure, log: ReplayedLog) -> None:
@@ -222,7 +219,7 @@ def _legend(figure: Figure, log: ReplayedLog) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
-def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
+def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, ...]:
     """Return pitch errors (n,) of log and simulated run from reference or median: deg."""
     target_rad = track.reference_rad
     if not np.isfinite(target_rad).any():
@@ -234,21 +231,17 @@ def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
     return recorded, np.degrees(theta - target_rad)
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else float("nan")
+def rms_and_peak(errors: Array) -> tuple[float, float]:
+    """Return the root mean square and the value of largest size; nan without finite errors."""
+    if not np.isfinite(errors).any():
+        return float("nan"), float("nan")
+    rms, peak = np.sqrt(np.nanmean(errors**2)), errors[np.nanargmax(np.abs(errors))]
+    return float(rms), float(peak)
 
 
-def _peak(values: Array) -> float:
-    if not np.isfinite(values).any():
-        return float("nan")
-    return float(values[int(np.nanargmax(np.abs(values)))])
-
-
-def _rms_and_peak(errors: Array) -> tuple[str, ...]:
+def _cells(errors: Array) -> tuple[str, ...]:
     # Adding 0 removes the sign of a zero.
-    return tuple(
-        format_number(round(statistic(errors), 2) + 0.0, ".2f") for statistic in (_rms, _peak)
-    )
+    return tuple(format_number(round(value, 2) + 0.0, ".2f") for value in rms_and_peak(errors))
 
 
 def visits_table(log: ReplayedLog) -> Table | None:
@@ -256,55 +249,50 @@ def visits_table(log: ReplayedLog) -> Table | None:
     track = log.track
     if not track.visits:
         return None
-    recorded, simulated = errors_deg(log.track, log.replay)
-    is_simulated = log.replay is not None and not log.replay.warning
+    errors = errors_deg(log.track, log.replay)
+    if log.replay is None or log.replay.warning:
+        errors = errors[:1]
     inside = [
         (f"{start_s:.2f} … {end_s:.2f}", log.rotors(first, last), np.arange(first, last + 1))
         for (start_s, end_s), (first, last) in zip(log.intervals, track.visits, strict=True)
     ]
     outside = ("outside", "none", np.flatnonzero(track.max_coverage <= 0.0))
     rows = [
-        (
-            span,
-            rotors,
-            *_rms_and_peak(recorded[part]),
-            *(_rms_and_peak(simulated[part]) if is_simulated else ()),
-        )
+        (span, rotors, *(cell for error in errors for cell in _cells(error[part])))
         for span, rotors, part in (*inside, outside)
     ]
     baseline = "reference" if np.isfinite(track.reference_rad).any() else "median of the log"
-    heads = ("time [s]", "rotors over surface", "RMS", "largest")
+    heads = (
+        *("time [s]", "rotors over surface", "RMS", "largest"),
+        *("simulated RMS", "simulated largest"),
+    )
     return Table(
         f"Pitch minus {baseline}, in degrees, positive nose down.",
-        (*heads, *(("simulated RMS", "simulated largest") if is_simulated else ())),
+        heads[: 2 + 2 * len(errors)],
         rows,
         text_columns=2,
     )
 
 
-def _title(log: ReplayedLog) -> str:
-    kind = "Pitch recording" if log.recorded.is_run else "Replayed log"
-    return f"{kind}: {log.recorded.name}"
-
-
 def _sentence(log: ReplayedLog) -> str:
     track, replay = log.track, log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
-    inside = track.max_coverage > 0.0
+    inside, scope = track.max_coverage > 0.0, ""
+    (rms, _), (simulated_rms, _) = rms_and_peak(recorded), rms_and_peak(simulated)
     duration_s = len(track) / track.rate_Hz
-    text = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {_rms(recorded):.2f}°"
+    text = f"{log.recorded.name}: {duration_s:.4g} s of pitch, RMS error {rms:.2f}°"
     if inside.any():
+        (rms, peak), (simulated_rms, _) = map(rms_and_peak, (recorded[inside], simulated[inside]))
+        scope = " over the surface"
         text += (
             f"; over a surface in {pluralize(len(track.visits), 'interval')} "
-            f"({inside.sum() / track.rate_Hz:.4g} s): RMS {_rms(recorded[inside]):.2f}°, maximum "
-            f"{format_number(_peak(recorded[inside]), '+.2f')}°"
+            f"({inside.sum() / track.rate_Hz:.4g} s): RMS {rms:.2f}°, maximum "
+            f"{format_number(peak, '+.2f')}°"
         )
     if replay is not None and replay.warning:
         text += f". The run simulated with {replay.model} deviates from the log and is not valid"
     elif replay is not None and np.isfinite(simulated).any():
-        part = inside if inside.any() else np.ones(len(track), bool)
-        scope = " over the surface" if inside.any() else ""
-        text += f". Simulated with {replay.model}: {_rms(simulated[part]):.2f}°{scope}"
+        text += f". Simulated with {replay.model}: {simulated_rms:.2f}°{scope}"
     return text + "."
 
 
@@ -312,24 +300,21 @@ def _highlights(log: ReplayedLog) -> dict[str, str]:
     replay = log.replay
     recorded, simulated = errors_deg(log.track, log.replay)
     inside = log.track.max_coverage > 0.0
-    tiles = {"RMS pitch error": f"{_rms(recorded):.2f}°"}
+    part, scope = (inside, ", over a surface") if inside.any() else (~inside, "")
+    errors = {f"RMS pitch error{scope}": recorded[part]}
     if inside.any():
-        tiles = {
-            "RMS pitch error, over a surface": f"{_rms(recorded[inside]):.2f}°",
-            "elsewhere": f"{_rms(recorded[~inside]):.2f}°",
-        }
+        errors["elsewhere"] = recorded[~inside]
+    if replay is not None and not replay.warning:
+        errors[f"simulated RMS error{scope}"] = simulated[part]
+        if replay.driven_by == "pulses":
+            errors["recorded − simulated, RMS"] = recorded - simulated
+    tiles = {name: f"{rms_and_peak(values)[0]:.2f}°" for name, values in errors.items()}
     if replay is not None and replay.warning:
         tiles["simulated run"] = "deviates from the log"
-    elif replay is not None:
-        part = inside if inside.any() else np.ones(len(inside), bool)
-        name = "simulated RMS error" + (", over a surface" if inside.any() else "")
-        tiles[name] = f"{_rms(simulated[part]):.2f}°"
-        if replay.driven_by == "pulses":
-            tiles["recorded − simulated, RMS"] = f"{_rms(recorded - simulated):.2f}°"
     return tiles
 
 
-NO_BUDGET = Paragraph(
+NO_BUDGET = (
     "This page contains no fit and no uncertainty budget. benchtool explain estimates missing "
     "effects from a pitch recording with standard uncertainties."
 )
@@ -348,7 +333,9 @@ REPLAY = Page(
         ),
         lambda log: sections_behind(log.recorded),
     ],
-    title=_title,
+    title=lambda log: (
+        f"{'Pitch recording' if log.recorded.is_run else 'Replayed log'}: {log.recorded.name}"
+    ),
     summary=_sentence,
     highlights=_highlights,
 )

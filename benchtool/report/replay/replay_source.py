@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,18 +24,16 @@ from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import metadata_path, read_recording, read_recording_facts
 from benchtool.data.run.run import Run
 from benchtool.explain.pitch.replay import read_provenance
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import figure
 from benchtool.report.numbers import display_unit, format_number
-from benchtool.report.page import Block, FactTable, Listing, Paragraph, Section, Table
+from benchtool.report.page import Block, Listing, Page, Section, Table
 from benchtool.report.palette import BLACK
-from benchtool.report.quantities import origins_table
+from benchtool.report.panels import origins_table
 from benchtool.report.run_facts import (
     MISSING_VALUE,
-    air_facts,
-    calibration_facts,
-    device_facts,
-    rig_facts,
-    run_state_table,
+    bench_facts,
+    condition_facts,
+    data_facts,
     version_facts,
 )
 from benchtool.report.sweep.samples import draw_samples, samples_height
@@ -76,27 +74,23 @@ class ReplaySource:
 def read_recorded(path: Path) -> ReplaySource:
     """Read a pitch run, a recording file with its metadata, or a log of another program."""
     if path.is_dir():
-        run = Run.open(path)
-        facts, recording = run.metadata, read_pitch(path)
-        provenance: Mapping[str, str] = read_provenance(facts)
-        sha256 = data_hash(path)
+        facts, recording = Run.open(path).metadata, read_pitch(path)
+    elif not path.exists():
+        raise FileFormatError(str(path), "file or run folder not found; check the path")
+    elif path.suffix.lower() == ".mcap":  # contains its metadata
+        facts, recording = {}, read_recording(path)
+    elif metadata_path(path).exists():
+        facts = read_recording_facts(path)
+        recording = read_recording(path)
     else:
-        if not path.exists():
-            raise FileFormatError(str(path), "file or run folder not found; check the path")
-        is_mcap = path.suffix.lower() == ".mcap"  # contains its metadata
-        if is_mcap or metadata_path(path).exists():
-            facts = {} if is_mcap else read_recording_facts(path)
-            recording = read_recording(path)
-        else:
-            imported = import_file(path)
-            facts, recording = import_metadata(imported, ImportOptions()), imported.recording
-        provenance, sha256 = recording.provenance, file_hash(path)
+        imported = import_file(path)
+        facts, recording = import_metadata(imported, ImportOptions()), imported.recording
     return ReplaySource(
         path=path,
         recording=recording,
         facts=facts,
-        provenance=provenance,
-        sha256=sha256,
+        provenance=read_provenance(facts) if path.is_dir() else recording.provenance,
+        sha256=data_hash(path) if path.is_dir() else file_hash(path),
     )
 
 
@@ -104,17 +98,12 @@ def sections_behind(recorded: ReplaySource) -> list[Section]:
     """Return the provenance sections of a recording: rig, air, repairs, hashes."""
     facts, recording = recorded.facts, recorded.recording
     if recorded.is_run:
-        conditions = run_state_table(facts) | air_facts(facts) | calibration_facts(facts)
-        hashes = version_facts(facts) | {
-            "reported with": f"benchtool {__version__}",
-            "sha256 of the run's data (points and samples)": recorded.sha256,
-            "sha256 of samples.csv": file_hash(recorded.path / "samples.csv"),
-        }
+        samples_hash = {"samples.csv": file_hash(recorded.path / "samples.csv")}
         return [
-            Section("Rig and device", [FactTable(rig_facts(facts) | device_facts(facts))]),
-            Section("Conditions and calibration", [FactTable(conditions)]),
+            Section("Rig and device", [bench_facts(facts)]),
+            Section("Conditions and calibration", [condition_facts(facts)]),
             Section("Experiment", [Listing(PLAN, Run.open(recorded.path).plan_text)]),
-            Section("Software and data", [FactTable(hashes)]),
+            Section("Software and data", [data_facts(facts, recorded.sha256, samples_hash)]),
         ]
     provenance = {key: value for key, value in recording.provenance.items() if value}
     if "file" in provenance:
@@ -125,51 +114,40 @@ def sections_behind(recorded: ReplaySource) -> list[Section]:
         "rows": str(len(recording)),
         "channels": ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels),
     }
-    software = _made_with(recorded) | {
-        "reported with": f"benchtool {__version__}",
-        f"sha256 of {recorded.name}": recorded.sha256,
-    }
-    findings = facts.get("findings")
-    return [
-        *([Section("Repairs and doubts", _findings(findings, facts))] if findings else []),
-        Section("Where it comes from", [FactTable(listed | _windows(facts))]),
-        Section("Software and data", [FactTable(software)]),
-    ]
-
-
-def _made_with(recorded: ReplaySource) -> dict[str, str]:
-    """Return the software that recorded a file and that imported, simulated or wrote it."""
-    facts = recorded.facts
-    (listed,) = version_facts(facts).values()
-    if listed == MISSING_VALUE and "software" in facts:
-        listed = str(facts["software"])
+    (versions,) = version_facts(facts).values()
+    if versions == MISSING_VALUE:
+        versions = str(facts.get("software", MISSING_VALUE))
+    software = {"simulated with" if recorded.simulated else "written with": versions}
     if "imported_as" in facts:
-        device = recorded.recording.provenance.get("device") or MISSING_VALUE
-        return {"recorded with": device, "imported with": listed}
-    return {"simulated with" if recorded.simulated else "written with": listed}
-
-
-def _windows(facts: Mapping[str, Any]) -> dict[str, str]:
-    listed = [
+        device = provenance.get("device", MISSING_VALUE)
+        software = {"recorded with": device, "imported with": versions}
+    software["reported with"] = f"benchtool {__version__}"
+    software[f"sha256 of {recorded.name}"] = recorded.sha256
+    if windows := [
         f"{item['start_s']:g} to {item['end_s']:g} s, "
         f"{'all rotors' if not item['rotor'] else 'rotor ' + str(item['rotor'])} ({item['source']})"
         for item in facts.get("windows") or []
+    ]:
+        listed["over a surface"] = "; ".join(windows)
+    findings = [Section("Repairs and doubts", _findings(facts))] if facts.get("findings") else []
+    return [
+        *findings,
+        Section("Where it comes from", [listed]),
+        Section("Software and data", [software]),
     ]
-    return {"over a surface": "; ".join(listed)} if listed else {}
 
 
-def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Block]:
+def _findings(facts: Mapping[str, Any]) -> list[Block]:
     blocks: list[Block] = []
     if tally := facts.get("tally"):
         blocks.append(
-            Paragraph(
-                f"{tally['total']} {tally['unit']}s in the file: {tally['kept']} used, "
-                f"{tally['refused']} rejected, {tally['not_needed']} of types without use in a "
-                f"recording."
-            )
+            f"{tally['total']} {tally['unit']}s in the file: {tally['kept']} used, "
+            f"{tally['refused']} rejected, {tally['not_needed']} of types without use in a "
+            f"recording."
         )
     rows = [
-        (item["kind"], item["what"], item.get("channel") or "–", item["words"]) for item in findings
+        (item["kind"], item["what"], item.get("channel") or "–", item["words"])
+        for item in facts["findings"]
     ]
     caption = "Findings of the import: repairs, doubts, rejected and missing data."
     heads = ("kind", "finding", "channel", "text")
@@ -212,8 +190,7 @@ def thrust(figure: Figure, recorded: ReplaySource) -> None:
     rpm = from_si(recorded.recording.to_si("rpm1")[rows], "rpm")
     thrust_N = recorded.recording.to_si("thrust_N")[rows]
     axes.plot(rpm, thrust_N, "s", ms=4.2, color=BLACK, label="samples of the recording")
-    axes.set_ylabel("thrust [N]")
-    axes.set_xlabel("rotor speed [rpm]")
+    axes.set(xlabel="rotor speed [rpm]", ylabel="thrust [N]")
     axes.legend(loc="upper left")
 
 
@@ -229,7 +206,7 @@ def _quantities(recorded: ReplaySource) -> Block | None:
 def _nothing_drawn(recorded: ReplaySource) -> Block | None:
     if _has_samples(recorded) or _has_thrust_and_speed(recorded).any():
         return None
-    return Paragraph("The recording contains neither thrust nor attitude; see the channels below.")
+    return "The recording contains neither thrust nor attitude; see the channels below."
 
 
 def _ranges(recorded: ReplaySource) -> Block:
@@ -252,8 +229,8 @@ def stand_summary(recorded: ReplaySource) -> str:
     """Return a summary of a recording without attitude."""
     recording = recorded.recording
     duration = ""
-    if "time_s" in recording and np.isfinite(recording.to_si("time_s")).any():
-        duration = f" over {np.nanmax(recording.to_si('time_s')):.4g} s"
+    if "time_s" in recording and np.isfinite(time_s := recording.to_si("time_s")).any():
+        duration = f" over {np.nanmax(time_s):.4g} s"
     rows, channels = pluralize(len(recording), "row"), pluralize(len(recording.names), "channel")
     summary = f"{recorded.name}: {rows} of {channels}{duration}."
     if "thrust_N" in recording and np.isfinite(thrust := recording.to_si("thrust_N")).any():

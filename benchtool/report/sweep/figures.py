@@ -21,26 +21,24 @@ from benchtool.physics.model import Model
 from benchtool.report.figure import figure
 from benchtool.report.fit.budget import budget, chart_height
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
-from benchtool.report.panels import points, stack_panels
-from benchtool.report.quantities import panels_height, quantity_panels
+from benchtool.report.panels import panels_height, points, quantity_panels, stack_panels
 from benchtool.report.ratio import (
+    BASES,
+    DISTANCE_LABEL,
     Curve,
     RatioPoints,
     conditions_over,
     curve_distances,
     draw_ratio,
-    factor_at_distance,
     formula_curves,
+    model_curve,
     ratio_values,
     uncertainty_band,
-    uncertainty_bands,
 )
-from benchtool.report.style import BASES
 from benchtool.report.sweep.run import ERRORS, SweepRun
 
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
 DOTTED = (0, (1.2, 1.6))
 
 
@@ -56,10 +54,8 @@ def model_words(run: SweepRun) -> str:
 
 def plain(run: SweepRun) -> NDArray[np.bool_]:
     """Return a mask (s,) of settings with a level, centred plate, as in model curves."""
-    level: NDArray[np.bool_] = run.measured()
-    for name in ("plate_tilt_deg", "plate_x_m"):
-        level = level & (np.abs(np.nan_to_num(run.column(name))) < 1e-6)
-    return level
+    offsets = np.array([run.column(name) for name in ("plate_tilt_deg", "plate_x_m")])
+    return run.measured() & np.all(np.abs(np.nan_to_num(offsets)) < 1e-6, axis=0)
 
 
 def _max_speeds(run: SweepRun) -> Array:
@@ -92,11 +88,9 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
     """Return the curve of the run's model with its uncertainty bands; empty without a model."""
     if run.model is None:
         return []
-    model, speeds = run.model.model, _max_speeds(run)
-    middle = factor_at_distance(model, speeds, z_over_R, basis=run.basis)
-    bands = uncertainty_bands(model, speeds, z_over_R, run.model.draws, run.basis)
+    model, draws = run.model.model, run.model.draws
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
-    return [Curve(z_over_R, middle, label, "model", "fit", bands, model.nearest_z_over_R)]
+    return [model_curve(model, _max_speeds(run), z_over_R, draws, run.basis, label)]
 
 
 def _distances(run: SweepRun, series: Sequence[RatioPoints]) -> Array:
@@ -194,14 +188,13 @@ def efficiency(figure: Figure, run: SweepRun) -> None:
 def quantities(figure: Figure, run: SweepRun) -> None:
     """Draw one panel per quantity against plate distance, or pulse width without a plate."""
     z, near, levels = run.z_over_R(run.settings), run.measured() & plain(run), run.level_us()
-    derived = _panel_quantities(run)
-    label = DISTANCE_LABEL if run.measured().any() else "pulse [µs]"
+    derived, has_plate = _panel_quantities(run), run.measured().any()
+    label = DISTANCE_LABEL if has_plate else "pulse [µs]"
     panels = quantity_panels(figure, [item.quantity for item in derived], label)
-    if not run.measured().any():
-        for axes, quantity in zip(panels, derived, strict=True):
-            points(axes, levels, quantity.value, quantity.total_error, BLUE, ms=3.6)
-        return
     for axes, quantity in zip(panels, derived, strict=True):
+        if not has_plate:
+            points(axes, levels, quantity.value, quantity.total_error, BLUE, ms=3.6)
+            continue
         for index, level in enumerate(np.unique(levels[near])):
             color, rows = CYCLE[index % len(CYCLE)], near & (levels == level)
             points(
@@ -213,8 +206,8 @@ def quantities(figure: Figure, run: SweepRun) -> None:
                 mean = float(np.nanmean(quantity.value[parked]))
                 axes.axhline(mean, color=color, lw=1.0, ls=DOTTED)
         axes.set_xlim(left=0.0)
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower right", ncols=4)
+    if has_plate:
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=4)
 
 
 def _panel_quantities(run: SweepRun) -> list[QuantityValues]:
@@ -254,8 +247,7 @@ def _draw_levels(
         parked = ~run.measured() & (levels == level)
         if parked.any():
             axes.axhline(float(np.mean(values[parked])), color=color, lw=1.0, ls=DOTTED)
-    axes.set_xlabel(DISTANCE_LABEL)
-    axes.set_ylabel(label)
+    axes.set(xlabel=DISTANCE_LABEL, ylabel=label)
     axes.set_xlim(left=0.0)
     axes.legend(handles=[*axes.get_legend_handles_labels()[0], *handles], loc="upper right")
 
@@ -300,11 +292,11 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
     newtons_per_kg = calibration_data["gravity_m_s2"] / calibration_data["lever_ratio"]
     force_N = np.array(calibration_data["masses_kg"], float) * newtons_per_kg
     counts, residual_N = (
-        np.array(calibration_data["counts"], float),
-        np.array(calibration_data["residuals_N"], float),
+        np.array(calibration_data[name], float) for name in ("counts", "residuals_N")
     )
     loading = np.arange(len(force_N)) <= int(force_N.argmax())
-    line, residuals = stack_panels(figure, (1.6, 1.0))
+    labels = ("reading [counts]", "reading −\nforce [mN]")
+    line, residuals = stack_panels(figure, (1.6, 1.0), labels, "known force [N]")
     order = np.argsort(force_N + residual_N, kind="stable")
     line.plot((force_N + residual_N)[order], counts[order], color=GREY, lw=1.2, label="line")
     for rows, marker, color, label in (
@@ -316,11 +308,7 @@ def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
             line.plot(force_N[rows], counts[rows], marker, color=color, label=label)
             residuals.plot(force_N[rows], residual_mN, marker + "-", color=color, lw=0.8, ms=5.0)
     residuals.axhline(0.0, color=GREY, linewidth=0.9)
-    line.set_ylabel("reading [counts]")
     line.legend(loc="upper left")
-    residuals.set_ylabel("reading −\nforce [mN]")
-    residuals.set_xlabel("known force [N]")
-    figure.align_ylabels([line, residuals])
 
 
 figure(

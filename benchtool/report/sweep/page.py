@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from math import hypot, isfinite
 
 import numpy as np
 
-from benchtool import __version__
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.text import pluralize
 from benchtool.data.calibration import format_age_warning
 from benchtool.data.columns import REJECTED
 from benchtool.data.run.read import changed_points
 from benchtool.fit.motor.constants import fit_motor
-from benchtool.report.figure import Page, render_figures
+from benchtool.report.figure import render_figures
 from benchtool.report.fit.budget import budget_blocks
-from benchtool.report.motor.page import MOTOR
+from benchtool.report.motor import MOTOR
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import (
-    Block,
-    FactTable,
-    Heading,
-    Listing,
-    Paragraph,
-    Section,
-    Table,
-    Warnings,
-)
+from benchtool.report.page import Block, Heading, Listing, Page, Section, Table, Warnings
+from benchtool.report.ratio import BASES
 from benchtool.report.run_facts import (
     MISSING_VALUE,
     air_facts,
+    bench_facts,
     calibration_facts,
-    device_facts,
-    rig_facts,
+    condition_facts,
+    data_facts,
     run_state_table,
-    version_facts,
 )
-from benchtool.report.style import BASES
 from benchtool.report.sweep.figures import plain
 from benchtool.report.sweep.run import (
     SweepRun,
@@ -49,14 +40,14 @@ from benchtool.report.sweep.run import (
 )
 from benchtool.report.sweep.samples import anchor_changes
 
-NO_SAMPLES = Paragraph("The folder contains no samples, only points averaged from them.")
+NO_SAMPLES = "The folder contains no samples, only points averaged from them."
 
 
 def _drift(run: SweepRun) -> list[Block]:
     _, change, error = anchor_changes(run)
-    text = "No anchor was repeated, so load cell drift is unknown."
-    if not run.uses_plate:
-        text = "Load cell reading at standstill after each tare:"
+    text = "Load cell reading at standstill after each tare:"
+    if run.uses_plate:
+        text = "No anchor was repeated, so load cell drift is unknown."
     if len(change) > 1:
         worst = int(np.argmax(np.abs(change)))
         drift_text = value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))
@@ -67,42 +58,30 @@ def _drift(run: SweepRun) -> list[Block]:
     elif len(change) == 1:
         text = "One anchor was measured; drift needs at least two."
     tares = [] if run.tares is None else [tares_table(run.tares)]
-    return [Paragraph(text), *tares]
+    return [text, *tares]
 
 
 def _conditions(run: SweepRun) -> list[Block]:
-    facts = run.metadata
-    blocks: list[Block] = [
-        FactTable(run_state_table(facts) | air_facts(facts) | calibration_facts(facts))
-    ]
-    if calibration := facts.get("calibration"):
+    blocks: list[Block] = [condition_facts(run.metadata)]
+    if calibration := run.metadata.get("calibration"):
         blocks += render_figures(
             "sweep.calibration", {**calibration, "simulated": run.simulated}
         ).values()
     return blocks
 
 
-def _data(run: SweepRun) -> Block:
-    facts = version_facts(run.metadata)
-    facts["reported with"] = f"benchtool {__version__}"
-    facts["sha256 of the run's data (points and samples)"] = run.sha256
-    return FactTable(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})
-
-
 def run_sentence(run: SweepRun) -> str:
     """Return a summary of settings, results and state of a run in a few sentences."""
-    measured, z = run.measured(), run.z_over_R(run.settings)
-    levels = np.unique(run.level_us()[measured])
-    n_points = sum(kind == "measure" for kind in run.kinds)
+    measured, z, levels = run.measured(), run.z_over_R(run.settings), run.level_us()
+    levels = np.unique(levels[measured] if measured.any() else levels)
+    pulses = ", ".join(f"{level:g}" for level in levels)
     if measured.any():
         text = (
-            f"{pluralize(n_points, 'point')} of {pluralize(int(measured.sum()), 'setting')} on rig "
-            f"{run.rig.name}, plate at z/R {np.nanmin(z[measured]):.3g} to "
-            f"{np.nanmax(z[measured]):.3g}, pulses "
-            f"{', '.join(f'{level:g}' for level in levels)} µs."
+            f"{pluralize(run.kinds.count('measure'), 'point')} of "
+            f"{pluralize(int(measured.sum()), 'setting')} on rig {run.rig.name}, plate at z/R "
+            f"{np.nanmin(z[measured]):.3g} to {np.nanmax(z[measured]):.3g}, pulses {pulses} µs."
         )
     elif not run.uses_plate:
-        pulses = ", ".join(f"{level:g}" for level in np.unique(run.level_us()))
         text = (
             f"{pluralize(len(run.kinds), 'point')} of "
             f"{pluralize(len(run.settings), 'throttle level')} "
@@ -129,10 +108,8 @@ def _largest(run: SweepRun) -> int | None:
 def _highlights(run: SweepRun) -> dict[str, str]:
     tiles = {}
     if (row := _largest(run)) is not None:
-        z = run.z_over_R(run.settings)[row]
-        tiles[f"T_IGE/T_OGE at z/R = {z:.3g}"] = value_with_sd(
-            float(run.ratio[row]), float(run.ratio_error[row])
-        )
+        name = f"T_IGE/T_OGE at z/R = {run.z_over_R(run.settings)[row]:.3g}"
+        tiles[name] = value_with_sd(float(run.ratio[row]), float(run.ratio_error[row]))
     se = run.points.column("thrust_se_N")
     tiles["standard error of a point, median"] = f"{1e3 * np.nanmedian(se):.2g} mN"
     if run.tares is not None:
@@ -186,8 +163,7 @@ def run_warnings(run: SweepRun) -> list[str]:
         warnings.append("No calibration is attached: thrust is the device value.")
     if old := format_age_warning(run.metadata):
         warnings.append(f"{old[0].upper()}{old[1:]}.")
-    lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
-    if lost:
+    if lost := int((run.metadata.get("link") or {}).get("lost", 0) or 0):
         warnings.append(f"{pluralize(lost, 'sample')} lost on the link.")
     if run.measured().any() and not np.isfinite(run.ratio[run.measured()]).any():
         warnings.append("No references with the plate parked, required for T_IGE/T_OGE.")
@@ -196,8 +172,7 @@ def run_warnings(run: SweepRun) -> list[str]:
         warnings.append("samples.csv has changed since the run was closed: its hash differs.")
     warnings += changed_points(run.path)
     for recording in (run.points, run.samples):
-        repairs = recording.provenance.get("repairs", "") if recording is not None else ""
-        if repairs:
+        if recording is not None and (repairs := recording.provenance.get("repairs")):
             warnings.append(f"Repaired while reading: {repairs}.")
     return warnings
 
@@ -209,7 +184,7 @@ def _motor_sections(run: SweepRun) -> Sequence[Section]:
     try:
         return MOTOR.sections(fit_motor([run.path]))
     except BenchtoolError as error:
-        return [Section("Motor constants", [Paragraph(f"The fit failed: {error}.")])]
+        return [Section("Motor constants", [f"The fit failed: {error}."])]
 
 
 SWEEP = Page(
@@ -234,16 +209,13 @@ SWEEP = Page(
         ("Order, drift and tares", ["order", _drift]),
         ("Uncertainty budget", [lambda run: budget_blocks(run.budget), "budget"]),
         ("Limits and events", [limits_table, events_block]),
-        (
-            "Rig and device",
-            [lambda run: FactTable(rig_facts(run.metadata) | device_facts(run.metadata))],
-        ),
+        ("Rig and device", [lambda run: bench_facts(run.metadata)]),
         ("Conditions and calibration", [_conditions]),
         (
             "Plan",
             [lambda run: Listing("Plan with all defaults resolved (plan.toml).", run.plan_text)],
         ),
-        ("Software and data", [_data]),
+        ("Software and data", [lambda run: data_facts(run.metadata, run.sha256, run.files)]),
     ],
     title="Sweep: {0.name}",
     summary=run_sentence,
@@ -256,10 +228,12 @@ Page("sweep.calibration", [("Calibration", ["calibration"])])
 MIN_SIGNIFICANCE = 3.0  # standard deviations of a significant difference; assumed
 
 
-def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
+def common_table(runs: Sequence[SweepRun]) -> tuple[Table | None, str]:
     """Return a table of ratios at common settings, and a sentence on their differences."""
     ratios = [_by_setting(run) for run in runs]
     common = [setting for setting in ratios[0] if all(setting in other for other in ratios[1:])]
+    if not common:
+        return None, "The runs have no common setting of distance and pulse width."
     rows, n_significant, worst = [], 0, (0.0, "")
     for setting in common:
         (first, first_error), *others = (ratio[setting] for ratio in ratios)
@@ -282,18 +256,11 @@ def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
         header,
         rows,
     )
-    if not common:
-        return table, "The runs have no common setting of distance and pulse width."
     text = (
         f"{n_significant} of {len(common) * (len(runs) - 1)} ratios at common settings differ from "
         f"the first run by more than {MIN_SIGNIFICANCE:g} standard deviations"
     )
     return table, f"{text}; largest: {worst[1]} ({worst[0]:.1f})." if worst[1] else f"{text}."
-
-
-def _common(runs: Sequence[SweepRun]) -> Table | None:
-    table, _ = common_table(runs)
-    return table if table.rows else None
 
 
 def _by_setting(run: SweepRun) -> dict[tuple[float, float], tuple[float, float]]:
@@ -326,16 +293,14 @@ def _in_full(runs: Sequence[SweepRun]) -> list[Section]:
     """Return one section per run, with the run's sections as parts."""
     sections = []
     for run in runs:
-        parts: list[Block] = [Paragraph(run_sentence(run))]
-        for section in SWEEP.sections(run):
-            parts += [Heading(section.title), *section.blocks]
-        sections.append(Section(f"The run {run.name}", parts))
+        parts = [(Heading(part.title), *part.blocks) for part in SWEEP.sections(run)]
+        sections.append(Section(f"The run {run.name}", [run_sentence(run), *chain(*parts)]))
     return sections
 
 
 COMPARED = Page(
     "sweep.compared",
-    [("Runs compared", ["ratios", _common, facts_table]), _in_full],
+    [("Runs compared", ["ratios", lambda runs: common_table(runs)[0], facts_table]), _in_full],
     title=lambda runs: f"Sweeps compared: {', '.join(run.name for run in runs)}",
     summary=lambda runs: common_table(runs)[1],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -27,10 +28,10 @@ from benchtool.data.run.run import Run
 from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget
-from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import Block, Paragraph, Table
-from benchtool.report.quantities import origins_table, values_table
-from benchtool.report.style import BASES
+from benchtool.report.numbers import format_number, value_with_sd
+from benchtool.report.page import Block, Table
+from benchtool.report.panels import origins_table, values_table
+from benchtool.report.ratio import BASES
 
 FILES = (  # files of a run folder in the order of their hashes in a report
     *("plan.toml", "metadata.json", "points.csv", "samples.csv", "samples.parquet"),
@@ -39,7 +40,10 @@ FILES = (  # files of a run folder in the order of their hashes in a report
 
 
 ERRORS = "the larger of standard deviation over repeats and standard error of a point"
-_HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels with limits
+_SAMPLED = (  # columns of samples on pages, besides speeds and pulse widths
+    *("time_s", "point", "phase", "thrust_N", "thrust_raw", "plate_z_m"),
+    *("voltage_V", "current_A", "temperature_degC"),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -95,8 +99,7 @@ class SweepRun:
 
     def measured(self) -> NDArray[np.bool_]:
         """Return a mask (s,) of settings near the plate, False for references."""
-        near: NDArray[np.bool_] = self.settings.column("kind") == word_to_code("kind", "measure")
-        return near
+        return np.asarray(self.settings.column("kind") == word_to_code("kind", "measure"), bool)
 
     def column(self, name: str) -> Array:
         """Return a column of the settings (s,), nan if the run has no such column."""
@@ -123,20 +126,23 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     run = Run.open(path)
     metadata = run.metadata
     points = read_points(path)
-    settings = average_settings(points)
+    settings, thrust_se_N = average_settings(points), points.column("thrust_se_N")
     basis, ratio, error = _ratio(points, settings)
+    samples = tares = None
+    with suppress(FileFormatError):  # no tare
+        tares = read_points(path, ["tare"])
+    if (path / "samples.csv").is_file():  # other columns are skipped to save memory
+        samples = read_samples(path, [*_SAMPLED, *speed_columns(sample_names(path))])
     return SweepRun(
         path=path,
         metadata=metadata,
         plan_text=run.plan_text,
         rig=run_rig(path, metadata),
         points=points,
-        tares=_tares(path),
-        samples=_samples(path) if (path / "samples.csv").is_file() else None,
+        tares=tares,
+        samples=samples,
         settings=settings,
-        thrust_error_N=_combine_errors(
-            settings, "thrust_sd_N", points, points.column("thrust_se_N")
-        ),
+        thrust_error_N=_combine_errors(settings, "thrust_sd_N", points, thrust_se_N),
         quantities=settings_quantities(path, points),
         ratio=ratio,
         ratio_error=error,
@@ -149,32 +155,16 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     )
 
 
-def _samples(path: Path) -> Recording:
-    """Return the samples of the columns shown on pages; others are skipped to save memory."""
-    names = ("time_s", "point", "phase", "thrust_N", "thrust_raw", "plate_z_m", *_HEALTH)
-    return read_samples(path, [*names, *speed_columns(sample_names(path))])
-
-
-def _tares(path: Path) -> Recording | None:
-    try:
-        return read_points(path, ["tare"])
-    except FileFormatError:
-        return None
-
-
 def _ratio(points: Recording, settings: Recording) -> tuple[str, Array, Array]:
     """Return T_IGE/T_OGE of each setting at equal squared speed, else at equal pulse width."""
     has_rpm2 = np.isfinite(settings.column("ratio_equal_rpm2")).any()
     basis = "equal_rpm2" if has_rpm2 else "equal_pwm"
     ratio, sd = settings.column(f"ratio_{basis}"), f"ratio_{basis}_sd"
     try:
-        return (
-            basis,
-            ratio,
-            _combine_errors(settings, sd, points, ratios(points, basis).total_error),
-        )
+        point_error = ratios(points, basis).total_error
     except InputError:  # no references
         return basis, ratio, settings.column(sd)
+    return basis, ratio, _combine_errors(settings, sd, points, point_error)
 
 
 def _combine_errors(settings: Recording, sd: str, points: Recording, point_error: Array) -> Array:
@@ -185,8 +175,7 @@ def _combine_errors(settings: Recording, sd: str, points: Recording, point_error
         errors = point_error[(numbers == number) & np.isfinite(point_error)]
         if errors.size:
             single[row] = errors.mean()
-    larger: Array = np.fmax(settings.column(sd), single)
-    return larger
+    return np.asarray(np.fmax(settings.column(sd), single), float)
 
 
 SHOWN_EVENTS = 60  # maximum number of events in the table; events.jsonl contains all
@@ -199,39 +188,33 @@ _LIMITS = {  # limits of a rig: label, unit, begin of channel names
 }
 
 
-def _mean_rpm(run: SweepRun) -> Array:
-    """Return the mean speed of the driven rotors per setting (s,); nan without speeds."""
-    rpm = np.nan_to_num(run.of_rotors("rpm{}"))
-    turning = (rpm > 0.0).sum(axis=0)
-    blank = np.full(len(turning), np.nan)
-    mean: Array = np.divide(rpm.sum(axis=0), turning, out=blank, where=turning > 0)
-    return mean
-
-
 def settings_table(run: SweepRun) -> Table:
     """Return a table of settings: distance, pulse width, speed, thrust, ratio."""
-    z, levels = run.z_over_R(run.settings), run.level_us()
-    rpm = _mean_rpm(run)
+    rpms = np.nan_to_num(run.of_rotors("rpm{}"))
+    n_driven = (rpms > 0.0).sum(axis=0)
+    mean_rpm = np.where(n_driven > 0, rpms.sum(axis=0) / np.maximum(n_driven, 1), np.nan)
+    columns = (
+        *(run.measured(), run.z_over_R(run.settings), run.level_us(), run.column("n_repeats")),
+        *(mean_rpm, run.column("thrust_N"), run.thrust_error_N, run.ratio, run.ratio_error),
+        *(run.column("plate_x_m"), run.column("plate_tilt_deg")),
+    )
     rows = []
-    for row_index in range(len(run.settings)):
-        thrust, error = run.column("thrust_N")[row_index], run.thrust_error_N[row_index]
-        is_near = bool(run.measured()[row_index])
-        offsets = run.column("plate_x_m")[row_index], run.column("plate_tilt_deg")[row_index]
+    for near, z, level, repeats, rpm, thrust, error, ratio, ratio_error, *offsets in zip(
+        *(column.tolist() for column in columns), strict=True
+    ):
         shifted = [
             f"{value:g} {unit}"
             for value, unit in zip(offsets, ("m shifted", "° tilted"), strict=True)
-            if isfinite(value) and abs(value) > 1e-6
+            if abs(value) > 1e-6  # False for nan
         ]
         rows.append(
             (
-                " ".join([f"{z[row_index]:.3g}" if is_near else "parked", *shifted]),
-                f"{levels[row_index]:g}",
-                f"{run.column('n_repeats')[row_index]:.0f}",
-                f"{rpm[row_index]:.0f}" if isfinite(rpm[row_index]) else "–",
-                value_with_sd(float(thrust), float(error)),
-                value_with_sd(float(run.ratio[row_index]), float(run.ratio_error[row_index]))
-                if is_near and isfinite(run.ratio[row_index])
-                else "–",
+                " ".join([f"{z:.3g}" if near else "parked", *shifted]),
+                f"{level:g}",
+                f"{repeats:.0f}",
+                format_number(rpm, ".0f"),
+                value_with_sd(thrust, error),
+                value_with_sd(ratio, ratio_error) if near and isfinite(ratio) else "–",
             )
         )
     if not run.uses_plate:
@@ -245,7 +228,7 @@ def settings_table(run: SweepRun) -> Table:
     )
 
 
-def quantity_tables(run: SweepRun) -> list[Table]:
+def quantity_tables(run: SweepRun) -> list[Block]:
     """Return tables of the quantities of each setting, and of their origin."""
     if not run.quantities:
         return []
@@ -261,22 +244,13 @@ def quantity_tables(run: SweepRun) -> list[Table]:
 
 def tares_table(tares: Recording) -> Table:
     """Return a table of the load cell readings after each tare."""
+    names = ("time_s", "thrust_N", "thrust_se_N", "n_samples")
     return Table(
         "Tares: load cell reading after the tare, motors at standstill.",
         ("time [min]", "offset [mN]", "samples"),
         [
-            (
-                f"{time / 60.0:.1f}",
-                value_with_sd(1e3 * float(offset), 1e3 * float(se)),
-                f"{count:.0f}",
-            )
-            for time, offset, se, count in zip(
-                tares.column("time_s"),
-                tares.column("thrust_N"),
-                tares.column("thrust_se_N"),
-                tares.column("n_samples"),
-                strict=True,
-            )
+            (f"{time / 60.0:.1f}", value_with_sd(1e3 * offset, 1e3 * se), f"{count:.0f}")
+            for time, offset, se, count in zip(*map(tares.column, names), strict=True)
         ],
     )
 
@@ -286,12 +260,11 @@ def limits_table(run: SweepRun) -> Table:
     limits, source = run.metadata["rig"]["limits"], run.samples or run.points
     rows = []
     for key, (label, unit, prefix) in _LIMITS.items():
-        names = [
-            name
+        columns = [
+            source.column(name)
             for name in source.names
             if name.startswith(prefix) and not name.endswith(("_se", "_sd_N", "_se_N", REJECTED))
         ]
-        columns = [source.column(name) for name in names]
         if key not in limits or not columns or not np.isfinite(columns).any():
             continue
         maximum = float(np.nanmax(columns))
@@ -318,7 +291,7 @@ def events_block(run: SweepRun) -> Block:
     if len(events) > SHOWN_EVENTS:
         more += f" The first {SHOWN_EVENTS} of {len(events)} are shown."
     if not events:
-        return Paragraph("No events." + more)
+        return "No events." + more
     return Table(
         "Events." + more,
         ("event", "text", "point", "time [s]"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +14,7 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.toml_text import parse_toml
 from benchtool.core.units import Array, from_si
-from benchtool.data.columns import word_to_code
+from benchtool.data.columns import speed_columns, word_to_code
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILION
 from benchtool.report.panels import (
@@ -34,37 +33,28 @@ from benchtool.report.sweep.run import SweepRun
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
 MINUTES_FROM_S = 600.0  # runs longer than this have their time axis in minutes
 Window = tuple[float, float, str]  # start and end (s) of the samples of a point, and its kind
-_PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}  # relative heights
+_PANELS = {  # relative height, label, columns (by rotor) and their unit
+    "thrust": (1.5, "thrust [N]", "thrust_N", "N"),
+    "speed": (1.2, "rotor speed\n[rpm]", "rpm{}", "rpm"),
+    "pwm": (0.9, "pwm [µs]", "pwm{}_us", "pwm_us"),
+    "plate": (0.9, "plate [mm]", "plate_z_m", "mm"),
+}
 
 
 def _signals(recording: Recording) -> dict[str, Array]:
     """Return the available signals (rows, n) by panel; thrust is always included."""
-
-    def rows(stem: str, suffix: str) -> Array:
-        names = [f"{stem}{number}{suffix}" for number in range(1, 1 + len(recording.names))]
-        columns = [recording.to_si(name) for name in names if name in recording]
-        return np.array(columns).reshape(len(columns), len(recording))
-
-    def single(name: str) -> Array:
-        blank = np.full(len(recording), np.nan)
-        return np.array([recording.to_si(name) if name in recording else blank])
-
-    signals = {
-        "thrust": single("thrust_N"),
-        "speed": from_si(rows("rpm", ""), "rpm"),
-        "pwm": rows("pwm", "_us"),
-        "plate": from_si(single("plate_z_m"), "mm"),
-    }
-    return {
-        name: signal
-        for name, signal in signals.items()
-        if name == "thrust" or np.isfinite(signal).any()
-    }
+    signals = {"thrust": np.full((1, len(recording)), np.nan)}
+    for panel, (_, _, pattern, unit) in _PANELS.items():
+        names = dict.fromkeys(pattern.format(k + 1) for k in range(len(recording.names)))
+        rows = [from_si(recording.to_si(name), unit) for name in names if name in recording]
+        if np.isfinite(rows).any():
+            signals[panel] = np.array(rows)
+    return signals
 
 
 def samples_height(recording: Recording) -> float:
     """Return the height of `draw_samples` in inches."""
-    return 1.1 + 1.22 * sum(_PANELS[name] for name in _signals(recording))
+    return 1.1 + 1.22 * sum(_PANELS[name][0] for name in _signals(recording))
 
 
 def draw_samples(
@@ -77,43 +67,37 @@ def draw_samples(
     time_s, signals = recording.to_si("time_s"), _signals(recording)
     last_s = float(np.nanmax(time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
-    panels = stack_panels(figure, [_PANELS[name] for name in signals])
+    heights = [_PANELS[name][0] for name in signals]
+    labels = [_PANELS[name][1] for name in signals]
+    panels = stack_panels(figure, heights, labels, f"time [{unit}]")
     panel_by_signal = dict(zip(signals, panels, strict=True))
-    labels = ("thrust [N]", "rotor speed\n[rpm]", "pwm [µs]", "plate [mm]")
     single = {"thrust": BLUE, "plate": VERMILION}
-    for name, label in zip(_PANELS, labels, strict=True):
-        for index, row in enumerate(signals.get(name, ())):
+    for name, axes in panel_by_signal.items():
+        for index, row in enumerate(signals[name]):
             color = single.get(name, rotor_color(index))
-            panel_by_signal[name].plot(
-                *envelope(time_s / per_unit_s, row), color=color, linewidth=0.8
-            )
-        if name in panel_by_signal:
-            panel_by_signal[name].set_ylabel(label)
+            axes.plot(*envelope(time_s / per_unit_s, row), color=color, linewidth=0.8)
     if "plate" in panel_by_signal and radius_m:
         in_radii(panel_by_signal["plate"], radius_m)
     kinds = {kind: KIND_COLORS.get(kind, PURPLE) for *_, kind in windows}
-    for axes in panels:
-        for kind, color in kinds.items():
+    for kind, color in kinds.items():
+        bars = [
+            (start_s / per_unit_s, (end_s - start_s) / per_unit_s)
+            for start_s, end_s, window_kind in windows
+            if window_kind == kind
+        ]
+        for axes in panels:
             axes.broken_barh(
-                [
-                    (start_s / per_unit_s, (end_s - start_s) / per_unit_s)
-                    for start_s, end_s, window_kind in windows
-                    if window_kind == kind
-                ],
-                (0.0, 1.0), transform=axes.get_xaxis_transform(), color=color, alpha=0.16,
+                bars, (0.0, 1.0), transform=axes.get_xaxis_transform(), color=color, alpha=0.16,
                 linewidth=0.0, zorder=0,
             )  # fmt: skip
     panels[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
-    panels[-1].set_xlabel(f"time [{unit}]")
-    figure.align_ylabels(panels)
     legend_over(
         panel_by_signal["thrust"],
         [Patch(color=color, alpha=0.3, linewidth=0.0, label=kind) for kind, color in kinds.items()],
     )
     rotors = max(len(signals.get("speed", ())), len(signals.get("pwm", ())))
-    rotor_legend(
-        panel_by_signal.get("speed", panel_by_signal.get("pwm", panel_by_signal["thrust"])), rotors
-    )
+    name = next((name for name in ("speed", "pwm") if name in signals), "thrust")
+    rotor_legend(panel_by_signal[name], rotors)
 
 
 @figure(
@@ -180,7 +164,8 @@ def visits(figure: Figure, run: SweepRun) -> None:
     raw = _raw_thrust(run)
     assert raw is not None
     sample_points, sample_N = raw
-    top, bottom = stack_panels(figure, (1.0, 1.0))
+    labels = ("thrust [N]", "sample − mean\nof its point [mN]")
+    top, bottom = stack_panels(figure, (1.0, 1.0), labels, "point, in order of measurement")
     number, mean_N = run.points.column("point"), run.points.column("thrust_N")
     position, deviation_N = np.full((2, len(sample_N)), np.nan)
     for point, mean in zip(number, mean_N, strict=True):
@@ -206,10 +191,6 @@ def visits(figure: Figure, run: SweepRun) -> None:
             number, np.zeros(len(number)), yerr=half, fmt="none", color=color, elinewidth=width,
             capsize=cap, label=label,
         )  # fmt: skip
-    top.set_ylabel("thrust [N]")
-    bottom.set_ylabel("sample − mean\nof its point [mN]")
-    bottom.set_xlabel("point, in order of measurement")
-    figure.align_ylabels([top, bottom])
     dot = Line2D([], [], color=GREY, marker=".", ls="none", ms=6.0)
     legend_below(figure, [top, bottom], 3, raw_samples=dot)
 
@@ -234,7 +215,9 @@ def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
 )
 def order(figure: Figure, run: SweepRun) -> None:
     """Draw plate distances in order of measurement; below: anchors and tares."""
-    distances, drift = stack_panels(figure, (1.3, 1.0))
+    labels = ("plate $z/R$ [–]", "change of the\nload cell [mN]")
+    xlabel = "time [min]    (grey band: allowed offset after a tare)"
+    distances, drift = stack_panels(figure, (1.3, 1.0), labels, xlabel)
     minutes, z = run.points.column("time_s") / 60.0, run.z_over_R(run.points)
     for kind, rows in _rows_of_kinds(run).items():
         distances.plot(
@@ -247,23 +230,17 @@ def order(figure: Figure, run: SweepRun) -> None:
     ticks = levels[np.unique(np.linspace(0, len(levels) - 1, MAX_TICKS).astype(int))]
     distances.set_yticks(ticks, [f"{value:g}" for value in ticks])
     distances.minorticks_off()
-    distances.set_ylabel("plate $z/R$ [–]")
     spread(drift, from_si(_residual_N(run.plan_text), "mN"), "tare-limit", alpha=0.5)
-    anchors = anchor_changes(run)
-    if run.tares is None:
-        tares: Sequence[Array] = [np.empty(0)] * 3
-    else:
+    tares = [np.empty(0)] * 3
+    if run.tares is not None:
         tares = [run.tares.column(name) for name in ("time_s", "thrust_N", "thrust_se_N")]
+    anchor_look = {"ms": 4.8, "label": "anchor since the first", "lw": 0.9}
     for (times, value, error), color, marker, style in (
-        (anchors, KIND_COLORS["anchor"], "D-", {"ms": 4.8, "label": "anchor since the first"}),
+        (anchor_changes(run), KIND_COLORS["anchor"], "D-", anchor_look),
         (tares, VERMILION, "v", {"ms": 5.5, "label": "offset after a tare"}),
     ):
-        lw: dict[str, Any] = {"lw": 0.9} if marker == "D-" else {}
         mN, error_mN = from_si(value, "mN"), from_si(error, "mN")
-        points(drift, times / 60.0, mN, error_mN, color, marker, **style, **lw)
-    drift.set_ylabel("change of the\nload cell [mN]")
-    drift.set_xlabel("time [min]    (grey band: allowed offset after a tare)")
-    figure.align_ylabels([distances, drift])
+        points(drift, times / 60.0, mN, error_mN, color, marker, **style)
     legend_below(figure, [distances, drift], 5)
 
 
@@ -281,9 +258,8 @@ def anchor_changes(run: SweepRun) -> tuple[Array, Array, Array]:
     if not len(part):
         return np.empty(0), np.empty(0), np.empty(0)
     squares = np.zeros(len(part))
-    for name in part.names:
-        if name.startswith("rpm") and not name.endswith("_se"):
-            squares = squares + np.nan_to_num(part.column(name)) ** 2
+    for name in speed_columns(part.names, "rpm"):
+        squares += np.nan_to_num(part.column(name)) ** 2
     scale = np.divide(squares[0], squares, out=np.ones(len(part)), where=squares > 0.0)
     thrust, se = part.column("thrust_N") * scale, part.column("thrust_se_N")
     error = np.hypot(se, se[0])

@@ -18,7 +18,7 @@ from benchtool.explain.next_steps import next_steps
 from benchtool.explain.result import Kind
 from benchtool.explain.updated_model import format_added_model
 from benchtool.physics.model_file import load_model, model_from_toml
-from benchtool.report.answer.folder import WrittenFiles, answer_tables, write_folder
+from benchtool.report.answer.folder import answer_tables, write_folder
 from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap
 
 PROMISED = (
@@ -27,9 +27,9 @@ PROMISED = (
 )  # fmt: skip
 
 
-def tables(kind: Kind, written: WrittenFiles | None = None) -> dict[str, Any]:
+def tables(kind: Kind, **written: str) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(
-        json.dumps(answer_tables(answer(kind), written or WrittenFiles()), allow_nan=False)
+        json.dumps(answer_tables(answer(kind), **written), allow_nan=False)
     )
     return found
 
@@ -45,7 +45,7 @@ def test_every_promised_key_is_there_whatever_the_verdict(kind):
 
 
 def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path):
-    found = tables("class", WrittenFiles(schedule="out/next_schedule.toml"))
+    found = tables("class", schedule="out/next_schedule.toml")
     assert found["class"] == ["coulomb_friction", "cog_offset"]
     experiment = found["next_experiment"]
     assert experiment["kind"] == "schedule"
@@ -59,9 +59,7 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
 def test_what_is_not_judged_is_numbers_with_a_sentence():
     trace = {"motor_lag": UnjudgedEffect.below(5000.0), "plate_offset": UnjudgedEffect.below(4.2)}
     told = answer(not_judged=trace)
-    found = json.loads(json.dumps(answer_tables(told, WrittenFiles()), allow_nan=False))[
-        "not_judged"
-    ]
+    found = json.loads(json.dumps(answer_tables(told), allow_nan=False))["not_judged"]
     assert found["motor_lag"] == {
         "reason": "no_trace", "tolerances_needed": None,
         "sentence": "has no effect on this data at any size",
@@ -71,7 +69,7 @@ def test_what_is_not_judged_is_numbers_with_a_sentence():
 
 def test_numbers_that_json_has_not_become_null():
     found = answer(gaps=(gap("theta_rad", "rad", float("nan"), float("inf"), 0.1),))
-    assert answer_tables(found, WrittenFiles())["gap"]["theta_rad"]["before"] is None
+    assert answer_tables(found)["gap"]["theta_rad"]["before"] is None
 
 
 @pytest.mark.parametrize("folder", ["", "found"])
@@ -162,11 +160,11 @@ def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path):
 def test_something_unknown_has_a_model_of_the_nearest_and_its_gap(tmp_path):
     given = answer("unknown")
     written = write_folder(tmp_path / "out", given)
-    assert written.model == ""
-    assert Path(written.nearest).name == "model_nearest.toml"
-    loaded = load_model(written.nearest)
+    assert "model" not in written
+    assert Path(written["nearest"]).name == "model_nearest.toml"
+    loaded = load_model(written["nearest"])
     assert loaded.model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
     assert "only the nearest, and closes 61 % of the gap" in loaded.model.provenance["verdict"]
     near = json.loads((tmp_path / "out" / "answer.json").read_text(encoding="utf-8"))["nearest"]
     assert near["after"]["theta_rad"] == 0.011
-    assert near["model"] == written.nearest
+    assert near["model"] == written["nearest"]

@@ -126,10 +126,10 @@ def test_a_draft_is_written_once_and_told_of(tmp_path, rng):
     made, folder = unknown(found), tmp_path / "found"
     assert "; it depends on rotor speed; closes " in made.sentence
     names = ("found_effect.py", "found_effect_2.py")
-    first = write_folder(folder, made).draft
+    first = write_folder(folder, made)["draft"]
     mine = "a person has named it"
     (folder / names[0]).write_text(mine, encoding="utf-8")
-    assert [first, write_folder(folder, made).draft] == [str(folder / name) for name in names]
+    assert [first, write_folder(folder, made)["draft"]] == [str(folder / name) for name in names]
     assert (folder / names[0]).read_text("utf-8") == mine
     depends = json.loads((folder / "answer.json").read_text("utf-8"))["depends"]
     assert depends["numbers"]["at"] == pytest.approx(0.93, abs=0.01)

@@ -9,11 +9,17 @@ from numpy.testing import assert_allclose
 
 from benchtool.core.errors import WouldOverwrite
 from benchtool.fit.statistics import expected_runs
-from benchtool.report.figure import render_figures
-from benchtool.report.files import figure_bytes, save_figure
-from benchtool.report.fit.residuals import judge_runs, runs_of_sign
+from benchtool.report.figure import (
+    SIMULATED,
+    SIMULATED_GID,
+    figure_bytes,
+    look,
+    new_figure,
+    render_figures,
+    save_figure,
+)
+from benchtool.report.fit.diagnostics import judge_runs, runs_of_sign
 from benchtool.report.panels import broken_line, envelope
-from benchtool.report.style import SIMULATED, SIMULATED_GID, look, new_figure
 from tests.unit.explain.hand_made import answer
 
 

@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.report import figure as registry
-from benchtool.report.figure import captions, figure, render_figures
-from benchtool.report.style import SIMULATED_GID
+from benchtool.report.figure import SIMULATED_GID, captions, figure, render_figures
 
 
 @dataclass
@@ -24,7 +23,6 @@ def own_page(monkeypatch):
     """Register on the page "fit", whose own figures are loaded and put aside."""
     registry.all_figures()
     monkeypatch.setattr(registry, "_FIGURES", {})
-    monkeypatch.setattr(registry, "PAGES", {})
 
 
 def line(figure: Figure, subject: Subject) -> None:

@@ -9,18 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from benchtool.core.errors import InputError
-from benchtool.report.files import render_report
+from benchtool.report.figure import FigureBlock
 from benchtool.report.numbers import value_with_sd
-from benchtool.report.page import (
-    Commands,
-    FactTable,
-    FigureBlock,
-    Paragraph,
-    Report,
-    Section,
-    Table,
-    Warnings,
-)
+from benchtool.report.page import Commands, Report, Section, Table, Warnings, render_report
 from benchtool.report.ratio import Curve, RatioPoints, draw_ratio
 
 
@@ -37,10 +28,8 @@ def report() -> Report:
         "A plate <sweep> & its fit",
         "The answer.",
         [
-            Section("What was done", [Paragraph("Thrust < 30 N & more."), figure_block("First.")]),
-            Section(
-                "Conditions", [FactTable({"air density": "1.19 kg/m³"}), figure_block("Second.")]
-            ),
+            Section("What was done", ["Thrust < 30 N & more.", figure_block("First.")]),
+            Section("Conditions", [{"air density": "1.19 kg/m³"}, figure_block("Second.")]),
             Section("Conditions", [Warnings(["Mind <this>."]), Warnings([])]),
             Section("How", [Commands(["benchtool fit 'a b' --model x"])]),
             Section("Numbers", [Table("Some.", ("name", "value"), [("a", "1")])]),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.physics.model_file import load_model
-from benchtool.report.flight.warnings import collect_warnings
+from benchtool.report.flight.flight import collect_warnings
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.study import arrival_s, count_push_backs, fly_and_measure, measure

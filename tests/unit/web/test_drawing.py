@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.report.page import (
-    Commands,
-    FactTable,
-    Listing,
-    Paragraph,
-    Table,
-    Warnings,
-)
+from benchtool.report.page import Commands, Listing, Table, Warnings
 from benchtool.web.drawing import FigureImage, as_html
 
 EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
@@ -20,8 +13,8 @@ EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
 @pytest.mark.parametrize(
     "block",
     [
-        Paragraph(EVIL),
-        FactTable({EVIL: EVIL}),
+        EVIL,
+        {EVIL: EVIL},
         Warnings([EVIL]),
         Commands([EVIL]),
         Listing(EVIL, EVIL),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from math import hypot, isfinite, pi
 
 import numpy as np
@@ -13,12 +13,28 @@ from benchtool.core.fit_result import Estimate
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.fit.motor.constants import MotorFit
-from benchtool.report.figure import Page, figure
-from benchtool.report.numbers import display_unit, format_number, value_with_sd
-from benchtool.report.page import Paragraph, Table
+from benchtool.report.figure import figure
+from benchtool.report.numbers import align_columns, display_unit, format_number, value_with_sd
+from benchtool.report.page import Page, Table
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
+from benchtool.report.panels import points, stack_panels
 
+PANELS = {"speed [rpm]": "rpm", "power [W]": "power_W"}  # over throttle: labels and values
+PANELS_OVER_TIME = {
+    "thrust of a\nrotor [N]": "thrust_N",
+    "speed\n[rpm]": "rpm",
+    "power\n[W]": "power_W",
+    "voltage\n[V]": "voltage_V",
+    "ESC\n[°C]": "temperature_degC",
+}
 WAYS = ((1.0, "up", BLUE, "^"), (-1.0, "down", ORANGE, "v"))  # direction, name, colour, marker
+
+
+def _panels(fit: MotorFit, panels: Mapping[str, str]) -> dict[str, Array]:
+    """Return the values (p,) of the panels with data by label."""
+    rpm = fit.points.speed_rad_s * 30.0 / np.pi
+    values = {k: rpm if name == "rpm" else getattr(fit.points, name) for k, name in panels.items()}
+    return {label: column for label, column in values.items() if np.isfinite(column).any()}
 
 
 def _both_ways(axes: Axes, fit: MotorFit, x: Array, y: Array, error: Array | None = None) -> None:
@@ -27,9 +43,7 @@ def _both_ways(axes: Axes, fit: MotorFit, x: Array, y: Array, error: Array | Non
         rows = fit.points.way == direction
         if rows.any():
             bars = None if error is None else error[rows]
-            axes.errorbar(
-                x[rows], y[rows], yerr=bars, fmt=marker, color=color, ms=4.6, label=name
-            )  # fmt: skip
+            points(axes, x[rows], y[rows], bars, color, marker, label=name)
 
 
 @figure(
@@ -42,32 +56,27 @@ def _both_ways(axes: Axes, fit: MotorFit, x: Array, y: Array, error: Array | Non
 )
 def thrust(figure: Figure, fit: MotorFit) -> None:
     """Draw thrust over throttle and speed with fitted laws and residuals."""
-    has_speed = fit.law is not None
-    axes = figure.subplots(
-        2, 2 if has_speed else 1, sharex="col", height_ratios=[2.2, 1.0], squeeze=False
-    )
-    p, error_mN = fit.points, 1e3 * fit.points.thrust_se_N
-    u, at_full = 100.0 * fit.throttle, fit.thrust_at_full_voltage_N
-    throttle_grid = np.linspace(0.0, u.max(), 200)
-    _both_ways(axes[0, 0], fit, u, at_full)
-    axes[0, 0].plot(
-        throttle_grid, fit.thrust_at_throttle_N(0.01 * throttle_grid), color=VERMILION, label="fit"
-    )
+    p, u, rpm = fit.points, fit.throttle, fit.points.speed_rad_s * 30.0 / np.pi
+    at_full_N, fitted_N = fit.thrust_at_full_voltage_N, fit.thrust_at_throttle_N(u)
+    grid = np.linspace(0.0, 100.0 * u.max(), 200)
+    line_N = fit.thrust_at_throttle_N(0.01 * grid)
+    columns = [("throttle [%]", 100.0 * u, at_full_N, fitted_N, grid, line_N)]
+    if fit.law is not None:
+        grid, fitted_N = np.linspace(0.0, rpm.max(), 200), fit.thrust_at_speed_N(p.speed_rad_s)
+        line_N = fit.thrust_at_speed_N(grid * np.pi / 30.0)
+        columns.append(("speed [rpm]", rpm, p.thrust_N, fitted_N, grid, line_N))
+    axes = figure.subplots(2, len(columns), sharex="col", height_ratios=[2.2, 1.0], squeeze=False)
+    for (above, below), (label, x, thrust_N, fitted_N, grid, line_N) in zip(
+        axes.T, columns, strict=True
+    ):
+        _both_ways(above, fit, x, thrust_N)
+        above.plot(grid, line_N, color=VERMILION, label="fit")
+        _both_ways(below, fit, x, 1e3 * (thrust_N - fitted_N), 1e3 * p.thrust_se_N)
+        below.axhline(0.0, color=GREY, linewidth=0.9)
+        below.set_xlabel(label)
     axes[0, 0].set_ylabel("thrust of a rotor [N]")
     axes[0, 0].legend(loc="upper left")
-    throttle_residual_mN = 1e3 * (at_full - fit.thrust_at_throttle_N(fit.throttle))
-    _both_ways(axes[1, 0], fit, u, throttle_residual_mN, error_mN)
-    axes[1, 0].set(xlabel="throttle [%]", ylabel="residual [mN]")
-    if has_speed:
-        rpm = p.speed_rad_s * 30.0 / np.pi
-        rpm_grid = np.linspace(0.0, rpm.max(), 200)
-        _both_ways(axes[0, 1], fit, rpm, p.thrust_N)
-        axes[0, 1].plot(rpm_grid, fit.thrust_at_speed_N(rpm_grid * np.pi / 30.0), color=VERMILION)
-        residual_mN = 1e3 * (p.thrust_N - fit.thrust_at_speed_N(p.speed_rad_s))
-        _both_ways(axes[1, 1], fit, rpm, residual_mN, error_mN)
-        axes[1, 1].set_xlabel("speed [rpm]")
-    for below in axes[1]:
-        below.axhline(0.0, color=GREY, linewidth=0.9)
+    axes[1, 0].set_ylabel("residual [mN]")
 
 
 @figure(
@@ -75,25 +84,17 @@ def thrust(figure: Figure, fit: MotorFit) -> None:
     caption="Measured speed and electrical power over throttle, for rising and falling throttle; "
     "a gap indicates hysteresis, heating or battery discharge.",
     when=lambda fit: len(np.unique(fit.points.pulse_us)) > 1
-    and bool(_panels_over_throttle(fit)),
-    height_in=lambda fit: 1.0 + 1.7 * len(_panels_over_throttle(fit)),
+    and bool(_panels(fit, PANELS)),
+    height_in=lambda fit: 1.0 + 1.7 * len(_panels(fit, PANELS)),
 )  # fmt: skip
 def throttle(figure: Figure, fit: MotorFit) -> None:
     """Draw speed and electrical power over throttle, rising and falling."""
-    panels = _panels_over_throttle(fit)
-    for axes, (label, values) in zip(
-        figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0], panels, strict=True
-    ):
+    panels = _panels(fit, PANELS)
+    rows = stack_panels(figure, [1.0] * len(panels), xlabel="throttle [%]")
+    for axes, (label, values) in zip(rows, panels.items(), strict=True):
         _both_ways(axes, fit, 100.0 * fit.throttle, values)
         axes.set_ylabel(label)
-    axes.set_xlabel("throttle [%]")
     figure.axes[0].legend(loc="upper left")
-
-
-def _panels_over_throttle(fit: MotorFit) -> list[tuple[str, Array]]:
-    p = fit.points
-    panels = [("speed [rpm]", p.speed_rad_s * 30.0 / np.pi), ("power [W]", p.power_W)]
-    return [panel for panel in panels if np.isfinite(panel[1]).any()]
 
 
 @figure(
@@ -124,13 +125,13 @@ def response(figure: Figure, fit: MotorFit) -> None:
 @figure(
     title="Points over time",
     caption="Point means against run time; drift indicates heating or battery discharge.",
-    height_in=lambda fit: 1.0 + 1.3 * len(_panels_over_time(fit)),
+    height_in=lambda fit: 1.0 + 1.3 * len(_panels(fit, PANELS_OVER_TIME)),
 )
 def time(figure: Figure, fit: MotorFit) -> None:
     """Draw thrust, speed, power, voltage and temperature of points over time."""
-    panels = _panels_over_time(fit)
-    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (label, values) in zip(rows, panels, strict=True):
+    panels = _panels(fit, PANELS_OVER_TIME)
+    rows = stack_panels(figure, [1.0] * len(panels), xlabel="time of the run [min]")
+    for axes, (label, values) in zip(rows, panels.items(), strict=True):
         for number, name in enumerate(fit.names):
             in_run = fit.points.run == number
             color = (BLUE, ORANGE, VERMILION, GREY)[number % 4]
@@ -139,21 +140,8 @@ def time(figure: Figure, fit: MotorFit) -> None:
                 color=color, linewidth=0.7, label=name,
             )  # fmt: skip
         axes.set_ylabel(label)
-    rows[-1].set_xlabel("time of the run [min]")
     if len(fit.names) > 1:
         figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-
-
-def _panels_over_time(fit: MotorFit) -> list[tuple[str, Array]]:
-    p = fit.points
-    panels = [
-        ("thrust of a\nrotor [N]", p.thrust_N),
-        ("speed\n[rpm]", p.speed_rad_s * 30.0 / np.pi),
-        ("power\n[W]", p.power_W),
-        ("voltage\n[V]", p.voltage_V),
-        ("ESC\n[°C]", p.temperature_degC),
-    ]
-    return [panel for panel in panels if np.isfinite(panel[1]).any()]
 
 
 MEANS = {
@@ -198,27 +186,18 @@ def _row(estimate: Estimate) -> tuple[str, ...]:
     return name, means, value_with_sd(estimate.value, estimate.sd), interval, unit
 
 
-def hysteresis(fit: MotorFit) -> Iterator[tuple[float, float, float, float]]:
-    """Yield pulse width (us), mean thrust up (N), down minus up and its error (N) per level."""
-    p = fit.points
-    for pulse_us in np.unique(p.pulse_us):
-        up, down = ((p.pulse_us == pulse_us) & (p.way == direction) for direction in (1.0, -1.0))
-        if up.any() and down.any():
-            error = hypot(_error(p.thrust_se_N[up]), _error(p.thrust_se_N[down]))
-            mean = float(p.thrust_N[up].mean())
-            yield float(pulse_us), mean, float(p.thrust_N[down].mean()) - mean, error
-
-
-def _error(errors: Array) -> float:
-    return float(np.sqrt(np.sum(errors**2)) / len(errors))
-
-
 def _ways_table(fit: MotorFit) -> Table | None:
-    rows = [
-        (f"{pulse_us:g}", f"{up:.4g}", value_with_sd(1e3 * change, 1e3 * error),
-         format_number(100.0 * change / up, "+.2f"))
-        for pulse_us, up, change, error in hysteresis(fit)
-    ]  # fmt: skip
+    p, rows = fit.points, []
+    for pulse_us in np.unique(p.pulse_us):
+        ways = [(p.pulse_us == pulse_us) & (p.way == direction) for direction in (1.0, -1.0)]
+        if not all(way.any() for way in ways):
+            continue
+        up, down = (float(p.thrust_N[way].mean()) for way in ways)
+        errors = [np.sqrt(np.sum(p.thrust_se_N[way] ** 2)) / way.sum() for way in ways]
+        rows.append((
+            f"{pulse_us:g}", f"{up:.4g}", value_with_sd(1e3 * (down - up), 1e3 * hypot(*errors)),
+            format_number(100.0 * (down - up) / up, "+.2f"),
+        ))  # fmt: skip
     if not rows:
         return None
     return Table(
@@ -239,10 +218,8 @@ def motor_sentence(fit: MotorFit) -> str:
     """Return a summary of the motor constants."""
     statements = []
     if isfinite(fit.value("T_measured")):
-        for name, text in (
-            ("T_measured", "maximum measured thrust of a rotor"),
-            ("T_max", "T_max"),
-        ):
+        maxima = {"T_measured": "maximum measured thrust of a rotor", "T_max": "T_max"}
+        for name, text in maxima.items():
             statements.append(f"{text} {fit.value(name):.3g} N ({fit[name].bound})")
         if isfinite(hover := 100.0 * fit.value("hover_throttle")):
             statements.append(f"hover throttle at {fit.mass_kg:g} kg is {hover:.3g} %")
@@ -264,13 +241,8 @@ def motor_sentence(fit: MotorFit) -> str:
 
 def motor_lines(motor_fit: MotorFit) -> str:
     """Return the summary and the constants as lines of text."""
-    rows = constants_table(motor_fit).rows
-    widths = [max(len(row[column]) for row in rows) for column in (0, 2, 4)]
-    lines = [
-        f"{row[0]:<{widths[0]}}  {row[2]:<{widths[1]}}  {row[4]:<{widths[2]}}  {row[1]}"
-        for row in rows
-    ]
-    return "\n".join([motor_sentence(motor_fit), "", *lines])
+    rows = constants_table(motor_fit).select_columns((0, 2, 4, 1)).rows
+    return "\n".join([motor_sentence(motor_fit), "", *align_columns(rows, left=range(4))])
 
 
 MOTOR = Page(
@@ -280,7 +252,7 @@ MOTOR = Page(
         ("Throttle up and down", [_ways_table, "throttle"]),
         ("Response", ["response"]),
         ("Over time", ["time"]),
-        ("For autopilots and simulators", [lambda _: Paragraph(EXPORT)]),
+        ("For autopilots and simulators", [lambda _: EXPORT]),
     ],
     title=lambda fit: f"Motor: {', '.join(fit.names)}",
     summary=motor_sentence,

@@ -1,1 +1,0 @@
-"""Figures and page of thrust curve and motor constants."""
