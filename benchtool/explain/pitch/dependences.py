@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.law_search.law import DISTANCE, NEAR, LawForm, Scale, Variable
-from benchtool.explain.law_search.search import (
+from benchtool.explain.law_search import (
     FOLDS,
     CrossValidationFold,
     QuadraticSummary,
     ResidualSummary,
 )
+from benchtool.explain.laws import DISTANCE, NEAR, LawForm, Scale, Variable
 from benchtool.explain.pitch.discrepancies import COVERED_DISC, DiscrepancySimulation
 from benchtool.explain.pitch.evidence import PitchEvidence
 

@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import EARLY, LATE, Discrepancy, RowGroups
-from benchtool.explain.engine.parameters import (
+from benchtool.explain.engine.evidence import (
+    EARLY,
+    LATE,
     RADIUS_KNOWN,
+    Discrepancy,
+    RowGroups,
     ScaledParameter,
     all_shape_names,
     effect_parameters,
@@ -22,7 +25,6 @@ from benchtool.explain.engine.parameters import (
 from benchtool.explain.pitch.discrepancies import DiscrepancySimulation, discrepancies, smooth
 from benchtool.explain.pitch.filter import FilterResult, pitch_filter
 from benchtool.explain.pitch.resampling import find_segments
-from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -51,7 +53,6 @@ class PitchEvidence:
     ) -> None:
         self.model = with_every_effect(model, "pitch", extra)
         self._extra_effects = tuple(extra)
-        names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.n_averaged = n_averaged or -(-sum(len(log) for log in logs) // MAX_ROWS)
         self.logs = [self._run_filter(log) for log in logs]
         # The plant's steps do not resolve shorter lags.
@@ -60,7 +61,7 @@ class PitchEvidence:
             for effect in self.model.effects
             if effect.hooks.lag_s is not None
         }
-        effects = effect_parameters(self.model, names, "pitch", min_lags_s)
+        effects = effect_parameters(self.model, "pitch", extra, min_lags_s)
         self.parameters = (*effects, *self._owner_parameters())
 
     def of(self, logs: Sequence[LoggedPitch], n_averaged: int) -> PitchEvidence:

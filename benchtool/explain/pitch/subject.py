@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import CHANNEL_UNITS, Subject
+from benchtool.explain.engine.subject import CHANNEL_UNITS, Subject
 from benchtool.explain.findings import Overlay
 from benchtool.explain.pitch.dependences import summarize_residuals
 from benchtool.explain.pitch.evidence import SETTLING_S, PitchEvidence
 from benchtool.explain.pitch.filter import CHANNELS, FilterResult
 from benchtool.explain.pitch.log import PitchLog
-from benchtool.explain.pitch.next_experiment import next_pitch
+from benchtool.explain.pitch.next_experiment import PitchDesigner
 from benchtool.explain.pitch.resampling import find_segments
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -179,7 +179,7 @@ class PitchSubject(Subject):
 
     kind = "pitch"
     summarize = staticmethod(summarize_residuals)
-    propose = staticmethod(next_pitch)
+    designer = PitchDesigner
     evidence: PitchEvidence
     check_evidence: PitchEvidence
     all_evidence: PitchEvidence

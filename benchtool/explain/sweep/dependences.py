@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from benchtool.core.units import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.shared_errors import solve_covariance
-from benchtool.explain.law_search.law import DISTANCE, NEAR, LawForm, Variable
-from benchtool.explain.law_search.search import (
+from benchtool.explain.law_search import (
     FOLDS,
     CrossValidationFold,
     QuadraticSummary,
     ResidualSummary,
 )
+from benchtool.explain.laws import DISTANCE, NEAR, LawForm, Variable
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import CHANNEL_UNITS, Subject
+from benchtool.explain.engine.subject import CHANNEL_UNITS, Subject
 from benchtool.explain.findings import Overlay
 from benchtool.explain.sweep.dependences import MAX_Z_OVER_R, summarize_residuals
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
-from benchtool.explain.sweep.next_experiment import next_sweep
+from benchtool.explain.sweep.next_experiment import SweepDesigner
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
@@ -40,7 +40,7 @@ class SweepSubject(Subject):
     kind = "sweep"
     gather = SweepEvidence
     summarize = staticmethod(summarize_residuals)
-    propose = staticmethod(next_sweep)
+    designer = SweepDesigner
     evidence: SweepEvidence
     check_evidence: SweepEvidence
     all_evidence: SweepEvidence
