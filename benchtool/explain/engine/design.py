@@ -219,47 +219,37 @@ class Designer(ABC, Generic[D]):
         predictions = []
         for candidate, before in zip(self._candidates, self._before, strict=True):
             fit = candidate.fit
+            region = self._hypotheses.region(fit.active)
+            is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
             after = finite_differences(new.residuals, fit.values, self._upper)
-            prediction = self._predict_by(fit, before, after, both, columns, noise)
-            predictions.append(prediction)
+            rows, jacobian = (np.concatenate(pair) for pair in zip(before, after, strict=True))
+            factors = self._hypotheses.errors.factors(fit.amplitudes)
+            shared = [factor * columns[name] for name, factor in factors.items()]
+            for name in fit.active:
+                if name in self._hypotheses.effects and columns:
+                    is_own = np.array([parameter.effect == name for parameter in both.parameters])
+                    sets = np.vstack([fit.values, np.where(is_own, 0.0, fit.values)])
+                    residuals = both.residuals(sets)
+                    shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
+            n_before, n_free = len(before[0]), int(is_free.sum())
+            design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
+            rows = rows / noise
+            n_shared = design.shape[1] - n_free
+            prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(n_shared)])
+            precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)
+            # Parameters are at the best fit; discrepancies are estimated from the residuals.
+            projected = design[:n_before, n_free:].T @ rows[:n_before]
+            coefficients = np.linalg.solve(precision[n_free:, n_free:], projected)
+            lower, upper = region.lower - fit.values, region.upper - fit.values
+            predictions.append(
+                CandidatePrediction(
+                    mean=design[n_before:, n_free:] @ coefficients - rows[n_before:],
+                    slopes=design[n_before:],
+                    precision=precision,
+                    bounds=(lower[is_free], upper[is_free]),
+                )
+            )
         return predictions
-
-    def _predict_by(
-        self,
-        fit: Hypothesis,
-        before: tuple[Array, Array],
-        new: tuple[Array, Array],
-        both: Evidence,
-        columns: Mapping[str, Array],
-        noise: Array,
-    ) -> CandidatePrediction:
-        """Return the prediction of a hypothesis from (residuals, slopes), so far and new."""
-        region = self._hypotheses.region(fit.active)
-        is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
-        rows, jacobian = (np.concatenate(pair) for pair in zip(before, new, strict=True))
-        factors = self._hypotheses.errors.factors(fit.amplitudes)
-        shared = [factor * columns[name] for name, factor in factors.items()]
-        for name in fit.active:
-            if name in self._hypotheses.effects and columns:
-                is_own = np.array([parameter.effect == name for parameter in both.parameters])
-                sets = np.vstack([fit.values, np.where(is_own, 0.0, fit.values)])
-                residuals = both.residuals(sets)
-                shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
-        n_before, n_free = len(before[0]), int(is_free.sum())
-        design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
-        rows = rows / noise
-        prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(design.shape[1] - n_free)])
-        precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)
-        # Parameters are at the best fit; discrepancies are estimated from the residuals.
-        projected = design[:n_before, n_free:].T @ rows[:n_before]
-        coefficients = np.linalg.solve(precision[n_free:, n_free:], projected)
-        lower, upper = region.lower - fit.values, region.upper - fit.values
-        return CandidatePrediction(
-            mean=design[n_before:, n_free:] @ coefficients - rows[n_before:],
-            slopes=design[n_before:],
-            precision=precision,
-            bounds=(lower[is_free], upper[is_free]),
-        )
 
 
 def select_design(first: D, expect: Callable[[D], ExpectedOutcome], max_s: float) -> D:
