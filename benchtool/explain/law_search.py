@@ -54,7 +54,7 @@ class QuadraticSummary:
         return QuadraticSummary(precision, pull, self.square - float(removed[-1, -1]))
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CrossValidationFold:
     """Summaries of the training readings of a fold."""
 

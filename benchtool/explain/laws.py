@@ -126,7 +126,7 @@ DISTANCE = "flow.height_m[i] / p.radius_m"  # plate distance over radius, in the
 NEAR = f"flow.coverage[i] / (1.0 + ({DISTANCE}) * ({DISTANCE}))"  # weight of a law near the plate
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Variable:
     """Dimensionless variable of a law."""
 

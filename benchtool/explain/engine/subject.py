@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -23,6 +23,16 @@ from benchtool.physics.model import Model
 
 # Unit of a gap, by channel
 CHANNEL_UNITS = {"thrust_N": "N", "theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
+
+
+def build_overlay(channel: str, axis: str, pieces: Iterable[Array]) -> Overlay:
+    """Return rows (n, 4) of position, measured, before and after, with nan between pieces."""
+    gap = np.full((1, 4), np.nan)
+    at, measured, before, after = np.concatenate([row for p in pieces for row in (p, gap)]).T
+    return Overlay(
+        channel=channel, unit=CHANNEL_UNITS["rpm" if channel.startswith("rpm") else channel],
+        axis=axis, at=at, measured=measured, before=before, after=after,
+    )  # fmt: skip
 
 
 class Log(Protocol):
