@@ -10,11 +10,10 @@ from time import monotonic
 
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.columns import rows_to_frame, to_frame
-from benchtool.explain.engine.hypotheses import Bootstrap
 from benchtool.explain.engine.posterior import Progress
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import Request, read_request
-from benchtool.explain.result import SURE, Explanation
+from benchtool.explain.result import Explanation
 from benchtool.fit.recipe import FitInputs
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.answer.folder import write_folder
@@ -121,15 +120,7 @@ def explain_result(
     """
     start_s = monotonic()
     request = build_request(inputs, permit) if request is None else request
-    answer = request.explain(
-        commands,
-        seed=inputs.seed,
-        draws=inputs.draws,
-        bootstrap=Bootstrap(draws=inputs.bootstrap, cluster=inputs.cluster),
-        sure=SURE if inputs.bench is None else inputs.until,
-        minutes=minutes,
-        progress=progress,
-    )
+    answer = request.explain(inputs, commands, minutes=minutes, progress=progress)
     return Result(
         found=replace(answer, seconds=monotonic() - start_s),
         _page=ANSWER,

@@ -7,7 +7,7 @@ which still appears as a gap, so every check uses a second channel or an implaus
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ MAX_UNIT_DEVIATION = 0.15  # relative, of speeds in rad/s from the map or thrust
 MIN_SPIKE = 30.0  # sd from the median of five; a beam moved by hand reaches 20
 CURVE = np.array([-0.4, 0.9, 0.0, 0.0, 0.0, 0.9, -0.4])  # cubic through rows 2 and 3 away
 MAX_SPIKE_SHARE = 0.02  # of rows; more are a property of the sensor
+MIN_ROWS = 50  # of a beam or rotor channel, to be checked; assumed
 FROZEN_TIMEOUT_S = 0.2  # a constant reading may be frozen after this time; assumed
 FROZEN_FACTOR = 5.0  # times the median duration of equal readings; longer ones are frozen; assumed
 
@@ -116,10 +117,7 @@ def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Repair:
 def remove_beam_spikes(recording: Recording, rig: Rig, name: str) -> Repair:
     """Remove spikes of beam and rotor channels (set to nan)."""
     columns, messages = {}, []
-    for channel in _checked_channels(recording):
-        values, rows = _finite_values(recording, channel)
-        if len(values) < 50:
-            continue
+    for channel, values, rows in _checked_channels(recording):
         # A smooth extreme deviates from the median of five, but not from the cubic; a spike does.
         deviation = np.abs(values - median_filter(values, 5, mode="nearest"))
         cubic = np.convolve(np.pad(values, 3, mode="edge"), CURVE, "valid")
@@ -140,10 +138,7 @@ def find_frozen_sensors(recording: Recording, rig: Rig, name: str) -> Repair:
     """Remove frozen readings (set to nan): constant while another channel shows a change."""
     columns, messages = {}, []
     time_s = recording.to_si("time_s")
-    for channel in _checked_channels(recording):
-        values, rows = _finite_values(recording, channel)
-        if len(values) < 50:
-            continue
+    for channel, values, rows in _checked_channels(recording):
         step_s = float(np.nanmedian(np.diff(time_s[rows])))
         starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
         lengths = np.diff([*starts, len(values)])
@@ -202,16 +197,14 @@ def _smooth(values: Array) -> Array:
     return np.convolve(values, np.ones(width) / width, "valid")
 
 
-def _checked_channels(recording: Recording) -> Iterable[str]:
+def _checked_channels(recording: Recording) -> Iterator[tuple[str, Array, NDArray[np.intp]]]:
+    """Yield beam and rotor channels, their finite values in their own unit, and their rows."""
     beam = [name for name in ("theta_rad", "gyro_rad_s") if name in recording]
-    return [*beam, *rotor_columns(recording)]
-
-
-def _finite_values(recording: Recording, channel: str) -> tuple[Array, NDArray[np.intp]]:
-    """Return the finite values of a channel, in its own unit, and their rows."""
-    values = recording.column(channel)
-    rows = np.flatnonzero(np.isfinite(values))
-    return values[rows], rows
+    for channel in (*beam, *rotor_columns(recording)):
+        values = recording.column(channel)
+        rows = np.flatnonzero(np.isfinite(values))
+        if len(rows) >= MIN_ROWS:
+            yield channel, values[rows], rows
 
 
 def _with_nan(recording: Recording, channel: str, rows: NDArray[np.intp]) -> Array:

@@ -21,7 +21,7 @@ from benchtool.explain.findings import (
     UnjudgedEffect,
     UnnamedEffect,
 )
-from benchtool.explain.law_search.law import FoundDependence
+from benchtool.explain.laws import FoundDependence
 from benchtool.physics.effects.effect import BenchKind, Subsystem
 
 if TYPE_CHECKING:

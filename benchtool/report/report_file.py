@@ -15,7 +15,7 @@ from benchtool.explain.pitch.replay import ReplayInputs
 from benchtool.fit.nominal import nominal_model, rig_for_data
 from benchtool.report.compare.page import COMPARISON, RunComparison
 from benchtool.report.figure import write_whole
-from benchtool.report.page import PAGE, render_report
+from benchtool.report.page import PAGE, Report, render_report
 from benchtool.report.replay.page import recording_page
 from benchtool.report.sweep.page import COMPARED, SWEEP
 from benchtool.report.sweep.run import read_sweep_run
@@ -72,17 +72,26 @@ def page_text(
             command = "benchtool fit" if kinds[0] == "fit" else "benchtool explain"
             raise FileFormatError(str(paths[0]), f"{PAGE} is missing; repeat {command} --out")
         return page.read_text("utf-8")
-    if kinds[0] != "sweep":
-        return render_report(recording_page(paths[0], replay_inputs, commands))
+    return render_report(build_report(paths, kinds[0], replay_inputs, commands))
+
+
+def build_report(
+    paths: Sequence[Path],
+    kind: Kind,
+    replay_inputs: ReplayInputs | None = None,
+    commands: Sequence[str] = (),
+) -> Report:
+    """Return the report of a sweep, a recording, or several sweeps."""
+    replay_inputs = replay_inputs or ReplayInputs()
+    if kind != "sweep":
+        return recording_page(paths[0], replay_inputs, commands)
     replay_inputs.check_unused("a sweep has no controller")
     first, model = read_sweep_run(paths[0]), None
     if replay_inputs.model:
         rig = rig_for_data([str(paths[0])], replay_inputs.model, replay_inputs.rig) or first.rig
         model = nominal_model(replay_inputs.model, rig, replay_inputs.permit)
     runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
-    if len(runs) > 1:
-        return render_report(COMPARED.report(runs, commands))
-    return render_report(SWEEP.report(runs[0], commands))
+    return COMPARED.report(runs, commands) if len(runs) > 1 else SWEEP.report(runs[0], commands)
 
 
 def write_report(

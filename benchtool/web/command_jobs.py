@@ -51,7 +51,7 @@ class CommandJob(Job):
 
     def accept(self, out: Path) -> None:
         """Rename the hidden folder to `out`; raise if it exists or without a result."""
-        from benchtool.explain.updated_model import MODEL
+        from benchtool.explain.next_steps import MODEL
         from benchtool.physics.model_file import load_model
 
         if not self.succeeded:
@@ -121,8 +121,7 @@ def explain(
     report: ReportProgress, out: Path, command: tuple[str, ...], inputs: ExplainInputs
 ) -> Explanation:
     """Identify the effect that a model lacks and write the result to a hidden folder."""
-    from benchtool.explain.next_steps import next_file
-    from benchtool.explain.updated_model import added_effects
+    from benchtool.explain.next_steps import added_effects, next_file
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import added_sentence, answer_page
     from benchtool.report.figure import render_figures

@@ -16,7 +16,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.columns import word_to_code
-from benchtool.explain.law_search.search import find_dependence
+from benchtool.explain.law_search import find_dependence
 from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.explain.result import Explanation

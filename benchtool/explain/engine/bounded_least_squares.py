@@ -54,16 +54,6 @@ class Linearisation:
     gradient: Array  # (n,) J^T r
     curvature: Array  # (n, n) J^T J
 
-    @classmethod
-    def of(cls, at: Array, rows: Array, jacobian: Array) -> Linearisation:
-        """Return the linearisation for residuals (n_rows,) and their Jacobian (n_rows, n)."""
-        return cls(
-            point=np.array(at),
-            cost=float(rows @ rows),
-            gradient=jacobian.T @ rows,
-            curvature=jacobian.T @ jacobian,
-        )
-
     def step(self, region: BoundedRegion) -> tuple[Array, float]:
         """Return the minimum of the linear model within a region, and its cost."""
         weights = region.penalty**2
@@ -100,31 +90,12 @@ def _root(curvature: Array) -> Array:
     return root
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class BoundedSearch:
-    """Minimizer of one sum of squares in many regions.
+    """Minimizer of one sum of squares in many regions."""
 
-    Args:
-        costs: sums of squares of parameter sets (n_sets, n).
-        linearised: linearisation at a point (n,).
-    """
-
-    def __init__(
-        self, costs: Callable[[Array], Array], linearised: Callable[[Array], Linearisation]
-    ) -> None:
-        self._costs = costs
-        self.linearise = linearised
-
-    @classmethod
-    def of(cls, residuals: Residuals, limits: tuple[Array, Array]) -> BoundedSearch:
-        """Return the search for residuals; finite differences stay within limits (lower, upper)."""
-
-        def costs(sets: Array) -> Array:
-            rows = residuals(sets)
-            return np.asarray(np.einsum("ij,ij->j", rows, rows), float)
-
-        return cls(
-            costs, lambda at: Linearisation.of(at, *finite_differences(residuals, at, limits[1]))
-        )
+    costs: Callable[[Array], Array]  # sums of squares (n_sets,) of parameter sets (n_sets, n)
+    linearise: Callable[[Array], Linearisation]  # at a point (n,)
 
     def minimize(
         self,
@@ -136,13 +107,10 @@ class BoundedSearch:
         min_gain: float = 0.1,
         max_cost: float = np.inf,
     ) -> MinimizationResult:
-        """Return the local minimum of a region for a start point.
+        """Return the local minimum of a region for a start point (n,), clipped to the region.
 
         Args:
-            start: (n,) initial values; clipped to the region.
-            region: bounds and penalties.
-            linearisation: linearisation of the first step; its point may lie outside the region.
-            max_steps: maximum number of linearisations.
+            linearisation: of the first step; its point may lie outside the region.
             min_gain: stop when a step reduces the sum of squares by less than this.
             max_cost: stop when the predicted cost, with `PREDICTED_DECREASE_FACTOR` times the
                 predicted gain, stays above this.
@@ -158,7 +126,7 @@ class BoundedSearch:
                 return best
             inside = region.clip(local.point)
             sets = np.array([inside + length * (target - inside) for length in STEP_LENGTHS])
-            costs = self._costs(sets)
+            costs = self.costs(sets)
             costs = np.where(np.isfinite(costs), costs, np.inf) + region.penalty_cost(sets)
             best_index = int(np.argmin(costs))
             gain = best.cost - float(costs[best_index])

@@ -8,10 +8,11 @@ evidence ratio of a true candidate over another one is the divergence between th
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, inf, log, sqrt
-from typing import TypeVar
+from typing import ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -117,92 +118,42 @@ class ExpectedOutcome:
     confusion: float  # bound on the probability that the most probable candidate is not the truth
 
 
-D = TypeVar("D")
+class Design(Protocol):
+    """Design of an experiment."""
+
+    @property
+    def duration_s(self) -> float: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def schedule(self) -> Schedule | None: ...
+    @property
+    def plan_toml(self) -> str: ...
+    def extend(self) -> Mapping[str, Self]:
+        """Return designs with one addition or change each, by its name."""
+        ...
 
 
-def select_design(
-    first: D,
-    more: Callable[[D], Mapping[str, D]],
-    weighed: Callable[[D], ExpectedOutcome],
-    seconds: Callable[[D], float],
-    most_s: float,
-) -> D:
-    """Return the design with the largest decrease of confusion per time, extended greedily.
-
-    Args:
-        more: returns the extended designs by name of the addition.
-        weighed: returns the expected outcome.
-        seconds: returns the duration, at most `most_s`.
-    """
-    best, expected, rates = first, weighed(first), dict[str, float]()
-    while expected.confusion > MAX_CONFUSION:
-        options = {name: option for name, option in more(best).items() if seconds(option) <= most_s}
-        outcomes = dict[str, ExpectedOutcome]()
-        name = ""
-        while options and name not in outcomes:
-            # The gain of an addition decreases as the design grows: old rates bound new ones.
-            name = max(options, key=lambda option: rates.get(option, inf))
-            if name not in outcomes:
-                outcomes[name] = weighed(options[name])
-                decrease = log(expected.confusion / outcomes[name].confusion)
-                added_s = max(MIN_DURATION_S, seconds(options[name]) - seconds(best))
-                rates[name] = decrease / added_s if decrease > MIN_LOG_DECREASE else 0.0
-                name = max(options, key=lambda option: rates.get(option, inf))
-        if not options or rates[name] <= 0.0:
-            break
-        best, expected = options[name], outcomes[name]
-    return best
+D = TypeVar("D", bound=Design)
 
 
-def build_proposal(
-    candidates: Sequence[CandidateEffect],
-    expected: ExpectedOutcome,
-    title: str,
-    seconds: float,
-    refused: Subsystem | None,
-    *,
-    schedule: Schedule | None = None,
-    plan_toml: str = "",
-) -> NextExperiment:
-    """Return an experiment with its expected outcome as text.
+class Designer(ABC, Generic[D]):
+    """Search for the experiment on one kind of bench with the best expected separation."""
 
-    `refused` is the stage of an unnamed effect, or None.
-    """
-    phrases = {rival.name: rival.phrase for rival in reversed(candidates)}
-    ratios = expected.ratios
-    separated = [name for name, ratio in ratios.items() if ratio >= DECISION_PROBABILITY]
-    other = next(iter(separated or ratios))
-    ratio = ratios[other]
-    size = "above 100" if ratio > MAX_REPORTED_RATIO else f"of {ratio:.1f}"
-    reason = (
-        f"expected to separate {phrases[candidates[0].name]} from {phrases[other]} by a log "
-        f"evidence ratio {size}"
-    )
-    others = [phrases[name] for name in ratios if name not in separated]
-    if separated and others:
-        reason = f"{reason}, but not from {', '.join(others)}"
-    if refused == "pwm_to_rpm":
-        reason = f"{ESC_MODE}; {reason}"
-    return NextExperiment(
-        candidates=tuple(dict.fromkeys(rival.name for rival in candidates)),
-        title=title,
-        reason=reason,
-        schedule=schedule,
-        plan_toml=plan_toml,
-        expected=ratios,
-        minutes=seconds / 60.0,
-    )
+    max_minutes: ClassVar[float]  # of an experiment
+    evidence: Evidence  # of all recordings so far
 
-
-class Forecast:
-    """Expected outcomes of experiments, given all recordings so far."""
-
-    def __init__(self, evidence: Evidence, rivals: Sequence[CandidateEffect]) -> None:
+    def __init__(
+        self, evidence: Evidence, candidates: Sequence[CandidateEffect], rng: np.random.Generator
+    ) -> None:
+        self.evidence, self._rng = evidence, rng
         self._hypotheses = hypotheses = Hypotheses(evidence)
         self._upper = np.array([parameter.most for parameter in evidence.parameters])
-        fits = [hypotheses.refit_linear(rival.fit) for rival in rivals]
+        fits = [hypotheses.refit_linear(candidate.fit) for candidate in candidates]
         fits = [hypotheses.converge(fit) for fit in fits]
-        self.rivals = [replace(rival, fit=fit) for rival, fit in zip(rivals, fits, strict=True)]
+        pairs = zip(candidates, fits, strict=True)
+        self._candidates = [replace(candidate, fit=fit) for candidate, fit in pairs]
+        self.values = fits[0].values  # parameters (n_parameters,) of simulated experiments
         self._before = [
             finite_differences(evidence.residuals, fit.values, self._upper) for fit in fits
         ]
@@ -211,18 +162,40 @@ class Forecast:
             stage: float(hypotheses.errors.noise[mask][0]) for stage, mask in masks.items()
         }
 
-    def expected(
-        self, new: Evidence, both: Evidence, rng: np.random.Generator | None = None
-    ) -> ExpectedOutcome:
+    @abstractmethod
+    def initial(self, *, ladder: bool) -> D:
+        """Return the initial design; `ladder`: with several levels of the pulses."""
+
+    @abstractmethod
+    def simulate(self, design: D) -> tuple[Evidence, Evidence]:
+        """Return the evidence of an experiment without noise: alone, and after `evidence`."""
+
+    def propose(self, refused: Subsystem | None, minutes: float | None) -> NextExperiment:
+        """Return the best experiment of at most `minutes` or `max_minutes`.
+
+        `refused` is the stage of an unnamed effect, or None.
+        """
+        first = self.initial(ladder=refused == "pwm_to_rpm")
+        max_minutes = min(minutes or self.max_minutes, self.max_minutes)
+        best = select_design(first, self.expect, 60.0 * max_minutes)
+        ratios = self.expect(best, self._rng).ratios
+        return NextExperiment(
+            candidates=tuple(dict.fromkeys(candidate.name for candidate in self._candidates)),
+            title=best.title,
+            reason=_format_reason(self._candidates, ratios, refused),
+            schedule=best.schedule,
+            plan_toml=best.plan_toml,
+            expected=ratios,
+            minutes=best.duration_s / 60.0,
+        )
+
+    def expect(self, design: D, rng: np.random.Generator | None = None) -> ExpectedOutcome:
         """Return the expected outcome of an experiment.
 
-        Args:
-            new: evidence of the simulated experiment, without noise.
-            both: evidence of the recordings so far, then of the experiment.
-            rng: for simulated outcomes with bounded parameters; None for Gaussians without bounds,
-                which are quick and sufficient to compare designs.
+        With `rng` from simulated outcomes with bounded parameters, else from Gaussians without
+        bounds, which are quick and sufficient to compare designs.
         """
-        first, *others = zip(self.rivals, self._predict(new, both), strict=True)
+        first, *others = zip(self._candidates, self._predict(*self.simulate(design)), strict=True)
         a, a_rows = first
         ratios, confusion = dict[str, float](), 0.0
         for b, b_rows in others:
@@ -244,45 +217,79 @@ class Forecast:
         noise = np.concatenate([self._hypotheses.errors.noise, noise])
         columns = {part.name: part.columns for part in both.discrepancies()}
         predictions = []
-        for rival, before in zip(self.rivals, self._before, strict=True):
-            after = finite_differences(new.residuals, rival.fit.values, self._upper)
-            prediction = self._predict_by(rival.fit, before, after, both, columns, noise)
-            predictions.append(prediction)
+        for candidate, before in zip(self._candidates, self._before, strict=True):
+            fit = candidate.fit
+            region = self._hypotheses.region(fit.active)
+            is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
+            after = finite_differences(new.residuals, fit.values, self._upper)
+            rows, jacobian = (np.concatenate(pair) for pair in zip(before, after, strict=True))
+            factors = self._hypotheses.errors.factors(fit.amplitudes)
+            shared = [factor * columns[name] for name, factor in factors.items()]
+            for name in fit.active:
+                if name in self._hypotheses.effects and columns:
+                    is_own = np.array([parameter.effect == name for parameter in both.parameters])
+                    sets = np.vstack([fit.values, np.where(is_own, 0.0, fit.values)])
+                    residuals = both.residuals(sets)
+                    shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
+            n_before, n_free = len(before[0]), int(is_free.sum())
+            design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
+            rows = rows / noise
+            n_shared = design.shape[1] - n_free
+            prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(n_shared)])
+            precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)
+            # Parameters are at the best fit; discrepancies are estimated from the residuals.
+            projected = design[:n_before, n_free:].T @ rows[:n_before]
+            coefficients = np.linalg.solve(precision[n_free:, n_free:], projected)
+            lower, upper = region.lower - fit.values, region.upper - fit.values
+            predictions.append(
+                CandidatePrediction(
+                    mean=design[n_before:, n_free:] @ coefficients - rows[n_before:],
+                    slopes=design[n_before:],
+                    precision=precision,
+                    bounds=(lower[is_free], upper[is_free]),
+                )
+            )
         return predictions
 
-    def _predict_by(
-        self,
-        fit: Hypothesis,
-        before: tuple[Array, Array],
-        new: tuple[Array, Array],
-        both: Evidence,
-        columns: Mapping[str, Array],
-        noise: Array,
-    ) -> CandidatePrediction:
-        """Return the prediction of a hypothesis from (residuals, slopes), so far and new."""
-        region = self._hypotheses.region(fit.active)
-        is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
-        rows, jacobian = (np.concatenate(pair) for pair in zip(before, new, strict=True))
-        factors = self._hypotheses.errors.factors(fit.amplitudes)
-        shared = [factor * columns[name] for name, factor in factors.items()]
-        for name in fit.active:
-            if name in self._hypotheses.effects and columns:
-                is_own = np.array([parameter.effect == name for parameter in both.parameters])
-                sets = np.vstack([fit.values, np.where(is_own, 0.0, fit.values)])
-                residuals = both.residuals(sets)
-                shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
-        n_before, n_free = len(before[0]), int(is_free.sum())
-        design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
-        rows = rows / noise
-        prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(design.shape[1] - n_free)])
-        precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)
-        # Parameters are at the best fit; discrepancies are estimated from the residuals.
-        projected = design[:n_before, n_free:].T @ rows[:n_before]
-        coefficients = np.linalg.solve(precision[n_free:, n_free:], projected)
-        lower, upper = region.lower - fit.values, region.upper - fit.values
-        return CandidatePrediction(
-            mean=design[n_before:, n_free:] @ coefficients - rows[n_before:],
-            slopes=design[n_before:],
-            precision=precision,
-            bounds=(lower[is_free], upper[is_free]),
-        )
+
+def select_design(first: D, expect: Callable[[D], ExpectedOutcome], max_s: float) -> D:
+    """Return the design with the largest decrease of confusion per time, extended greedily."""
+    best, expected, rates = first, expect(first), dict[str, float]()
+    while expected.confusion > MAX_CONFUSION:
+        options = {
+            name: option for name, option in best.extend().items() if option.duration_s <= max_s
+        }
+        outcomes = dict[str, ExpectedOutcome]()
+        name = ""
+        while options and name not in outcomes:
+            # The gain of an addition decreases as the design grows: old rates bound new ones.
+            name = max(options, key=lambda option: rates.get(option, inf))
+            if name not in outcomes:
+                outcomes[name] = expect(options[name])
+                decrease = log(expected.confusion / outcomes[name].confusion)
+                added_s = max(MIN_DURATION_S, options[name].duration_s - best.duration_s)
+                rates[name] = decrease / added_s if decrease > MIN_LOG_DECREASE else 0.0
+                name = max(options, key=lambda option: rates.get(option, inf))
+        if not options or rates[name] <= 0.0:
+            break
+        best, expected = options[name], outcomes[name]
+    return best
+
+
+def _format_reason(
+    candidates: Sequence[CandidateEffect], ratios: Mapping[str, float], refused: Subsystem | None
+) -> str:
+    """Return the expected log evidence ratios of the first candidate as text."""
+    phrases = {candidate.name: candidate.phrase for candidate in reversed(candidates)}
+    separated = [name for name, ratio in ratios.items() if ratio >= DECISION_PROBABILITY]
+    other = next(iter(separated or ratios))
+    ratio = ratios[other]
+    size = "above 100" if ratio > MAX_REPORTED_RATIO else f"of {ratio:.1f}"
+    reason = (
+        f"expected to separate {phrases[candidates[0].name]} from {phrases[other]} by a log "
+        f"evidence ratio {size}"
+    )
+    others = [phrases[name] for name in ratios if name not in separated]
+    if separated and others:
+        reason = f"{reason}, but not from {', '.join(others)}"
+    return f"{ESC_MODE}; {reason}" if refused == "pwm_to_rpm" else reason

@@ -1,24 +1,168 @@
-"""Evidence about model parameters: residuals, smooth discrepancies, and the recordings behind."""
+"""Evidence about model parameters: adjustable parameters, residuals, smooth discrepancies."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, Protocol
+from math import inf
+from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.rig import Rig
+from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.units import Array
-from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.findings import NextExperiment, Overlay
-from benchtool.explain.law_search.search import ResidualSummary
-from benchtool.explain.recording_checks import check_bench_kind
+from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
 from benchtool.physics.model import Model
+from benchtool.physics.tolerances import model_tolerances
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaledParameter:
+    """Adjustable parameter; a scaled value of 0 is the model as given, 1 is one `scale` above."""
+
+    name: str  # full name of the model's parameter ("hinge_spring.stiffness_Nm_per_rad")
+    unit: str
+    effect: str  # "" for roughly known parameters (inertia, map from pulse width to speed)
+    start: float  # value in the model as given
+    scale: float  # tolerance of an effect's parameter; standard error of any other
+    lower: float = -inf
+    upper: float = inf
+    held: bool = False  # roughly known: limited by its prior, without a tolerance
+    first: float = 0.0  # initial value of a search, in scales
+
+    @property
+    def least(self) -> float:
+        """Lower bound, in scales."""
+        return (self.lower - self.start) / self.scale
+
+    @property
+    def most(self) -> float:
+        """Upper bound, in scales."""
+        return (self.upper - self.start) / self.scale
+
+    def value(self, scaled: float) -> float:
+        """Return the value of a scaled value."""
+        return self.start + self.scale * scaled
+
+
+def owner_parameter(
+    name: str, item: Parameter, sd: float, lower: float, first: float = 0.0
+) -> ScaledParameter:
+    """Return a parameter of the bench, not of an effect; `sd` is its scale."""
+    return ScaledParameter(
+        name=name, unit=item.unit, effect="", start=item.value, scale=sd, lower=lower,
+        upper=item.upper, held=True, first=first,
+    )  # fmt: skip
+
+
+def parameters_at(
+    parameters: Parameters, moved: Sequence[ScaledParameter], scaled: Array
+) -> Parameters:
+    """Return parameters with some set to scaled values (n_parameters,), clipped to their bounds.
+
+    Adjusted parameters that are not in the model belong to the bench and are ignored.
+    """
+    values = {
+        item.name: float(np.clip(item.value(z), item.lower, item.upper))
+        for item, z in zip(moved, scaled, strict=True)
+    }
+    return Parameters(
+        (name, item.with_value(values[name]) if name in values else item)
+        for name, item in parameters.items()
+    )
+
+
+def effect_parameters(
+    model: Model,
+    bench: BenchKind,
+    extra: Sequence[Effect],
+    min_values: Mapping[str, float] = MappingProxyType({}),
+) -> list[ScaledParameter]:
+    """Return the parameters of candidate effects that have a tolerance on a bench.
+
+    `min_values` are lower bounds by full name that are above the parameters' own.
+    """
+    limits = model_tolerances(model, bench)
+    names = {effect.name for effect in (*candidates(bench), *extra)}
+    return [
+        ScaledParameter(
+            name=name,
+            unit=item.unit,
+            effect=name.split(".")[0],
+            start=item.value,
+            scale=limits[name],
+            lower=max(item.lower, min_values.get(name, item.lower)),
+            upper=item.upper,
+        )
+        for name, item in model.parameters.items()
+        if name.split(".")[0] in names and name in limits
+    ]
+
+
+# Relative standard error of a fixed R_m without prior; two of them are 5 % of (R/4z)^2
+RADIUS_KNOWN = 0.0125
+
+
+def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> Model:
+    """Return the model with every adjustable effect of a bench, new ones at their neutral value."""
+    present = {effect.name for effect in model.effects}
+    for effect in moved_effects(bench, extra):
+        if effect.name not in present:
+            neutral = {p.name: p.neutral for p in effect.parameters if p.neutral is not None}
+            model = model.with_effect(effect, **neutral)
+    for effect in model.effects:
+        shapes = shape_names(model, effect, bench)
+        is_set = any(model.parameters[name].value != 0.0 for name in shapes)
+        if effect.rig_values is None or (effect.name in present and (is_set or not shapes)):
+            continue
+        for name, value in effect.rig_values(model.rig).items():
+            model = model.with_fixed(f"{effect.name}.{name}", value)
+    return model
+
+
+def moved_effects(bench: BenchKind, extra: Sequence[Effect] = ()) -> tuple[Effect, ...]:
+    """Return the candidate effects, then those that are only adjusted."""
+    adjusted = [effect for effect in EFFECTS.values() if bench in effect.adjusted_on]
+    return (*candidates(bench), *sorted(adjusted, key=lambda effect: effect.name), *extra)
+
+
+def shape_names(model: Model, effect: Effect, bench: BenchKind) -> list[str]:
+    """Return full names of an effect's roughly known parameters, limited by their priors.
+
+    Shape parameters of a candidate's law, or all parameters of an effect that is only adjusted.
+    """
+    limits = {} if bench in effect.adjusted_on else model_tolerances(model, bench)
+    full = [f"{effect.name}.{p.name}" for p in effect.parameters if p.prior.kind == "normal"]
+    return [name for name in full if name not in limits]
+
+
+def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> list[str]:
+    """Return those of every effect on a bench: first of the adjusted ones, then by name."""
+    effects = moved_effects(bench, extra)
+    effects = tuple(sorted(effects, key=lambda effect: (bool(effect.benches), effect.name)))
+    return [name for effect in effects for name in shape_names(model, effect, bench)]
+
+
+RADIUS_FITTED = 0.05  # relative sd of R_m if fitted; assumed
+K_KNOWN, K_FITTED = 0.01, 0.1  # relative sd of k: scale of the load cell, or fitted
+
+_SHARES = {"k": (K_KNOWN, K_FITTED), "R_m": (RADIUS_KNOWN, RADIUS_FITTED)}
+
+
+def known_prior(name: str, item: Parameter) -> Prior | None:
+    """Return a parameter's normal prior in a sweep; else an assumed one for k and R_m, or None."""
+    if item.prior.kind == "normal":
+        return item.prior
+    if name not in _SHARES:
+        return None
+    share = _SHARES[name][item.free]
+    source = f"assumed by benchtool explain: {100.0 * share:g} % where none is stated"
+    return Prior("normal", item.value, share * item.value, source)
+
 
 LATE, EARLY = "late in the run", "early in the run"  # regimes of time: weak hints to a cause
 
@@ -156,85 +300,3 @@ class Evidence(Protocol):
     def varied(self, changes: Array) -> Array:
         """Return smooth variations (n_rows, r) of an effect's changes of residuals (n_rows,)."""
         ...
-
-
-# Unit of a gap, by channel
-CHANNEL_UNITS = {"thrust_N": "N", "theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
-
-
-class Log(Protocol):
-    """Recording to compare with a model, with repairs and missing columns."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def remarks(self) -> tuple[str, ...]: ...
-    def bench_numbers(self, rig: Rig) -> Mapping[str, float]:
-        """Return numbers that are equal for recordings of one bench, by name."""
-        ...
-
-
-class Subject(ABC):
-    """Recordings of one kind of bench with a model; sweep and pitch differ in what they predict."""
-
-    kind: ClassVar[BenchKind]
-    gather: ClassVar[Callable[..., Evidence]]  # evidence of (model, logs, user-defined effects)
-    # Residuals at parameters (evidence, values, active effects), over all variables of a law
-    summarize: ClassVar[Callable[..., Sequence[ResidualSummary]]]
-    # Experiment that separates rivals (evidence, rivals, rng, stage of an unnamed effect, minutes)
-    propose: ClassVar[Callable[..., NextExperiment]]
-    evidence: Evidence  # training recordings
-    check_evidence: Evidence  # validation recordings
-    all_evidence: Evidence  # training and validation recordings
-
-    def __init__(
-        self,
-        model: Model,
-        training: Sequence[Log],
-        validation: Sequence[Log],
-        extra: Sequence[Effect] = (),
-    ) -> None:
-        self.logs = (*training, *validation)
-        check_bench_kind([(log.name, log.bench_numbers(model.rig)) for log in self.logs])
-        self.evidence = self.gather(model, training, extra)
-        self.check_evidence = self.gather(model, validation, extra)
-        self.all_evidence = self.gather(model, self.logs, extra)
-
-    @property
-    def window_s(self) -> float:
-        """Length of a prediction; 0 for steady-state predictions."""
-        return 0.0
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Repairs of the recordings, and missing columns."""
-        return tuple(
-            dict.fromkeys(f"{log.name}: {line}" for log in self.logs for line in log.remarks)
-        )
-
-    @property
-    def free_law(self) -> str:
-        """Data needed to separate a law of distance from an effect; "" if available."""
-        return ""
-
-    @abstractmethod
-    def errors(self, sets: Array, changes: Array) -> Mapping[str, Array]:
-        """Return errors on the validation recordings by channel, for sets (n_sets, n_parameters).
-
-        They are mean squares (n_blocks, n_sets), by block of the validation recordings. `changes`
-        (n_validation, n_sets) are expected changes of readings, where known.
-        """
-
-    @abstractmethod
-    def floor(
-        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
-    ) -> Mapping[str, Array]:
-        """Return rms errors (draws,) of a true model at parameters (n_parameters,), by channel.
-
-        `changes` (n_validation, draws) are changes of readings, where known. With a covariance
-        `spread` (n_parameters, n_parameters) each draw also has its own true parameters.
-        """
-
-    @abstractmethod
-    def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
-        """Return the first validation recording with predictions of two parameter sets."""

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.design import CandidateEffect
-from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups, Subject
-from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, Hypothesis, p_value
-from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.posterior import CLASS_FROM, Judgement, Progress, judge
+from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups, parameters_at
+from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.engine.posterior import CLASS_FROM, Judgement, Posterior, Progress, judge
 from benchtool.explain.engine.shared_errors import PRIOR_WIDTH_FACTOR
+from benchtool.explain.engine.subject import Subject
 from benchtool.explain.findings import (
     AlternativeEffects,
     ChannelGap,
@@ -27,14 +27,15 @@ from benchtool.explain.findings import (
     NearestEffect,
     UnjudgedEffect,
 )
-from benchtool.explain.law_search.law import FoundDependence
-from benchtool.explain.law_search.search import find_dependence
+from benchtool.explain.inputs import ExplainInputs
+from benchtool.explain.law_search import find_dependence
+from benchtool.explain.laws import FoundDependence
 from benchtool.explain.result import ALL_REGIMES, SURE, Explanation
 from benchtool.physics.catalogue import non_candidates
-from benchtool.physics.effects.effect import Effect, Subsystem
+from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.model import Model
 
-NO_BOOTSTRAP = Bootstrap()
+DEFAULTS: ExplainInputs = ExplainInputs()
 MIN_SHARE_CLOSED = 0.05  # of the gap by the nearest effect; with less it is not reported
 
 SIGMA_95 = 1.959964  # half width of a 95 % interval, in standard deviations
@@ -49,32 +50,27 @@ MIN_PROBABILITY = 0.01  # of a candidate in a design
 
 def explain(
     subject: Subject,
+    inputs: ExplainInputs = DEFAULTS,
     *,
-    seed: int = 0,
-    draws: int = 128,
-    bootstrap: Bootstrap = NO_BOOTSTRAP,
     propose: bool = True,
-    sure: float = SURE,
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> Explanation:
     """Return the missing effects of a model, validated, with the next experiment.
 
     Args:
-        draws: noise draws for the floor; at least 100 for a report.
+        inputs: seed, numbers of draws, and with a bench the required probability of the verdict.
         propose: design the next experiment, which doubles the computing time.
-        sure: probability of the verdict above which no experiment is designed, except for unknown.
         minutes: longest duration of the next experiment; None for the default.
     """
-    rng = np.random.default_rng(seed)
-    evidence, hypotheses = subject.evidence, Hypotheses(subject.evidence)
+    rng, evidence = np.random.default_rng(inputs.seed), subject.evidence
     groups = evidence.groups()
-    judgement = judge(subject, hypotheses, rng, draws, progress)
+    judgement = judge(subject, rng, inputs.draws, progress)
     kind, search, final = judgement.kind, judgement.search, judgement.predicted
     null, best = search.null, search.best
     before, after = evidence.residuals(np.vstack([null.values, final.values])).T
     progress("evaluating the verdict", 0.9)
-    effects = _name_effects(subject, hypotheses, judgement, bootstrap, rng)
+    effects = _name_effects(judgement, inputs, rng)
     gaps = judgement.score.gaps(rng)
     where = nearest = depends = None
     other_effects = dict[str, float]()
@@ -82,8 +78,8 @@ def explain(
         stages = [*(k.stage for k in effects), *(k.stage for k in judgement.unnamed)]
         where = locate_gap(groups, before, after, stages[0] if stages else None)
     if kind == "unknown":
-        other_effects = _find_other_effects(subject, hypotheses, judgement)
-        nearest = _find_nearest(subject, hypotheses, judgement, gaps)
+        other_effects = _find_other_effects(judgement)
+        nearest = _find_nearest(judgement, gaps)
         depends = _find_dependence(subject, judgement, other_effects, progress)
     if not effects:
         after, best = before, null
@@ -107,7 +103,7 @@ def explain(
         tolerances={k.name: k.scale for k in evidence.parameters if k.effect},
         not_judged={
             name: UnjudgedEffect.below(size)
-            for name, size in hypotheses.find_unjudged(null).items()
+            for name, size in search.hypotheses.find_unjudged(null).items()
             if name not in {effect.name for effect in effects}
         }
         | {
@@ -115,102 +111,90 @@ def explain(
             for effect in non_candidates(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
-        other_effects={
-            find_effect(evidence.model, name).phrase: p for name, p in other_effects.items()
-        },
+        other_effects={search.effects[name].phrase: p for name, p in other_effects.items()},
         depends=depends,
         remarks=(*subject.remarks, *filter(None, [data_needed])),
         next=None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.values),
         window_s=subject.window_s,
-        draws=draws,
+        draws=inputs.draws,
         overlays=subject.overlays(null.values, best.values),
         disagreements=_disagreements(groups, before, after),
         floors=judgement.score.floor,
         floors_as_learned=judgement.score.uncertain_floor,
-        seed=seed,
+        seed=inputs.seed,
     )
+    sure = SURE if inputs.bench is None else inputs.until
     if propose and (kind == "unknown" or not found.has_probability(sure)):
         progress("designing the next experiment", 0.95)
-        rivals = _select_candidates(hypotheses, judgement)
+        rivals = _select_candidates(judgement)
         refused = where.stage if kind == "unknown" and where is not None else None
         if len({rival.name for rival in rivals}) > 1:
-            experiment = subject.propose(subject.all_evidence, rivals, rng, refused, minutes)
-            found = replace(found, next=experiment)
+            designer = subject.designer(subject.all_evidence, rivals, rng)
+            found = replace(found, next=designer.propose(refused, minutes))
     progress("done", 1.0)
     return found
 
 
 def _name_effects(
-    subject: Subject,
-    hypotheses: Hypotheses,
-    judgement: Judgement,
-    bootstrap: Bootstrap,
-    rng: np.random.Generator,
+    judgement: Judgement, inputs: ExplainInputs, rng: np.random.Generator
 ) -> tuple[NamedEffect, ...]:
     """Return the named effects with parameters and evidence."""
-    effects = []
+    search, effects = judgement.search, []
+    model = search.hypotheses.evidence.model
     for index, name in judgement.members:
-        trial = judgement.search.trials[index]
+        trial = search.trials[index]
         fit = with_law = next(tried for tried in trial.tried if tried.active[-1] == name)
         if not any(key.startswith(f"{name}: law") for key in fit.amplitudes):
-            (with_law,) = hypotheses.add_law_discrepancies([fit])
+            (with_law,) = search.hypotheses.add_law_discrepancies([fit])
         effects.append(
             NamedEffect(
-                **_labels(subject, name),
+                **_labels(search, trial.base, fit),
                 probability=judgement.weights[index][name],
-                parameters=estimate_parameters(subject.evidence.model, hypotheses, with_law, name),
-                log_likelihood_ratio=0.5 * (trial.base.cost - fit.cost),
-                p_value=p_value(hypotheses, trial.base, fit, bootstrap, rng),
+                parameters=estimate_parameters(model, search.hypotheses, with_law, name),
+                p_value=search.hypotheses.p_value(trial.base, fit, inputs, rng),
             )
         )
     return tuple(effects)
 
 
-def find_effect(model: Model, name: str) -> Effect:
-    """Return an effect of a model by name."""
-    return next(effect for effect in model.effects if effect.name == name)
-
-
-def _labels(subject: Subject, name: str) -> dict[str, Any]:
-    effect = find_effect(subject.evidence.model, name)
+def _labels(search: Posterior, base: Hypothesis, fit: Hypothesis) -> dict[str, Any]:
+    """Return the fields of a named effect that follow from its fit."""
+    effect = search.effects[fit.active[-1]]
     return {
-        "name": name, "title": effect.title, "phrase": effect.phrase, "stage": effect.subsystem
+        "name": effect.name, "title": effect.title, "phrase": effect.phrase,
+        "stage": effect.subsystem, "log_likelihood_ratio": 0.5 * (base.cost - fit.cost),
     }  # fmt: skip
 
 
-def _find_other_effects(
-    subject: Subject, hypotheses: Hypotheses, judgement: Judgement
-) -> dict[str, float]:
+def _find_other_effects(judgement: Judgement) -> dict[str, float]:
     """Return the probabilities of effects in other stages than the unnamed ones, by name."""
-    stages = {effect.stage for effect in judgement.unnamed}
+    stages, search = {effect.stage for effect in judgement.unnamed}, judgement.search
     return {
         trial.name: 1.0 - trial.probabilities["none"]
-        for trial in judgement.search.trials
-        if trial.name in hypotheses.effects
-        and trial.name in judgement.search.best.active
-        and find_effect(subject.evidence.model, trial.name).subsystem not in stages
+        for trial in search.trials
+        if trial.name in search.hypotheses.effects
+        and trial.name in search.best.active
+        and search.effects[trial.name].subsystem not in stages
     }
 
 
-def _find_nearest(
-    subject: Subject, hypotheses: Hypotheses, judgement: Judgement, gaps: Sequence[ChannelGap]
-) -> NearestEffect | None:
+def _find_nearest(judgement: Judgement, gaps: Sequence[ChannelGap]) -> NearestEffect | None:
     """Return the effect of the prediction, if it is not the null, with the gap that it leaves."""
-    fit, trials = judgement.predicted, judgement.search.trials
-    if fit is judgement.search.null or fit.active[-1] not in hypotheses.effects:
+    fit, search = judgement.predicted, judgement.search
+    hypotheses, trials = search.hypotheses, search.trials
+    if fit is search.null or fit.active[-1] not in hypotheses.effects:
         return None
     share = max(0.0, max(gaps, key=lambda gap: gap.before / gap.floor).share_closed)
     if share <= MIN_SHARE_CLOSED:
         return None
-    name, evidence = fit.active[-1], subject.evidence
+    evidence = hypotheses.evidence
     base = next((trial.base for trial in trials if fit in trial.tried), trials[0].base)
     effect = NamedEffect(
-        **_labels(subject, name),
+        **_labels(search, base, fit),
         probability=0.0,
-        parameters=estimate_parameters(subject.evidence.model, hypotheses, fit, name),
-        log_likelihood_ratio=0.5 * (base.cost - fit.cost),
-        p_value=p_value(hypotheses, base, fit, NO_BOOTSTRAP, np.random.default_rng(0)),
+        parameters=estimate_parameters(evidence.model, hypotheses, fit, fit.active[-1]),
+        p_value=hypotheses.p_value(base, fit, DEFAULTS, np.random.default_rng(0)),
     )
     return NearestEffect(
         effect=effect,
@@ -259,7 +243,8 @@ def estimate_parameters(
     """
     posterior_sd = np.sqrt(np.diag(hypotheses.covariance(fit)))
     law = model.discrepancy.law
-    neutral = {item.name: item.neutral for item in find_effect(model, name).parameters}
+    effect = next(effect for effect in model.effects if effect.name == name)
+    neutral = {item.name: item.neutral for item in effect.parameters}
     parameters = hypotheses.evidence.parameters
     estimates = []
     for parameter, scaled, sd in zip(parameters, fit.values, posterior_sd, strict=True):
@@ -350,11 +335,12 @@ def _rms(rows: Array) -> float:
     return float(np.sqrt(np.mean(rows**2))) if len(rows) else 0.0
 
 
-def _select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[CandidateEffect]:
+def _select_candidates(judgement: Judgement) -> list[CandidateEffect]:
     """Return the candidates that an experiment should separate, most probable first.
 
     At least two, with a joint probability of 95 %, of the least certain trial.
     """
+    hypotheses = judgement.search.hypotheses
     pairs = zip(judgement.search.trials, judgement.weights, strict=True)
     trial, _ = min(pairs, key=lambda pair: max(pair[1].values()))
     by_name = trial.probabilities

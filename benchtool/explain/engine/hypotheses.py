@@ -25,6 +25,7 @@ from benchtool.explain.engine.bounded_least_squares import (
 )
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.shared_errors import AMPLITUDES, PRIOR_WIDTH_FACTOR, SharedErrors
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.tasks import run_tasks
 
 NO_AMPLITUDES: Mapping[str, float] = MappingProxyType({})
@@ -40,14 +41,6 @@ RIDGE = 1e-9  # added to curvatures before inversion
 OTHER_LAW_SIZE = 10.0  # in tolerances of a law: as large as the effect at 10 %; assumed
 DRAWS_PER_TASK = 250  # bootstrap draws; takes just under 1 s
 MIN_PARALLEL_DRAWS = 2000  # draws; worker processes take 2 s to start
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bootstrap:
-    """Settings of the parametric bootstrap."""
-
-    draws: int = 0  # 0: asymptotic p-value
-    cluster: str | None = None  # address of a Dask scheduler; None: local processes
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -304,23 +297,37 @@ class Hypotheses:
                 best = _build_hypothesis(base.active, minimum, base.amplitudes)
         return best
 
-    def null_gains(self, base: Hypothesis, bootstrap: Bootstrap, rng: np.random.Generator) -> Array:
-        """Return the largest gain of any candidate in each bootstrap draw of the base (draws,).
+    def p_value(
+        self,
+        base: Hypothesis,
+        candidate: Hypothesis,
+        inputs: ExplainInputs,
+        rng: np.random.Generator,
+    ) -> float:
+        """Return the p-value of a candidate's gain over its base, corrected for all candidates.
 
-        A draw is a random gradient of the linearisation with the covariance of all errors, shared
-        ones included. The bounded problem of each candidate is solved exactly on it.
+        Without bootstrap: chi-squared with one degree of freedom per parameter of the effect,
+        Bonferroni corrected; conservative because of the tolerances. With bootstrap: share of draws
+        whose largest gain reaches the observed gain. A draw is a random gradient of the
+        linearisation with the covariance of all errors, shared ones included. The bounded problem
+        of each candidate is solved exactly on it.
         """
+        gain, n = base.cost - candidate.cost, inputs.bootstrap
+        if n <= 0:
+            name = candidate.active[-1]
+            dof = sum(parameter.effect == name for parameter in self.evidence.parameters)
+            return float(min(1.0, len(self.effects) * chi2.sf(max(gain, 0.0), dof)))
         curvature = self.errors.linearise(base.values, base.amplitudes).curvature
         regions = [self.region((*base.active, e)) for e in self.effects if e not in base.active]
         draw = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)
-        n = bootstrap.draws
         tasks = {
             str(first): (int(rng.integers(2**63)), min(first + DRAWS_PER_TASK, n) - first)
             for first in range(0, n, DRAWS_PER_TASK)
         }
         processes = None if n >= MIN_PARALLEL_DRAWS else 0
-        gains = dict(run_tasks(draw, tasks, cluster=bootstrap.cluster, processes=processes))
-        return np.concatenate([gains[task] for task in tasks])
+        gains = dict(run_tasks(draw, tasks, cluster=inputs.cluster, processes=processes))
+        n_reached = sum(np.sum(np.array(part) >= gain) for part in gains.values())
+        return float((1 + n_reached) / (n + 1))
 
 
 def _draw_max_gains(
@@ -361,25 +368,3 @@ def _build_hypothesis(
         converged=minimum.converged,
         amplitudes=amplitudes,
     )
-
-
-def p_value(
-    hypotheses: Hypotheses,
-    base: Hypothesis,
-    candidate: Hypothesis,
-    bootstrap: Bootstrap,
-    rng: np.random.Generator,
-) -> float:
-    """Return the p-value of a candidate's gain over its base, corrected for all candidates.
-
-    Without draws: chi-squared with one degree of freedom per parameter of the effect, Bonferroni
-    corrected; conservative because of the tolerances. With draws: share of bootstrap draws whose
-    largest gain reaches the observed gain.
-    """
-    gain = base.cost - candidate.cost
-    name = candidate.active[-1]
-    n_parameters = sum(parameter.effect == name for parameter in hypotheses.evidence.parameters)
-    if bootstrap.draws <= 0:
-        return float(min(1.0, len(hypotheses.effects) * chi2.sf(max(gain, 0.0), n_parameters)))
-    gains = hypotheses.null_gains(base, bootstrap, rng)
-    return float((1 + np.sum(gains >= gain)) / (bootstrap.draws + 1))

@@ -16,12 +16,12 @@ import numpy as np
 
 from benchtool.core.errors import EstimationError
 from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT
-from benchtool.explain.engine.evidence import Subject
-from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.shared_errors import AMPLITUDES
+from benchtool.explain.engine.subject import Subject, ValidationScore
 from benchtool.explain.findings import UnnamedEffect
 from benchtool.explain.result import EXCESS_ERROR, Kind
+from benchtool.physics.effects.effect import Effect
 
 Progress = Callable[[str, float], None]  # progress(task, completed share)
 
@@ -74,9 +74,15 @@ class Trial:
 class Posterior:
     """Result of a search by marginal likelihood."""
 
+    hypotheses: Hypotheses  # of the training recordings
     null: Hypothesis
     best: Hypothesis  # all members are more probable than not; the null if it has none
     trials: tuple[Trial, ...]  # one for each member; a single one for the null
+
+    @property
+    def effects(self) -> dict[str, Effect]:
+        """All effects of the model by name."""
+        return {effect.name: effect for effect in self.hypotheses.evidence.model.effects}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -92,21 +98,16 @@ class Judgement:
     unnamed: Sequence[UnnamedEffect]
 
 
-def judge(
-    subject: Subject,
-    hypotheses: Hypotheses,
-    rng: np.random.Generator,
-    draws: int,
-    progress: Progress,
-) -> Judgement:
+def judge(subject: Subject, rng: np.random.Generator, draws: int, progress: Progress) -> Judgement:
     """Return the missing effects by marginal likelihood."""
+    hypotheses = Hypotheses(subject.evidence)
     search = search_models(hypotheses, Hypotheses(subject.all_evidence), progress)
     trials = [_add_other_law(subject, hypotheses, trial) for trial in search.trials]
     search = replace(search, trials=tuple(trials))
-    unnamed = _find_unnamed(hypotheses, search)
-    kind, members = _decide(hypotheses, search, unnamed)
+    unnamed = _find_unnamed(search)
+    kind, members = _decide(search, unnamed)
     is_single = kind != "unknown" or len(search.trials) == 1
-    if is_single and (pair := _find_inseparable(hypotheses, search)) is not None:
+    if is_single and (pair := _find_inseparable(search)) is not None:
         index, effect, other = pair
         search = replace(search, best=hypotheses.converge(effect))
         kind, members = "class", [(index, effect.active[-1])]
@@ -115,10 +116,10 @@ def judge(
     if members and set(search.best.active) != set(named):
         # Predict with the named effects only.
         search = replace(search, best=hypotheses.fit(named, search.best.values))
-    nearest = _find_nearest(subject, search, unnamed) if kind == "unknown" else None
+    nearest = _find_nearest(search, unnamed) if kind == "unknown" else None
     fit = search.best if members else nearest or search.null
     progress("predicting validation recordings", 0.8)
-    score = ValidationScore.of(subject, hypotheses, search.null, fit, rng, draws)
+    score = ValidationScore.of(subject, hypotheses, (search.null, fit), rng, draws)
     weights = [_candidate_probabilities(hypotheses, trial) for trial in search.trials]
     error, unclosed = score.remaining_errors
     if (members and unclosed > UNEXPLAINED_ERROR) or (kind == "none" and error > UNEXPLAINED_ERROR):
@@ -162,12 +163,12 @@ def _add_other_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Tr
     return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(gain, 0.0)})
 
 
-def _find_unnamed(hypotheses: Hypotheses, search: Posterior) -> list[UnnamedEffect]:
+def _find_unnamed(search: Posterior) -> list[UnnamedEffect]:
     """Return discrepancies beyond tolerance, largest first."""
     unnamed = [
-        _describe(hypotheses, replace(search.best, active=(trial.name,)), trial)
+        _describe(search.hypotheses, replace(search.best, active=(trial.name,)), trial)
         for trial in search.trials
-        if trial.name in hypotheses.discrepancies and trial.name in search.best.active
+        if trial.name in search.hypotheses.discrepancies and trial.name in search.best.active
     ]
     return sorted(unnamed, key=lambda effect: -effect.weight)
 
@@ -190,16 +191,14 @@ def _describe(hypotheses: Hypotheses, fit: Hypothesis, trial: Trial) -> UnnamedE
     )
 
 
-def _find_inseparable(
-    hypotheses: Hypotheses, search: Posterior
-) -> tuple[int, Hypothesis, Hypothesis] | None:
+def _find_inseparable(search: Posterior) -> tuple[int, Hypothesis, Hypothesis] | None:
     """Return the only probable effect and an about as probable discrepancy, with the trial index.
 
     None if there is no such pair.
     """
     if not search.best.active:
         return None
-    candidates = []
+    hypotheses, candidates = search.hypotheses, []
     for index, trial in enumerate(search.trials):
         by_name = trial.probabilities
         probable = [fit for fit in trial.tried if by_name[fit.active[-1]] > CLASS_PROBABILITY]
@@ -214,7 +213,7 @@ def _find_inseparable(
 
 
 def _decide(
-    hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
+    search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> tuple[Kind, list[tuple[int, str]]]:
     """Return the kind of verdict and its members, (index of trial, effect) each.
 
@@ -222,6 +221,7 @@ def _decide(
     `SEPARATE_STAGES` do not count. A class contains effects that the recordings do not separate,
     and that such recordings are not expected to separate.
     """
+    hypotheses = search.hypotheses
     named = [
         (index, trial)
         for index, trial in enumerate(search.trials)
@@ -254,15 +254,13 @@ def _decide(
     return "effect" if is_effect else "class", [(index, name) for name in members]
 
 
-def _find_nearest(
-    subject: Subject, search: Posterior, unnamed: Sequence[UnnamedEffect]
-) -> Hypothesis | None:
+def _find_nearest(search: Posterior, unnamed: Sequence[UnnamedEffect]) -> Hypothesis | None:
     """Return the most probable effect in the stage of the unnamed ones; None if none is likely."""
     stages = {effect.stage == "pwm_to_rpm" for effect in unnamed} or {True, False}
     for trial in search.trials:
         for fit in trial.tried:
             name = fit.active[-1]
-            effect = next((e for e in subject.evidence.model.effects if e.name == name), None)
+            effect = search.effects.get(name)
             if effect is None or trial.log_odds[name] <= 0.0:
                 continue
             if (effect.subsystem == "pwm_to_rpm") in stages:
@@ -313,7 +311,7 @@ def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progre
     if best.active:
         best = max((trial.tried[0] for trial in trials), key=hypotheses.log_evidence)
         best = hypotheses.converge(best)
-    return Posterior(null=first.base, best=best, trials=tuple(trials))
+    return Posterior(hypotheses=hypotheses, null=first.base, best=best, trials=tuple(trials))
 
 
 def _try_candidates(hypotheses: Hypotheses, base: Hypothesis) -> Trial:

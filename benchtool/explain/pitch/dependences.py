@@ -1,13 +1,13 @@
 """Summaries of pitch residuals over each candidate variable of a law.
 
 A law is a piecewise linear function of a variable. The filter gives the change of the innovations
-by each hat function (`discrepancies`); products of those columns suffice for the search.
+by each hat function (`FilteredLog`); products of those columns suffice for the search.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.law_search.law import DISTANCE, NEAR, LawForm, Scale, Variable
-from benchtool.explain.law_search.search import (
+from benchtool.explain.law_search import (
     FOLDS,
     CrossValidationFold,
     QuadraticSummary,
     ResidualSummary,
 )
-from benchtool.explain.pitch.discrepancies import COVERED_DISC, DiscrepancySimulation
+from benchtool.explain.laws import DISTANCE, NEAR, LawForm, Scale, Variable
 from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.filter import COVERED_DISC, FilteredLog
 
 KNOTS = 21  # at even quantiles of a variable, and as many at even steps of its range
 BLOCK_S = 2.0  # validation block; far longer than the memory of the filter
@@ -41,32 +41,31 @@ def summarize_residuals(
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors
     residuals, by_parameter, by_discrepancy = hypotheses.linearise_residuals(values, active)
-    logs = evidence.simulate_discrepancies()
+    logs = evidence.logs
     nuisance = np.hstack([by_parameter, by_discrepancy])
     nuisances = _Nuisances(nuisance, by_parameter.shape[1], _fold_masks(logs))
     noise = [float(errors.variance[part].sum()) for part in nuisances.parts[:-1]]
     summaries = []
-    for variable, form, ratios in _list_forms(logs):
-        knots = _place_knots(np.concatenate([series.ravel() for series in ratios]))
-        if len(knots) < 3:
+    for variable, ratios in _list_variables(logs):
+        if len(variable.values) < 3:
             continue
-        columns = [
-            _build_rows(log, form, series, knots) for log, series in zip(logs, ratios, strict=True)
-        ]
-        rows = np.column_stack([np.concatenate(columns) / errors.noise[:, None], residuals])
-        (says, *folds), (bare, *bare_folds) = nuisances.summarize(rows)
-        summaries.append(
-            ResidualSummary(
-                variable=replace(variable, values=knots),
-                form=_build_form(form, logs, len(knots)),
-                quadratic=says,
-                bare_quadratic=bare,
-                folds=[
-                    CrossValidationFold(training=rest, bare_training=bare_rest, noise=squares)
-                    for rest, bare_rest, squares in zip(folds, bare_folds, noise, strict=True)
-                ],
+        for form in variable.forms:
+            columns = [
+                _build_rows(log, form, series, variable.values)
+                for log, series in zip(logs, ratios, strict=True)
+            ]
+            rows = np.column_stack([np.concatenate(columns) / errors.noise[:, None], residuals])
+            (says, *folds), (bare, *bare_folds) = nuisances.summarize(rows)
+            triples = zip(folds, bare_folds, noise, strict=True)
+            summaries.append(
+                ResidualSummary(
+                    variable=variable,
+                    form=_build_form(form, logs, len(variable.values)),
+                    quadratic=says,
+                    bare_quadratic=bare,
+                    folds=[CrossValidationFold(*parts) for parts in triples],
+                )
             )
-        )
     return summaries
 
 
@@ -112,16 +111,15 @@ def _marginalize(law_gram: Array, cross: Array, gram: Array) -> QuadraticSummary
     return QuadraticSummary(reduced[:-1, :-1], reduced[:-1, -1], float(reduced[-1, -1]))
 
 
-def _fold_masks(logs: Sequence[DiscrepancySimulation]) -> list[NDArray[np.bool_]]:
+def _fold_masks(logs: Sequence[FilteredLog]) -> list[NDArray[np.bool_]]:
     """Return masks (n_rows,) of the folds and, last, of rotor speeds (training rows only)."""
     rng, labels = np.random.default_rng(0), []
     for log in logs:
-        filtered = log.log
-        row = filtered.rows(np.arange(float(len(filtered.logged))))
-        block = (row / filtered.logged.rate_Hz // BLOCK_S).astype(int)
+        row = log.average(np.arange(float(len(log.logged))))
+        block = (row / log.logged.rate_Hz // BLOCK_S).astype(int)
         fold = (rng.permutation(int(block.max()) + 1) % FOLDS)[block]
-        labels += [fold] * (1 + filtered.has_gyro)
-        labels += [np.full(len(fold), FOLDS)] * sum(filtered.has_speed)
+        labels += [fold] * (1 + log.has_gyro)
+        labels += [np.full(len(fold), FOLDS)] * sum(log.has_speed)
     label = np.concatenate(labels)
     return [label == number for number in range(FOLDS + 1)]
 
@@ -139,24 +137,24 @@ def _place_knots(values: Array) -> Array:
     return np.asarray(knots[is_distinct], float)
 
 
-def _build_rows(log: DiscrepancySimulation, form: str, values: Array, knots: Array) -> Array:
+def _build_rows(log: FilteredLog, form: str, values: Array, knots: Array) -> Array:
     """Return whitened rows (n_rows, m) of a form's hat functions of values (discs or 1, n)."""
     hats = [np.nan_to_num(_hat_functions(row, knots)) for row in values]
     if form == "torque":
-        return log.rows("torque", hats[0])
+        return log.error_rows("torque", hats[0])
     if form in ("gyro", "encoder"):
-        return log.rows("gyro" if form == "gyro" else "pitch", hats[0])
+        return log.error_rows("gyro" if form == "gyro" else "pitch", hats[0])
     x_m = log.model.rig.disc_positions_m[:, 0]
     torque_Nm = -x_m[:, None] * log.thrust
     if form != "factor":
         plate_share = np.zeros_like(torque_Nm)
         ratio = log.height_m / log.model.rig.propulsion.radius_m
         near = 1.0 / (1.0 + ratio**2) if form == "near" else 1.0
-        plate_share[COVERED_DISC] = log.log.logged.plate_share * near
+        plate_share[COVERED_DISC] = log.logged.plate_share * near
         torque_Nm = torque_Nm * plate_share
     disc_hats = hats * len(torque_Nm) if len(hats) == 1 else hats
     torque = sum(row[:, None] * hat for row, hat in zip(torque_Nm, disc_hats, strict=True))
-    return log.rows("torque", np.asarray(torque))
+    return log.error_rows("torque", np.asarray(torque))
 
 
 def _hat_functions(values: Array, knots: Array) -> Array:
@@ -169,23 +167,20 @@ def _hat_functions(values: Array, knots: Array) -> Array:
     return hats
 
 
-def _list_forms(
-    logs: Sequence[DiscrepancySimulation],
-) -> Iterator[tuple[Variable, str, list[Array]]]:
-    """Yield each variable with each form of its law, and values by recording (discs or 1, n)."""
+def _list_variables(logs: Sequence[FilteredLog]) -> Iterator[tuple[Variable, list[Array]]]:
+    """Yield each variable with its knots, and its values by recording (discs or 1, n)."""
     angle = [log.values("angle")[None] for log in logs]
     rate = [log.rate[None] for log in logs]
     speed = [log.speed for log in logs]
     load = [log.thrust.sum(axis=0)[None] for log in logs]
-    time = [np.arange(len(log.log.logged))[None] / log.log.logged.rate_Hz for log in logs]
+    time = [np.arange(len(log.logged))[None] / log.logged.rate_Hz for log in logs]
     radius_m = logs[0].model.rig.propulsion.radius_m
     height = [
-        np.where(log.log.logged.plate_share > 0.0, log.height_m / radius_m, np.nan)[None]
+        np.where(log.logged.plate_share > 0.0, log.height_m / radius_m, np.nan)[None]
         for log in logs
     ]
-    speed_change = [np.gradient(log.speed, axis=1) * log.log.logged.rate_Hz for log in logs]
-    median_speed, median_load = _median(speed), _median(load)
-    discs = range(logs[0].log.logged.n_discs)
+    speed_change = [np.gradient(log.speed, axis=1) * log.logged.rate_Hz for log in logs]
+    discs = range(logs[0].logged.n_discs)
     total = " + ".join(f"flow.thrust_N[{disc}]" for disc in discs)
     table: tuple[tuple[str, str, str, str, Scale, list[Array], float, tuple[str, ...]], ...] = (
         ("the angle", "angle/ref", "flow.pitch_rad / p.reference", "rad", "signed", angle,
@@ -193,9 +188,9 @@ def _list_forms(
         ("the rate", "rate/ref", "flow.rate_rad_s / p.reference", "rad/s", "signed", rate,
          _max_abs(rate), ("torque", "near", "encoder")),
         ("rotor speed", "w/w_ref", "flow.speed_rad_s[i] / p.reference", "rad/s", "positive", speed,
-         median_speed, ("factor", "near")),
+         _median(speed), ("factor", "near")),
         ("the thrust of all rotors", "T/T_ref", f"({total}) / p.reference", "N", "positive", load,
-         median_load, ("torque",)),
+         _median(load), ("torque",)),
         ("time since the run began", "t/t_ref", "flow.time_s / p.reference", "s", "time", time,
          _max_abs(time), ("torque", "factor", "near", "gyro")),
         ("plate distance", "z/R", DISTANCE, "1", "distance", height, 1.0, ("covered",)),
@@ -203,12 +198,9 @@ def _list_forms(
          _max_abs(speed_change), ("factor",)),
     )  # fmt: skip
     for phrase, symbol, code, unit, scale, values, reference, forms in table:
-        variable = Variable(
-            phrase=phrase, symbol=symbol, code=code, reference=reference, unit=unit, scale=scale,
-            values=np.empty(0),
-        )  # fmt: skip
-        for form in forms:
-            yield variable, form, [series / reference for series in values]
+        ratios = [series / reference for series in values]
+        knots = _place_knots(np.concatenate([series.ravel() for series in ratios]))
+        yield Variable(phrase, symbol, knots, code, reference, unit, scale, forms), ratios
 
 
 def _max_abs(values: Sequence[Array]) -> float:
@@ -219,7 +211,7 @@ def _median(values: Sequence[Array]) -> float:
     return float(np.median(np.concatenate([series.ravel() for series in values]))) or 1.0
 
 
-def _build_form(name: str, logs: Sequence[DiscrepancySimulation], m: int) -> LawForm:
+def _build_form(name: str, logs: Sequence[FilteredLog], m: int) -> LawForm:
     """Return the form of a law of m knots; its columns are of functions of unit size."""
     rig, limits = logs[0].model.rig, logs[0].model.discrepancy
     arms_m = np.abs(rig.disc_positions_m[:, 0])

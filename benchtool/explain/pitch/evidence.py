@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import EARLY, LATE, Discrepancy, RowGroups
-from benchtool.explain.engine.parameters import (
+from benchtool.explain.engine.evidence import (
+    EARLY,
+    LATE,
     RADIUS_KNOWN,
+    Discrepancy,
+    RowGroups,
     ScaledParameter,
     all_shape_names,
     effect_parameters,
     owner_parameter,
     parameters_at,
+    smooth_root,
     with_every_effect,
 )
-from benchtool.explain.pitch.discrepancies import DiscrepancySimulation, discrepancies, smooth
-from benchtool.explain.pitch.filter import FilterResult, pitch_filter
-from benchtool.explain.pitch.resampling import find_segments
-from benchtool.physics.catalogue import candidates
+from benchtool.explain.pitch.filter import MAX_BLOCK_SIZE, FilteredLog
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -36,7 +37,14 @@ MIN_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
 MAX_ROWS = 40000
 
 LANES = 8  # parameter sets run at once; memory is proportional to it
-SETTLING_S = 0.3  # after a restart of the filter, before its innovations are used
+LENGTH = 0.3  # correlation length of a discrepancy, in shares of its variable's range
+RESOLUTION = 0.05  # of positions, in correlation lengths
+
+VARIABLES = {  # variables of each kind of discrepancy
+    "torque": ("angle", "rate", "thrust", "time", "distance"),
+    "speed": ("pulse", "time", "distance"),
+    "reading": ("angle", "rate"),
+}
 
 
 class PitchEvidence:
@@ -51,16 +59,18 @@ class PitchEvidence:
     ) -> None:
         self.model = with_every_effect(model, "pitch", extra)
         self._extra_effects = tuple(extra)
-        names = {effect.name for effect in (*candidates("pitch"), *extra)}
         self.n_averaged = n_averaged or -(-sum(len(log) for log in logs) // MAX_ROWS)
-        self.logs = [self._run_filter(log) for log in logs]
+        self.logs = [
+            FilteredLog.of(log, self.model, index, self.n_averaged)
+            for index, log in enumerate(logs)
+        ]
         # The plant's steps do not resolve shorter lags.
         min_lags_s = {
             f"{effect.name}.{effect.parameters[0].name}": MIN_LAG_S
             for effect in self.model.effects
             if effect.hooks.lag_s is not None
         }
-        effects = effect_parameters(self.model, names, "pitch", min_lags_s)
+        effects = effect_parameters(self.model, "pitch", extra, min_lags_s)
         self.parameters = (*effects, *self._owner_parameters())
 
     def of(self, logs: Sequence[LoggedPitch], n_averaged: int) -> PitchEvidence:
@@ -84,20 +94,7 @@ class PitchEvidence:
             ),
         ]
 
-    # --- data -----------------------------------------------------------------------------
-
-    def _run_filter(self, logged: LoggedPitch) -> FilterResult:
-        filter_ = pitch_filter(
-            PitchBench.from_model(self.model),
-            logged.rate_Hz,
-            gyro=bool(np.isfinite(logged.gyro_rad_s).any()),
-            speeds=bool(np.isfinite(logged.speed_rad_s).any()),
-        )
-        is_evidence = np.ones(len(logged), bool)
-        n_settling = round(SETTLING_S * logged.rate_Hz)
-        for segment in find_segments(logged.mode):
-            is_evidence[segment.start : segment.start + n_settling] = False
-        return FilterResult.of(logged, filter_, is_evidence, self.n_averaged)
+    # --- evidence -------------------------------------------------------------------------
 
     def bench(self, scaled: Array, rate_Hz: float) -> PitchBench:
         """Return the bench with the parameters at scaled values (n_parameters,)."""
@@ -117,9 +114,8 @@ class PitchEvidence:
         rows: list[Array] = []
         for log in self.logs:
             benches = [self.bench(values, log.logged.rate_Hz) for values in sets]
-            lead = round(SETTLING_S * log.logged.rate_Hz)
             pieces = []
-            for part, start_s in log.pieces(lead):
+            for part, start_s in log.pieces():
                 logged = part.logged
                 run = filter_log(benches, logged, log.filter.gains, start_s=start_s)
                 pairs = zip(logged.speed_rad_s, run.speed_rad_s.swapaxes(0, 1), strict=True)
@@ -133,7 +129,29 @@ class PitchEvidence:
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        return tuple(discrepancies(self.simulate_discrepancies()))
+        """Return torques, speeds and reading errors, each a smooth function of one variable."""
+        return tuple(self._discrepancies())
+
+    def _discrepancies(self) -> Iterator[Discrepancy]:
+        for channel, variables in VARIABLES.items():
+            for variable in variables:
+                if (bases := smooth(self.logs, variable)) is None:
+                    continue
+                name = f"{channel}: {variable}"
+                columns, shares = [], []
+                for log, basis in zip(self.logs, bases, strict=True):
+                    n_blocks = min(basis.shape[1], 1 + basis.size // MAX_BLOCK_SIZE)
+                    blocks = np.array_split(basis, n_blocks, axis=1)
+                    pieces = [log.whitened_rows(name, block) for block in blocks]
+                    columns.append(np.hstack([rows for rows, _ in pieces]))
+                    shares.append(np.hstack([share for _, share in pieces]))
+                rows = np.concatenate(columns)
+                if rows.any():
+                    yield Discrepancy(
+                        name=name,
+                        columns=rows,
+                        shares=np.concatenate(shares),
+                    )
 
     def varied(self, changes: Array) -> Array:
         return changes[:, None] * self._variations
@@ -141,29 +159,48 @@ class PitchEvidence:
     @cached_property
     def _variations(self) -> Array:
         """Relative errors of a law (n_rows, r), smooth in pulse, rate and absolute rate."""
-        logs = self.simulate_discrepancies()
-        bases = [smooth(logs, name) for name in ("pulse", "rate", "slowness")]
+        bases = [smooth(self.logs, name) for name in ("pulse", "rate", "slowness")]
         functions = [np.hstack(parts) for parts in zip(*filter(None, bases), strict=True)]
         rows = [
-            np.tile(log.rows(basis), (log.n_channels, 1))
+            np.tile(log.average(basis), (log.n_channels, 1))
             for basis, log in zip(functions, self.logs, strict=True)
         ]
         return np.asarray(self.model.discrepancy.law / np.sqrt(3.0) * np.concatenate(rows), float)
-
-    def simulate_discrepancies(self) -> list[DiscrepancySimulation]:
-        """Return the discrepancies of each recording."""
-        return [DiscrepancySimulation(log, self.model, n) for n, log in enumerate(self.logs)]
 
     def groups(self) -> RowGroups:
         speed_masks: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
-            masks = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
+            masks = pitch_regimes(log)
             n_sensors = 1 + log.has_gyro
             for is_speed in np.arange(log.n_channels) >= n_sensors:
                 speed_masks.append(np.full(log.n_rows, is_speed))
-                regimes.append({name: log.rows(m.astype(float)) > 0.5 for name, m in masks.items()})
+                regimes.append(
+                    {name: log.average(m.astype(float)) > 0.5 for name, m in masks.items()}
+                )
         return RowGroups.concatenate("hinge", speed_masks, regimes)
+
+
+def smooth(logs: Sequence[FilteredLog], variable: str) -> list[Array] | None:
+    """Return smooth functions (n, r) of unit size over a variable, for each recording.
+
+    All recordings share the functions; None if the variable hardly changes.
+    """
+    parts = [log.values(variable) for log in logs]
+    values = np.concatenate(parts)
+    is_finite = np.isfinite(values)
+    if np.mean(is_finite) < 0.01:
+        return None
+    positions = values[is_finite]
+    if variable not in ("time", "distance"):
+        low, high = np.quantile(positions, [0.01, 0.99])
+        if not high - low > 1e-9:
+            return None
+        positions = np.clip(positions, low, high) / (LENGTH * (high - low))
+    basis = smooth_root(positions[:, None], RESOLUTION)
+    all_rows = np.zeros((len(values), basis.shape[1]))
+    all_rows[is_finite] = basis
+    return np.split(all_rows, np.cumsum([len(part) for part in parts])[:-1])
 
 
 NEAR_Z_OVER_R = 2.0  # regime of a near plate; assumed
@@ -171,14 +208,11 @@ SLOW_RAD_S = 0.05  # 3 deg/s, limit of slow motion; assumed
 REVERSAL_WINDOW_S = 0.15  # before and after a change of sign; assumed
 
 
-def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.bool_]]:
+def pitch_regimes(log: FilteredLog) -> dict[str, NDArray[np.bool_]]:
     """Return masks (n,) of regimes by their names in reports."""
-    n = len(logged)
-    rate = np.nan_to_num(logged.gyro_rad_s)
-    if not rate.any():
-        rate = np.gradient(np.nan_to_num(logged.theta_rad)) * logged.rate_Hz
+    logged, n = log.logged, len(log.logged)
     width = max(1, round(0.05 * logged.rate_Hz))
-    smooth_rate = np.convolve(rate, np.ones(width) / width, mode="same")
+    smooth_rate = np.convolve(log.rate, np.ones(width) / width, mode="same")
     slow = np.abs(smooth_rate) < SLOW_RAD_S
     is_reversal = np.zeros(n, bool)
     is_reversal[1:] = np.sign(smooth_rate[1:]) != np.sign(smooth_rate[:-1])
@@ -189,7 +223,7 @@ def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.
     is_steady = np.convolve(change, np.ones(width) / width, "same") < np.median(change) + 1e-9
     low, high = np.quantile(mean_us, [1.0 / 3.0, 2.0 / 3.0])
     covered = logged.plate_share > 0.0
-    near = covered & (logged.plate_z_m < NEAR_Z_OVER_R * radius_m)
+    near = covered & (logged.plate_z_m < NEAR_Z_OVER_R * log.model.rig.propulsion.radius_m)
     time = np.arange(n)
     regimes = {
         f"z/R below {NEAR_Z_OVER_R:g}": near,

@@ -9,14 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import lfilter, ss2tf
 
 from benchtool.core.units import Array
+from benchtool.explain.engine.evidence import HALF_Z_OVER_R, WITHIN
+from benchtool.explain.pitch.resampling import find_segments
+from benchtool.physics.images import height_over
+from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_log import LoggedPitch
+from benchtool.simulate.pitch.lane import plane_below
 
 CHANNELS = ("theta_rad", "gyro_rad_s", "rpm")
 
@@ -27,7 +35,17 @@ DEFAULT_CORRELATION_S = 0.1  # of the wake's torque where none is stated; assume
 # feed reading noise through the lag, which biases its estimate: 20 ms became 16 ms at 0.1.
 SPEED_GAIN = 0.02
 
+SETTLING_S = 0.3  # after a restart of the filter, before its innovations are used
 PIECE = 40_000  # rows filtered at once; memory is proportional to it
+
+# Correlation lengths: log of the distance, share of the duration.
+DISTANCE, TIME = 0.5, 0.25
+COVERED_DISC = 0  # index of the disc over the plate, as of `PitchBench.from_model`
+MIN_Z_OVER_R = 0.1  # lower limit of z/R; assumed
+STICTION_RAD_S = 0.01  # smaller rates are not resolved: 0.6 deg/s; assumed
+AVERAGING_S = 0.02  # window of angle and rate before a row
+RECORDING_GAP = 100.0  # between recordings, in correlation lengths: independent functions
+MAX_BLOCK_SIZE = 1_000_000  # numbers filtered at once: half an hour in 100 MB
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,11 +59,17 @@ class PitchFilter:
     step: Array  # (3, 3) transition matrix of pitch, rate and wake torque over one row
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FilterResult:
-    """Recording with its filter and its valid rows."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FilteredLog:
+    """Recording with its filter, its valid rows, and the innovations of errors outside all laws.
+
+    The filter has constant gains, so its innovations are linear in any error that it does not
+    model.
+    """
 
     logged: LoggedPitch
+    model: Model
+    index: int  # of the recording
     filter: PitchFilter
     indices: NDArray[np.intp]  # (n_rows * n_averaged,) rows with settled innovations
     n_averaged: int  # indices averaged into one row of evidence
@@ -53,14 +77,24 @@ class FilterResult:
     has_speed: tuple[bool, ...]
 
     @classmethod
-    def of(
-        cls, logged: LoggedPitch, filter_: PitchFilter, valid: NDArray[np.bool_], n_averaged: int
-    ) -> FilterResult:
-        """Return the result with the rows of the mask `valid` (n,) as evidence."""
+    def of(cls, logged: LoggedPitch, model: Model, index: int, n_averaged: int) -> FilteredLog:
+        """Return a recording with the steady-state filter of its model."""
+        filter_ = pitch_filter(
+            PitchBench.from_model(model),
+            logged.rate_Hz,
+            gyro=bool(np.isfinite(logged.gyro_rad_s).any()),
+            speeds=bool(np.isfinite(logged.speed_rad_s).any()),
+        )
+        valid = np.ones(len(logged), bool)
+        n_settling = round(SETTLING_S * logged.rate_Hz)
+        for segment in find_segments(logged.mode):
+            valid[segment.start : segment.start + n_settling] = False
         indices = [i + np.flatnonzero(valid[i : i + PIECE]) for i in range(0, len(valid), PIECE)]
         blocks = [part[: len(part) // n_averaged * n_averaged] for part in indices]
         return cls(
             logged=logged,
+            model=model,
+            index=index,
             filter=filter_,
             indices=np.concatenate(blocks),
             n_averaged=n_averaged,
@@ -75,7 +109,7 @@ class FilterResult:
         """Number of rows of evidence per channel."""
         return len(self.indices) // self.n_averaged
 
-    def rows(self, values: Array) -> Array:
+    def average(self, values: Array) -> Array:
         """Return values (n, ...) averaged over each row of evidence (n_rows, ...)."""
         rows = np.asarray(values[self.indices], float)
         if self.n_averaged == 1:
@@ -99,18 +133,146 @@ class FilterResult:
             if has_readings:
                 is_finite = np.isfinite(readings)[:, None]
                 rows.append(np.where(is_finite, error, 0.0) / self.filter.reading_sd["rpm"])
-        return tuple(np.sqrt(self.n_averaged) * self.rows(row) for row in rows)
+        return tuple(np.sqrt(self.n_averaged) * self.average(row) for row in rows)
 
-    def pieces(self, lead: int) -> Iterator[tuple[FilterResult, float]]:
+    def pieces(self) -> Iterator[tuple[FilteredLog, float]]:
         """Yield pieces of the recording, each with the time of its first row: s.
 
-        Each begins `lead` rows before its rows of evidence, for the filter to settle.
+        Each begins before its rows of evidence, for the filter to settle.
         """
+        lead = round(SETTLING_S * self.logged.rate_Hz)
         for first in range(0, len(self.logged), PIECE):
             start, stop = max(first - lead, 0), min(first + PIECE, len(self.logged))
             indices = self.indices[(self.indices >= first) & (self.indices < stop)] - start
             part = replace(self, logged=self.logged.between(start, stop), indices=indices)
             yield part, start / self.logged.rate_Hz
+
+    @cached_property
+    def speed(self) -> Array:
+        """Speeds of the discs (discs, n): rad/s; from pulses where not measured."""
+        p = self.model.rig.propulsion
+        logged = self.logged
+        steady_speed = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
+        return np.where(np.isfinite(logged.speed_rad_s), logged.speed_rad_s, steady_speed)
+
+    @cached_property
+    def thrust(self) -> Array:
+        """Thrusts of the discs out of ground effect (discs, n): N."""
+        return np.asarray(self.model.rig.propulsion.thrust_coefficient_N_s2 * self.speed**2, float)
+
+    @cached_property
+    def rate(self) -> Array:
+        """Rate of the beam (n,): rad/s."""
+        gyro_rad_s = np.nan_to_num(self.logged.gyro_rad_s)
+        theta_rad = np.nan_to_num(self.logged.theta_rad)
+        return gyro_rad_s if gyro_rad_s.any() else np.gradient(theta_rad) * self.logged.rate_Hz
+
+    def values(self, variable: str) -> Array:
+        """Return a variable (n,), nan where undefined.
+
+        Time and distance are in correlation lengths; other variables have `LENGTH` of their range.
+        """
+        logged = self.logged
+        rows = round(AVERAGING_S * logged.rate_Hz)
+        if variable in ("angle", "rate"):
+            values = np.nan_to_num(logged.theta_rad) if variable == "angle" else self.rate
+            # The mean of the previous rows is independent of a row's noise.
+            sums = np.cumsum(np.concatenate([np.full(rows + 1, values[0]), values]))
+            return np.asarray((sums[rows:-1] - sums[: -rows - 1]) / rows, float)
+        if variable == "slowness":  # friction laws differ most at low rates
+            return np.log(np.maximum(np.abs(self.values("rate")), STICTION_RAD_S))
+        if variable == "thrust":
+            return np.asarray(self.thrust.sum(axis=0), float)
+        if variable == "pulse":
+            return np.asarray(logged.pwm_us.mean(axis=0), float)
+        if variable == "time":
+            return RECORDING_GAP * self.index + np.arange(len(logged)) / len(logged) / TIME
+        ratio = np.maximum(self.height_m / self.model.rig.propulsion.radius_m, MIN_Z_OVER_R)
+        return np.where(logged.plate_share > 0.0, np.log(ratio) / DISTANCE, np.nan)
+
+    @cached_property
+    def height_m(self) -> Array:
+        """Distance from the covered disc to the plate (n,), with the beam tilted: m."""
+        plane = plane_below(self.logged.plate_z_m, self.values("angle"), 0.0)
+        x_m, y_m = self.model.rig.disc_positions_m[COVERED_DISC, :2]
+        return np.asarray(height_over(plane, x_m, y_m), float)
+
+    def error_rows(self, channel: Literal["torque", "pitch", "gyro"], errors: Array) -> Array:
+        """Return whitened rows (n_rows, r) of torques in N m or reading errors (n, r)."""
+        parts = []
+        for block in np.array_split(errors, 1 + errors.size // MAX_BLOCK_SIZE, axis=1):
+            innovations = np.zeros((2 + len(self.speed), *block.shape))
+            if channel == "torque":
+                innovations[:2] = self.torque_innovations(block)
+            else:
+                innovations[:2] = self.reading_innovations(int(channel == "gyro"), block)
+            parts.append(np.concatenate(self.whiten(innovations)))
+        return np.hstack(parts)
+
+    def innovations(self, name: str, basis: Array) -> tuple[Array, Array]:
+        """Return innovations (2 + discs, n, r) and shares (n, r) of smooth functions (n, r)."""
+        channel, _, variable = name.partition(": ")
+        limits = self.model.discrepancy
+        innovations = np.zeros((2 + len(self.speed), *basis.shape))
+        if channel == "torque":
+            arms_m, thrust_N = np.abs(self.model.rig.disc_positions_m[:, 0]), self.thrust
+            if variable == "distance":
+                ratio = self.height_m / self.model.rig.propulsion.radius_m / HALF_Z_OVER_R
+                weight = self.logged.plate_share / (1.0 + ratio**2)
+                basis = weight[:, None] * basis
+                arms_m, thrust_N = arms_m[[COVERED_DISC]], thrust_N[[COVERED_DISC]]
+            tolerance = limits.thrust if variable == "distance" else limits.torque
+            share = WITHIN * tolerance * basis
+            innovations[:2] = self.torque_innovations((arms_m @ thrust_N)[:, None] * share)
+        elif channel == "speed":
+            share = WITHIN * limits.speed * basis
+            rate_Hz = self.logged.rate_Hz
+            decay = np.exp(-1.0 / (self.model.rig.propulsion.lag_s * rate_Hz))
+            lag = [0.0, 1.0 - decay], [1.0, -decay * (1.0 - self.filter.gains[6])]
+            innovations[2:] = lfilter(*lag, self.speed[:, :, None] * share, axis=1)
+        else:
+            encoder, gyro = (0, np.std(self.values("angle"))), (1, np.std(self.rate))
+            row, typical = encoder if variable == "angle" else gyro
+            size = limits.encoder_rad if variable == "angle" else limits.gyro * float(typical)
+            error = WITHIN * size * basis
+            share = error / float(typical)
+            innovations[:2] = self.reading_innovations(row, error)
+        return innovations, share
+
+    def whitened_rows(self, name: str, basis: Array) -> tuple[Array, Array]:
+        """Return whitened rows and shares of readings (n_rows, r) of smooth functions (n, r)."""
+        innovations, share = self.innovations(name, basis)
+        rows = np.concatenate(self.whiten(innovations))
+        channels = rows.reshape(-1, self.n_rows, rows.shape[1])
+        is_affected = np.asarray(channels.any(axis=(1, 2)))[:, None, None]
+        return rows, (is_affected * self.average(share)).reshape(rows.shape)
+
+    def torque_innovations(self, torque: Array) -> Array:
+        """Return innovations (2, n, r) of unmodelled torques (n, r) in N m."""
+        dt = 1.0 / self.logged.rate_Hz
+        torque_input = np.array([[dt**2 / 2.0], [dt], [0.0]]) / self.model.rig.body.inertia_yy_kgm2
+        return self._run(torque_input, np.zeros((2, 1)), torque)
+
+    def reading_innovations(self, row: int, error: Array) -> Array:
+        """Return innovations (2, n, r) of errors (n, r) in a reading: pitch 0, gyro 1."""
+        filter_, feedthrough = self.filter, np.eye(2)[:, row : row + 1]
+        gain = filter_.gains[:6].reshape(3, 2)
+        return self._run(-filter_.step @ gain @ feedthrough, feedthrough, error)
+
+    def _run(self, input_gain: Array, feedthrough: Array, values: Array) -> Array:
+        """Return the filter's response (2, n, r) to an input, restarted in each segment."""
+        filter_, measured = self.filter, np.eye(3)[:2]
+        segments = find_segments(self.logged.mode)
+        closed = filter_.step @ (np.eye(3) - filter_.gains[:6].reshape(3, 2) @ measured)
+        rows, denominator = ss2tf(closed, input_gain, measured, feedthrough)
+        return np.array(
+            [
+                np.concatenate(
+                    [lfilter(row, denominator, values[part], axis=0) for part in segments]
+                )
+                for row in rows
+            ]
+        )
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.engine.design import (
-    CandidateEffect,
-    ExpectedOutcome,
-    Forecast,
-    build_proposal,
-    select_design,
-)
-from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.findings import NextExperiment
+from benchtool.explain.engine.design import CandidateEffect, Designer
+from benchtool.explain.engine.evidence import parameters_at
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
-from benchtool.physics.effects.effect import Subsystem
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import load_gains
 from benchtool.simulate.pitch.bench import PitchBench
@@ -52,20 +45,22 @@ SLIDE_S = 1.0  # between visits of the plate; assumed
 class PitchDesign:
     """Design of a pitch experiment: motions in turn, one plate visit per distance."""
 
-    motions: tuple[str, ...]
+    plan_toml: ClassVar[str] = ""
+    motions: tuple[str, ...] = ()
     collective: str = ""
     dither: bool = False
     z_over_R: tuple[float, ...] = ()
-    length_s: float = LENGTHS_S[0]
+    duration_s: float = LENGTHS_S[0]
+    rig: Rig
 
+    @property
     def schedule(self) -> Schedule:
-        """Return the schedule of its commands."""
-        turn_s = self.length_s / max(1, len(self.motions))
-        visit_s = self.length_s / (len(self.z_over_R) + 1)
+        turn_s = self.duration_s / max(1, len(self.motions))
+        visit_s = self.duration_s / (len(self.z_over_R) + 1)
         return Schedule(
             name="next_schedule",
-            title=self.text(),
-            duration_s=self.length_s,
+            title=self.title,
+            duration_s=self.duration_s,
             reference_deg=tuple(
                 replace(MOTIONS[name], from_s=index * turn_s, to_s=(index + 1) * turn_s)
                 for index, name in enumerate(self.motions)
@@ -80,16 +75,15 @@ class PitchDesign:
             ),
         )
 
-    def text(self) -> str:
-        """Return the design as a phrase."""
+    @property
+    def title(self) -> str:
         parts = [*self.motions, self.collective, "dither on the pulses" if self.dither else ""]
         motions = ", ".join(part for part in parts if part)
         ratios = ", ".join(f"{ratio:g}" for ratio in self.z_over_R)
         plate = f"the plate parked, then at z/R {ratios}" if ratios else "no plate"
-        return f"{motions[:1].upper()}{motions[1:]}; {plate}; {self.length_s:g} s"
+        return f"{motions[:1].upper()}{motions[1:]}; {plate}; {self.duration_s:g} s"
 
-    def more(self, rig: Rig) -> dict[str, PitchDesign]:
-        """Return designs with one addition each, by its name."""
+    def extend(self) -> dict[str, PitchDesign]:
         designs = {}
         for name in MOTIONS.keys() - set(self.motions):
             designs[name] = replace(self, motions=(*self.motions, name))
@@ -98,51 +92,47 @@ class PitchDesign:
         if not self.dither:
             designs["dither"] = replace(self, dither=True)
         for ratio in set(Z_OVER_R) - set(self.z_over_R):
-            if ratio * rig.propulsion.radius_m >= rig.plate.z_min_m:
+            if ratio * self.rig.propulsion.radius_m >= self.rig.plate.z_min_m:
                 ratios = tuple(sorted((*self.z_over_R, ratio), reverse=True))
                 designs[f"z/R {ratio}"] = replace(self, z_over_R=ratios)
         for length_s in LENGTHS_S:
-            if length_s > self.length_s:
-                designs["length"] = replace(self, length_s=length_s)
+            if length_s > self.duration_s:
+                designs["length"] = replace(self, duration_s=length_s)
                 break
         return designs
 
 
-def next_pitch(
-    evidence: PitchEvidence,
-    rivals: Sequence[CandidateEffect],
-    rng: np.random.Generator,
-    refused: Subsystem | None = None,
-    minutes: float | None = None,
-) -> NextExperiment:
-    """Return the experiment with the best expected separation of the rivals."""
-    model, logs = evidence.model, [log.logged for log in evidence.logs]
-    n_averaged = max(MIN_AVERAGED, evidence.n_averaged)
-    forecast = Forecast(evidence.of(logs, n_averaged), rivals)
-    values = forecast.rivals[0].fit.values
-    parameters = parameters_at(model.parameters, evidence.parameters, values)
-    bench = PitchBench.from_model(model.with_values(parameters))
-    job = PitchJob(bench, PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ))
+class PitchDesigner(Designer[PitchDesign]):
+    """Search for the next pitch experiment, flown by a PID controller."""
 
-    seed = int(rng.integers(2**31))
+    max_minutes = LENGTHS_S[-1] / 60.0
+    evidence: PitchEvidence
 
-    def expect(design: PitchDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
-        sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
-        recording = simulate_pitch(job, sampled, seed).recording(model.rig)
-        log = pitch_log(recording, model.rig, checked=False).logged
-        new, combined = (evidence.of(data, n_averaged) for data in ([log], [*logs, log]))
-        return forecast.expected(new, combined, drawn)
+    def __init__(
+        self,
+        evidence: PitchEvidence,
+        candidates: Sequence[CandidateEffect],
+        rng: np.random.Generator,
+    ) -> None:
+        self._logs = [log.logged for log in evidence.logs]
+        self._n_averaged = max(MIN_AVERAGED, evidence.n_averaged)
+        super().__init__(evidence.of(self._logs, self._n_averaged), candidates, rng)
+        model = evidence.model
+        parameters = parameters_at(model.parameters, evidence.parameters, self.values)
+        bench = PitchBench.from_model(model.with_values(parameters))
+        control = PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ)
+        self._job, self._seed = PitchJob(bench, control), int(rng.integers(2**31))
 
-    ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
-    first = PitchDesign(motions=("slow reversals",))
-    best = select_design(
-        ladder if refused == "pwm_to_rpm" else first,
-        lambda design: design.more(model.rig),
-        expect,
-        lambda design: design.length_s,
-        60.0 * minutes if minutes else LENGTHS_S[-1],
-    )
-    outcome, schedule = expect(best, rng), best.schedule()
-    return build_proposal(
-        forecast.rivals, outcome, best.text(), best.length_s, refused, schedule=schedule
-    )
+    def initial(self, *, ladder: bool) -> PitchDesign:
+        rig = self.evidence.model.rig
+        if ladder:
+            return PitchDesign(collective="a ladder of the collective", z_over_R=(1.3,), rig=rig)
+        return PitchDesign(motions=("slow reversals",), rig=rig)
+
+    def simulate(self, design: PitchDesign) -> tuple[PitchEvidence, PitchEvidence]:
+        rig, evidence = design.rig, self.evidence
+        sampled = design.schedule.sampled(RATE_HZ, rig.propulsion.radius_m)
+        recording = simulate_pitch(self._job, sampled, self._seed).recording(rig)
+        log = pitch_log(recording, rig, checked=False).logged
+        new, both = (evidence.of(logs, self._n_averaged) for logs in ([log], [*self._logs, log]))
+        return new, both

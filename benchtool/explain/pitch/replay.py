@@ -17,6 +17,7 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.explain.pitch.evidence import PLANT_HZ
 from benchtool.explain.pitch.log import last_known
 from benchtool.explain.pitch.replay_track import PitchTrack, tracking_error
+from benchtool.explain.pitch.sanity_checks import bridge_gaps
 from benchtool.explain.pitch.subject import LEAD_S
 from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
@@ -158,8 +159,7 @@ def _estimate_plate(track: PitchTrack, inputs: ReplayInputs) -> tuple[Array, str
     for heights in (track.plate_z_m, track.distance_m):
         has_height = is_over & np.isfinite(heights) & (heights < PARKED_M)
         if has_height.any():
-            rows = np.arange(len(track))
-            filled = np.interp(rows, rows[has_height], heights[has_height])
+            filled = bridge_gaps(np.where(has_height, heights, np.nan))
             return np.where(is_over, filled, PARKED_M), ""
     return np.empty(0), ("A simulated run needs the distance to the surface; give --plate-z-m.")
 

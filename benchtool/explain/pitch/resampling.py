@@ -164,24 +164,22 @@ class Resampler:
     clock: Array  # (n,) in order
 
     def find_readings(self, values: Array) -> tuple[Array, Array]:
-        """Return times and values of the finite readings, in the order of time."""
+        """Return times and values of the finite readings, in the order of time; nan without any."""
         rows = np.flatnonzero(np.isfinite(values) & np.isfinite(self.time_s))
+        if not rows.size:
+            return np.array([np.nan]), np.array([np.nan])
         rows = rows[np.argsort(self.time_s[rows], kind="stable")]
         return self.time_s[rows], values[rows]
 
     def interpolate(self, values: Array) -> Array:
         """Return readings, interpolated linearly except in dropouts (n,)."""
         times_s, readings = self.find_readings(values)
-        if not times_s.size:
-            return np.full(len(self.clock), np.nan)
         resampled = np.interp(self.clock, times_s, readings, left=np.nan, right=np.nan)
         return self._without_dropouts(times_s, resampled)
 
     def hold(self, values: Array) -> Array:
         """Return values held until the next one except in dropouts (n,)."""
         times_s, outputs = self.find_readings(values)
-        if not times_s.size:
-            return np.full(len(self.clock), np.nan)
         previous = np.searchsorted(times_s, self.clock + 1e-9, side="right") - 1
         resampled = np.where(previous >= 0, outputs[np.maximum(previous, 0)], np.nan)
         return self._without_dropouts(times_s, resampled)
@@ -194,8 +192,6 @@ class Resampler:
     def read(self, values: Array, step_s: float) -> Array:
         """Return readings at ticks: interpolated if dense, else the nearest one, else nan."""
         times_s, readings = self.find_readings(values)
-        if not times_s.size:
-            return np.full(len(self.clock), np.nan)
         clock = self.clock
         after = np.searchsorted(times_s, clock - 1e-9)
         left, right = np.maximum(after - 1, 0), np.minimum(after, len(times_s) - 1)
@@ -213,8 +209,6 @@ class Resampler:
         The mean, because an output logged just after an angle acts during nearly the whole tick.
         """
         times_s, outputs = self.find_readings(values)
-        if not times_s.size:
-            return np.full(len(self.clock), np.nan)
         edges = np.append(self.clock, self.clock[-1] + step_s)
         sums = np.concatenate([[0.0], np.cumsum(outputs[:-1] * np.diff(times_s))])
         latest = np.clip(np.searchsorted(times_s, edges, side="right") - 1, 0, len(times_s) - 1)

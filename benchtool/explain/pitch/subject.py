@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import CHANNEL_UNITS, Subject
+from benchtool.explain.engine.subject import Subject, build_overlay
 from benchtool.explain.findings import Overlay
 from benchtool.explain.pitch.dependences import summarize_residuals
-from benchtool.explain.pitch.evidence import SETTLING_S, PitchEvidence
-from benchtool.explain.pitch.filter import CHANNELS, FilterResult
+from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.filter import CHANNELS, SETTLING_S, FilteredLog
 from benchtool.explain.pitch.log import PitchLog
-from benchtool.explain.pitch.next_experiment import next_pitch
+from benchtool.explain.pitch.next_experiment import PitchDesigner
 from benchtool.explain.pitch.resampling import find_segments
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -51,7 +51,6 @@ WINDOWS_S = (0.25, 0.5, 1.0)
 MAX_FLOOR_SPREAD = 0.05
 FLOOR_DRAWS = 32  # simulated recordings for that quantile
 ONE_SIDED_95 = 1.645  # normal quantile
-BREAK = np.full((1, 4), np.nan)  # between windows, to break lines
 
 
 def read_channels(logged: LoggedPitch) -> dict[str, Array]:
@@ -69,13 +68,13 @@ def predicted_channels(run: Predictions) -> dict[str, Array]:
 class Windows:
     """Windows of a log without dropouts, after the filter has settled."""
 
-    log: FilterResult  # the recording with its filter
+    log: FilteredLog  # the recording with its filter
     starts: NDArray[np.intp]  # (w,) first rows
     rows: int  # rows of a window
     block: int  # consecutive windows in a block
 
     @classmethod
-    def of(cls, log: FilterResult, window_s: float, overlap: int = 1) -> Windows:
+    def of(cls, log: FilteredLog, window_s: float, overlap: int = 1) -> Windows:
         """Return windows of a length; each begins after 1/`overlap` of the previous one."""
         logged = log.logged
         rows = max(2, round(window_s * logged.rate_Hz))
@@ -180,7 +179,7 @@ class PitchSubject(Subject):
 
     kind = "pitch"
     summarize = staticmethod(summarize_residuals)
-    propose = staticmethod(next_pitch)
+    designer = PitchDesigner
     evidence: PitchEvidence
     check_evidence: PitchEvidence
     all_evidence: PitchEvidence
@@ -258,12 +257,7 @@ class PitchSubject(Subject):
                 rows = np.arange(start, start + windows.rows)
                 prediction = predicted_channels(run)[name]
                 prediction = prediction if read.ndim == 1 else prediction[:, 0]
-                pieces += [np.column_stack([rows / rate_Hz, values[rows], prediction]), BREAK]
-            at, measured, line, other = np.concatenate(pieces).T
-            overlays.append(
-                Overlay(
-                    channel=name if name != "rpm" else "rpm1", unit=CHANNEL_UNITS[name],
-                    axis="time_s", at=at, measured=measured, before=line, after=other,
-                )
-            )  # fmt: skip
+                pieces.append(np.column_stack([rows / rate_Hz, values[rows], prediction]))
+            channel = "rpm1" if name == "rpm" else name
+            overlays.append(build_overlay(channel, "time_s", pieces))
         return tuple(overlays)

@@ -62,6 +62,27 @@ class TimeOffset:
         """Absolute offset ± its standard error in ms, as text."""
         return f"{1e3 * abs(self.offset_s):.1f} ± {1e3 * self.se_s:.2g} ms"
 
+    def shift(
+        self, logged: LoggedPitch, channel: str, late_s: float, limit_s: float, remarks: list[str]
+    ) -> LoggedPitch:
+        """Return the log with one channel shifted to earlier times; add a remark.
+
+        Ends of pulses are held, those of other channels blank.
+        """
+        values = np.atleast_2d(getattr(logged, channel))
+        rows = np.arange(values.shape[1])
+        ends = {"left": np.nan, "right": np.nan} if channel != "pwm_us" else {}
+        later = rows + late_s * logged.rate_Hz
+        moved = np.array([np.interp(later, rows, row, **ends) for row in values])
+        changed: dict[str, Any] = {channel: moved.reshape(getattr(logged, channel).shape)}
+        error, shift = ("late", "earlier") if late_s > 0.0 else ("early", "later")
+        remarks.append(
+            f"{'rpm' if channel == 'speed_rad_s' else channel} is {1e3 * abs(late_s):.1f} ± "
+            f"{1e3 * self.se_s:.2g} ms {error} (allowed: {1e3 * limit_s:g} ms), shifted to {shift} "
+            f"times; log all channels on one clock"
+        )
+        return replace(logged, **changed)
+
 
 def align_channels(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list[str]]:
     """Return the log with time offsets corrected, and warnings on them.
@@ -92,14 +113,12 @@ def align_channels(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitc
                 is_angle = abs(thrust.offset_s + sensors.offset_s) > abs(thrust.offset_s) + 0.003
                 channel = "theta_rad" if is_angle else "gyro_rad_s"
                 shift_s = sensors.offset_s if is_angle else -sensors.offset_s
-                logged = _shift_channel(logged, channel, shift_s)
-                remarks.append(_format_shift(channel, shift_s, sensors, SENSOR_LIMIT_S))
+                logged = sensors.shift(logged, channel, shift_s, SENSOR_LIMIT_S, remarks)
                 segment = _longest_segment(logged)
                 thrust = _thrust_offset(segment, rig)
     pulses = None if logged.from_speeds else _pulse_offset(segment, rig)
     if pulses is not None and pulses.exceeds(DRIVE_LIMIT_S) and pulses.offset_s < 0.0:
-        logged = _shift_channel(logged, "pwm_us", -pulses.offset_s)
-        remarks.append(_format_shift("pwm_us", -pulses.offset_s, pulses, DRIVE_LIMIT_S))
+        logged = pulses.shift(logged, "pwm_us", -pulses.offset_s, DRIVE_LIMIT_S, remarks)
     elif thrust.exceeds(DRIVE_LIMIT_S):
         if thrust.offset_s > 0.0:
             raise InputError(
@@ -112,8 +131,7 @@ def align_channels(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitc
         if pulses is not None and -MAX_DIFFERENCE_S < sum_s < MAX_DELAY_S:
             has_delay = sum_s > MAX_DIFFERENCE_S
             shift_s = -thrust.offset_s if has_delay else pulses.offset_s
-            logged = _shift_channel(logged, "speed_rad_s", shift_s)
-            remarks.append(_format_shift("rpm", shift_s, pulses, DRIVE_LIMIT_S))
+            logged = pulses.shift(logged, "speed_rad_s", shift_s, DRIVE_LIMIT_S, remarks)
     return logged, remarks
 
 
@@ -247,22 +265,3 @@ def _pulse_offset(logged: LoggedPitch, rig: Rig) -> TimeOffset | None:
         step = (lags[1] / lags[0]) ** 0.25
         lags = best_s * step ** np.arange(-4, 5)
     return fit(float(best_s))
-
-
-def _shift_channel(logged: LoggedPitch, channel: str, late_s: float) -> LoggedPitch:
-    """Return the log with one channel (..., n) shifted to earlier times; ends blank or held."""
-    values = np.atleast_2d(getattr(logged, channel))
-    rows = np.arange(values.shape[1])
-    ends = {"left": np.nan, "right": np.nan} if channel != "pwm_us" else {}
-    later = rows + late_s * logged.rate_Hz
-    moved = np.array([np.interp(later, rows, row, **ends) for row in values])
-    changed: dict[str, Any] = {channel: moved.reshape(getattr(logged, channel).shape)}
-    return replace(logged, **changed)
-
-
-def _format_shift(channel: str, shift_s: float, offset: TimeOffset, limit_s: float) -> str:
-    error, shift = ("late", "earlier") if shift_s > 0.0 else ("early", "later")
-    return (
-        f"{channel} is {1e3 * abs(shift_s):.1f} ± {1e3 * offset.se_s:.2g} ms {error} (allowed: "
-        f"{1e3 * limit_s:g} ms), shifted to {shift} times; log all channels on one clock"
-    )

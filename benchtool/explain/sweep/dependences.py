@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from benchtool.core.units import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.shared_errors import solve_covariance
-from benchtool.explain.law_search.law import DISTANCE, NEAR, LawForm, Variable
-from benchtool.explain.law_search.search import (
+from benchtool.explain.law_search import (
     FOLDS,
     CrossValidationFold,
     QuadraticSummary,
     ResidualSummary,
 )
+from benchtool.explain.laws import DISTANCE, NEAR, LawForm, Variable
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S
@@ -37,72 +37,60 @@ def sweep_variables(
     speed = np.sqrt(np.mean(join("speed_rad_s") ** 2, axis=0))
     median_speed = float(np.median(speed[is_running]))
     median_N = float(np.median(predicted_N[is_running]))
-    time_s, tare_s, moved_s = join("time_s"), join("elapsed_s"), join("moved_s")
-    stays = np.concatenate([1000 * k + log.stay for k, log in enumerate(logs)])
     variables = [
         Variable(
-            phrase="plate distance", symbol="z/R", code=DISTANCE, reference=radius_m, unit="m",
-            values=np.minimum(join("plate_z_m") / radius_m, MAX_Z_OVER_R), scale="distance",
-            forms=("covered",),
+            "plate distance", "z/R", np.minimum(join("plate_z_m") / radius_m, MAX_Z_OVER_R),
+            DISTANCE, radius_m, "m", scale="distance", forms=("covered",),
         ),
         Variable(
-            phrase="rotor speed", symbol="w/w_ref", code="flow.speed_rad_s[i] / p.reference",
-            reference=median_speed, unit="rad/s", values=speed / median_speed,
-            forms=("factor", "near", "nearer"),
+            "rotor speed", "w/w_ref", speed / median_speed, "flow.speed_rad_s[i] / p.reference",
+            median_speed, "rad/s", forms=("factor", "near", "nearer"),
         ),
         Variable(
-            phrase="the load on the cell", symbol="T/T_ref", code="reading / p.reference",
-            reference=median_N, unit="N", values=predicted_N / median_N, forms=("reading",),
+            "the load on the cell", "T/T_ref", predicted_N / median_N, "reading / p.reference",
+            median_N, "N", forms=("reading",),
         ),
         Variable(
-            phrase="which way the load was reached", symbol="direction",
-            code="flow.load_direction", values=join("load_direction"), scale="side",
+            "which way the load was reached", "direction", join("load_direction"),
+            "flow.load_direction", scale="side",
         ),
         Variable(
-            phrase="from where the plate came", symbol="came_from", code="flow.moved_direction",
-            values=join("moved_direction"), scale="side", forms=("near", "nearer"),
+            "from where the plate came", "came_from", join("moved_direction"),
+            "flow.moved_direction", scale="side", forms=("near", "nearer"),
         ),
         Variable(
-            phrase="lateral position", symbol="x/R", code="flow.plate_x_m / p.reference",
-            reference=radius_m, unit="m", values=join("plate_x_m") / radius_m, scale="signed",
+            "lateral position", "x/R", join("plate_x_m") / radius_m,
+            "flow.plate_x_m / p.reference", radius_m, "m", scale="signed",
         ),
     ]  # fmt: skip
     if any(len(np.unique(log.stay)) > len(np.unique(index_positions((log,)))) for log in logs):
-        variables.append(
-            Variable(
-                phrase="the visit", symbol="visit", values=stays.astype(float), is_categorical=True,
-                forms=("reading", "near"),
-            )
-        )  # fmt: skip
-    for phrase, symbol, code, values in (
-        ("time since the run began", "t/t_ref", "flow.time_s", time_s),
-        ("time since the tare", "s/t_ref", "flow.elapsed_s", tare_s),
-        ("time since the plate moved", "m/t_ref", "flow.moved_s", moved_s),
+        stays = np.concatenate([1000 * k + log.stay for k, log in enumerate(logs)]).astype(float)
+        forms = ("reading", "near")
+        variables.append(Variable("the visit", "visit", stays, forms=forms, is_categorical=True))
+    for phrase, symbol, name in (
+        ("time since the run began", "t/t_ref", "time_s"),
+        ("time since the tare", "s/t_ref", "elapsed_s"),
+        ("time since the plate moved", "m/t_ref", "moved_s"),
     ):
+        values = join(name)
         max_value = max(float(values.max()), 1.0)
+        code = f"flow.{name} / p.reference"
         variables.append(
-            Variable(
-                phrase=phrase, symbol=symbol, code=f"{code} / p.reference", reference=max_value,
-                unit="s", values=values / max_value, scale="time",
-            )
-        )  # fmt: skip
-    for name, phrase in (("load", "the rotors' load"), ("wash", "the wash on the plate")):
-        past = join(f"past_{name}")
-        variables += [
-            Variable(
-                phrase=f"{phrase} over the last {time_s:g} s", symbol=f"{name}_{time_s:g}s",
-                code=f"flow.past_{name}[{k}]", values=past[k], scale="time",
-            )
-            for k, time_s in enumerate(HISTORY_TIME_CONSTANTS_S)
-        ]  # fmt: skip
-    volts = join("voltage_V")
-    variables.append(
-        Variable(
-            phrase="supply voltage", symbol="V/V_ref", code="flow.voltage_V / p.reference",
-            reference=float(np.median(volts)), unit="V", values=volts / float(np.median(volts)),
+            Variable(phrase, symbol, values / max_value, code, max_value, "s", scale="time")
         )
-    )  # fmt: skip
-    return variables
+    for name, phrase in (("load", "the rotors' load"), ("wash", "the wash on the plate")):
+        for k, (time_s, past) in enumerate(
+            zip(HISTORY_TIME_CONSTANTS_S, join(f"past_{name}"), strict=True)
+        ):
+            phrase_k, symbol = f"{phrase} over the last {time_s:g} s", f"{name}_{time_s:g}s"
+            code = f"flow.past_{name}[{k}]"
+            variables.append(Variable(phrase_k, symbol, past, code, scale="time"))
+    supply_V, code = join("voltage_V"), "flow.voltage_V / p.reference"
+    median_V = float(np.median(supply_V))
+    return [
+        *variables,
+        Variable("supply voltage", "V/V_ref", supply_V / median_V, code, median_V, "V"),
+    ]
 
 
 def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, predicted_N: Array) -> list[LawForm]:
@@ -182,8 +170,8 @@ def _folds(
     part = np.random.default_rng(0).permutation(len(numbers)) % FOLDS
     for number in range(min(FOLDS, len(numbers))):
         mask = np.isin(positions, numbers[part == number])
-        training, noise = says.without(mask), variance * float(mask.sum())
-        yield CrossValidationFold(training=training, bare_training=bare.without(mask), noise=noise)
+        noise = variance * float(mask.sum())
+        yield CrossValidationFold(says.without(mask), bare.without(mask), noise)
 
 
 def index_positions(logs: tuple[SweepLog, ...]) -> NDArray[np.intp]:

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import Discrepancy, RowGroups
-from benchtool.explain.engine.parameters import (
+from benchtool.explain.engine.evidence import (
+    HALF_Z_OVER_R,
+    VISIT,
+    WITHIN,
+    Discrepancy,
+    RowGroups,
     ScaledParameter,
     all_shape_names,
     effect_parameters,
     known_prior,
     owner_parameter,
+    smooth_root,
     with_every_effect,
-)
-from benchtool.explain.sweep.discrepancies import (
-    Process,
-    discrepancies,
-    speed_processes,
-    thrust_processes,
-    variations,
 )
 from benchtool.explain.sweep.log import SweepLog, sweep_regimes
 from benchtool.fit.uncertainty.bench_errors import bench_errors
@@ -57,6 +56,10 @@ SUPPLY_LOSSES = tuple(  # linear loss of the supply, from pulses, speeds and vol
 )
 
 
+# Correlation lengths: log distance, log speed, share of the duration, lateral position over radius.
+DISTANCE, SPEED, TIME, LATERAL = 0.5, 0.12, 0.25, 0.5
+
+
 class SweepEvidence:
     """Evidence of sweeps about a model with every candidate effect."""
 
@@ -66,8 +69,7 @@ class SweepEvidence:
         self._arguments = (model, tuple(extra))
         self.model = with_every_effect(model, "sweep", extra)
         self.logs = tuple(logs)
-        names = {effect.name for effect in (*candidates("sweep"), *extra)}
-        effects = effect_parameters(self.model, names, "sweep")
+        effects = effect_parameters(self.model, "sweep", extra)
         self.parameters = (*effects, *self._owner_parameters())
         self._model_index = {name: index for index, name in enumerate(self.model.parameters)}
         self._index = {parameter.name: index for index, parameter in enumerate(self.parameters)}
@@ -184,14 +186,39 @@ class SweepEvidence:
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        raw = discrepancies(list(self._processes()), self._n_rows)
-        return tuple(replace(item, columns=self._whiten(item.columns)) for item in raw)
+        """Return smooth functions of distance, speed, time and plate position.
+
+        Sweeps share functions of plate and speed; those of time or visit are independent.
+        """
+        result = []
+        ordered = sorted(self._processes(), key=lambda part: (part.name, part.sweep))
+        for name, parts in groupby(ordered, key=lambda part: part.name):
+            sweeps = groupby(parts, key=lambda part: part.sweep)
+            pairs = [self._columns(list(same)) for _, same in sweeps]
+            readings, shares = (np.hstack(columns) for columns in zip(*pairs, strict=True))
+            columns = self._whiten(readings)
+            result.append(Discrepancy(name=name, columns=columns, shares=shares, readings=readings))
+        return tuple(result)
+
+    def _columns(self, processes: Sequence[Process]) -> tuple[Array, Array]:
+        """Return the root of a covariance (n_rows, r), absolute and relative to readings."""
+        root = smooth_root(np.concatenate([process.positions for process in processes]))
+        rows = np.concatenate([process.rows for process in processes])
+        columns, shares = np.zeros((2, self._n_rows, root.shape[1]))
+        columns[rows] = np.concatenate([process.size for process in processes])[:, None] * root
+        shares[rows] = np.concatenate([process.share for process in processes])[:, None] * root
+        return columns, shares
 
     def varied(self, changes: Array) -> Array:
-        functions = variations(self.logs, self.model)
+        c, radius_m = [log.conditions for log in self.logs], self.model.rig.propulsion.radius_m
+        distance = np.concatenate([np.log(v.plate_z_m / radius_m) for v in c])
+        log_speed = np.concatenate([_log_speed(v) for v in c])
+        roots = [smooth_root(distance[:, None] / DISTANCE), smooth_root(log_speed[:, None] / SPEED)]
+        size = self.model.discrepancy.law / np.sqrt(2.0)
+        functions = np.hstack([size * root for root in roots])
         parts = np.split(changes[self.thrust_rows], np.cumsum([len(log) for log in self.logs])[:-1])
-        roots = zip(self.noise_roots, parts, strict=True)
-        contribution = np.concatenate([root @ part for root, part in roots])
+        pairs = zip(self.noise_roots, parts, strict=True)
+        contribution = np.concatenate([root @ part for root, part in pairs])
         return self.whiten_thrusts(contribution[:, None] * functions)
 
     def whiten_thrusts(self, changes_N: Array) -> Array:
@@ -249,3 +276,80 @@ class SweepEvidence:
                     is_speed.append(np.ones(int(rows.sum()), bool))
                     regimes.append({name: mask[running][rows] for name, mask in masks.items()})
         return RowGroups.concatenate("rpm_to_thrust", is_speed, regimes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Process:
+    """Gaussian process on some rows, with positions in correlation lengths."""
+
+    name: str  # channel and variable
+    sweep: int  # index of the sweep if independent between sweeps, else -1
+    rows: NDArray[np.intp]  # (m,) row indices
+    positions: Array  # (m, d) positions
+    size: Array  # (m,) prior sd, in the unit of the reading
+    share: Array  # (m,) prior sd over the reading
+
+
+def thrust_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Process]:
+    """Yield processes of a sweep's thrusts, in N."""
+    c, is_running = log.conditions, ~log.tare
+    radius_m, tolerance = model.rig.propulsion.radius_m, WITHIN * model.discrepancy.thrust
+    rows = np.arange(len(log))
+    share = np.where(is_running, tolerance, 0.0)
+    decay = 1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2
+    near = share * np.mean(c.coverage, axis=0) / decay
+    distance = np.log(c.plate_z_m / radius_m) / DISTANCE
+    log_speed = _log_speed(c) / SPEED
+    thrust = np.abs(log.thrust_N)
+    typical = float(np.median(thrust[is_running]))
+
+    def process(name: str, index: int, share: Array, *variables: Array) -> Process:
+        positions = np.stack(variables, 1)
+        return Process(f"thrust: {name}", index, rows, positions, share * thrust, share)
+
+    yield process("distance", -1, near, distance)
+    yield process("speed", -1, share, log_speed)
+    yield process("distance and speed", -1, near, distance, log_speed)
+    yield process("time", sweep, share, _normalize_time(c.time_s) / TIME)
+    if np.ptp(c.plate_x_m[is_running]) > 0.1 * radius_m:
+        near = share / (1.0 + (c.plate_z_m / radius_m / HALF_Z_OVER_R) ** 2)
+        yield process("lateral position", -1, near, c.plate_x_m / (LATERAL * radius_m))
+    if len(np.unique(log.stay)) > 3:
+        share = np.full(len(log), tolerance)
+        positions = 10.0 * log.stay[:, None].astype(float)
+        yield Process(VISIT, sweep, rows, positions, share * typical, share)
+
+
+def speed_processes(log: SweepLog, sweep: int, model: Model) -> Iterator[Process]:
+    """Yield processes of a sweep's speeds and voltages, concatenated, in rad/s and V."""
+    power = log.power
+    assert power is not None
+    tolerance = model.discrepancy
+    c = log.conditions.select(~log.tare)
+    rows = np.arange(len(c))
+    ratio = c.plate_z_m / model.rig.propulsion.radius_m
+    near_sd = WITHIN * tolerance.speed_by_plate
+    near_share = near_sd * np.mean(c.coverage, axis=0) / (1.0 + (ratio / HALF_Z_OVER_R) ** 2)
+    positions = np.stack([np.log(ratio) / DISTANCE, np.log(power.speed_rad_s) / SPEED], 1)
+    speed = power.speed_rad_s
+    yield Process("speed: distance", -1, rows, positions, near_share * speed, near_share)
+    time = _normalize_time(c.time_s)[:, None] / TIME
+    share = np.full(len(c), WITHIN * tolerance.speed)
+    yield Process("speed: time", sweep, rows, time, share * speed, share)
+    has_voltage = np.flatnonzero(np.isfinite(power.voltage_V))
+    all_rows = np.concatenate([rows, len(rows) + np.arange(len(has_voltage))])
+    readings = np.concatenate([speed, power.voltage_V[has_voltage]])
+    share = np.full(len(all_rows), WITHIN * tolerance.voltage)
+    time = np.concatenate([time, time[has_voltage]])
+    yield Process("speed: supply over time", sweep, all_rows, time, share * readings, share)
+
+
+def _log_speed(conditions: Conditions) -> Array:
+    speed = np.sqrt(np.mean(conditions.speed_rad_s**2, axis=0))
+    return np.asarray(np.log(np.maximum(speed, 1.0)), float)
+
+
+def _normalize_time(time_s: Array) -> Array:
+    """Return times over the duration, from 0 to 1."""
+    duration_s = float(np.ptp(time_s))
+    return (time_s - time_s.min()) / duration_s if duration_s > 0.0 else np.zeros_like(time_s)

@@ -6,28 +6,20 @@ largest expected reduction of confusion per minute, within the limits of the rig
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import ClassVar
 
 import numpy as np
 import tomli_w
 
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.explain.engine.design import (
-    CandidateEffect,
-    ExpectedOutcome,
-    Forecast,
-    build_proposal,
-    select_design,
-)
-from benchtool.explain.findings import NextExperiment
+from benchtool.explain.engine.design import Designer
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.fit.uncertainty.bench_errors import plate_positions
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions, load_directions
-from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.rotor import speed_from_pwm
 
 VISIT_S, MOVE_S, TARE_S = 5.0, 3.0, 6.0  # level, plate, tare; assumed
@@ -48,6 +40,16 @@ MINUTES = 15.0  # maximum duration of a proposed sweep; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SweepChoices:
+    """Settings that a design may have on a rig."""
+
+    rig: Rig
+    distances_m: tuple[float, ...]
+    lateral_m: tuple[tuple[float, ...], ...]  # sets of positions, each added at once
+    pwm_us: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SweepDesign:
     """Design of a sweep, with the fields of a plan.
 
@@ -55,15 +57,18 @@ class SweepDesign:
     approached from both sides.
     """
 
+    schedule: ClassVar[None] = None
+    choices: SweepChoices
     distances_m: tuple[float, ...]
-    lateral_m: tuple[float, ...]
+    lateral_m: tuple[float, ...] = (0.0,)
     pwm_us: tuple[float, ...]
     repeats: int = 2
     tare_minutes: float = 0.0  # between tares; 0 for one at the start
     counterbalanced: bool = True
 
-    def toml(self) -> str:
-        """Return the plan for `benchtool sweep --plan`."""
+    @property
+    def plan_toml(self) -> str:
+        """Plan for `benchtool sweep --plan`."""
         return tomli_w.dumps(
             {
                 "name": "next_sweep",
@@ -79,14 +84,15 @@ class SweepDesign:
             }
         )
 
-    def duration_s(self, rig: Rig) -> float:
-        """Return the duration."""
-        return float(self.visits(rig)[-1, 3])
+    @property
+    def duration_s(self) -> float:
+        return float(self.visits()[-1, 3])
 
-    def visits(self, rig: Rig) -> Array:
+    def visits(self) -> Array:
         """Return pulse, distance, lateral position, time and time since the tare (m, 5)."""
+        parked = (self.choices.rig.plate.z_park_m, 0.0)
         positions = [(z_m, x_m) for x_m, z_m in product(self.lateral_m, self.distances_m)]
-        stays = [(position, self.pwm_us) for position in (*positions, (rig.plate.z_park_m, 0.0))]
+        stays = [(position, self.pwm_us) for position in (*positions, parked)]
         reverse = [(position, levels[::-1]) for position, levels in reversed(stays)]
         rows: list[tuple[float, ...]] = []
         clock_s = tared_s = 0.0
@@ -103,8 +109,9 @@ class SweepDesign:
                     rows.append((level, z_m, x_m, clock_s, clock_s - tared_s))
         return np.array(rows)
 
-    def text(self, radius_m: float) -> str:
-        """Return the design as a phrase."""
+    @property
+    def title(self) -> str:
+        radius_m = self.choices.rig.propulsion.radius_m
         ratios = ", ".join(f"{z_m / radius_m:.2g}" for z_m in self.distances_m)
         lateral = ", ".join(f"{1e3 * x_m:.0f}" for x_m in self.lateral_m)
         pulses = ", ".join(f"{pulse:g}" for pulse in self.pwm_us)
@@ -114,11 +121,32 @@ class SweepDesign:
         repeats = f"{self.repeats} times{order}{tares}"
         return f"A sweep at z/R {ratios}{positions}, {pulses} us, {repeats}"
 
+    def extend(self) -> dict[str, SweepDesign]:
+        choices, designs = self.choices, dict[str, SweepDesign]()
+        for z_m in set(choices.distances_m) - set(self.distances_m):
+            distances = tuple(sorted((*self.distances_m, z_m)))
+            designs[f"distance {z_m}"] = replace(self, distances_m=distances)
+        for positions in choices.lateral_m:
+            if positions[0] not in self.lateral_m:
+                lateral = (*self.lateral_m, *positions)
+                designs[f"aside {positions[0]}"] = replace(self, lateral_m=lateral)
+        for pulse in set(choices.pwm_us) - set(self.pwm_us):
+            pulses = tuple(sorted((*self.pwm_us, pulse)))
+            designs[f"pulse {pulse}"] = replace(self, pwm_us=pulses)
+        for repeats in REPEATS:
+            if repeats > self.repeats:
+                designs["repeats"] = replace(self, repeats=repeats)
+                break
+        for minutes in set(TARE_MINUTES) - {self.tare_minutes}:
+            designs[f"tare {minutes}"] = replace(self, tare_minutes=minutes)
+        designs["order"] = replace(self, counterbalanced=not self.counterbalanced)
+        return designs
+
 
 def plan_points(design: SweepDesign, evidence: SweepEvidence) -> SweepLog:
     """Return the points of a planned sweep, with speeds of the model and no thrust yet."""
     rig = evidence.model.rig
-    rows = design.visits(rig)
+    rows = design.visits()
     tare = rows[:, 0] == 0.0
     pulse, z_m, x_m, time, elapsed = rows.T
     speed = speed_at(pulse, rig)
@@ -175,18 +203,30 @@ def predict_readings(log: SweepLog, evidence: SweepEvidence, values: Array) -> S
     return replace(log, thrust_N=thrust, power=power)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Candidates:
-    """Candidates of a design on a rig."""
+class SweepDesigner(Designer[SweepDesign]):
+    """Search for the next sweep, within the rig's limits and the range of pulses swept."""
 
-    distances_m: tuple[float, ...]
-    lateral_m: tuple[tuple[float, ...], ...]  # sets of positions, each added at once
-    pwm_us: tuple[float, ...]
+    max_minutes = MINUTES
+    evidence: SweepEvidence
 
-    @classmethod
-    def of(cls, evidence: SweepEvidence) -> _Candidates:
-        """Return candidates within the rig's limits and the range of pulses swept."""
-        rig = evidence.model.rig
+    def initial(self, *, ladder: bool) -> SweepDesign:
+        """Return the initial design: two distances, and two levels or all of them."""
+        choices = self._choices()
+        distances, levels = choices.distances_m, choices.pwm_us
+        far = distances[-2 if len(distances) > 1 else -1]
+        return SweepDesign(
+            choices=choices,
+            distances_m=tuple(dict.fromkeys((distances[0], far))),
+            pwm_us=levels if ladder else (levels[0], levels[-1]),
+        )
+
+    def simulate(self, design: SweepDesign) -> tuple[SweepEvidence, SweepEvidence]:
+        log = predict_readings(plan_points(design, self.evidence), self.evidence, self.values)
+        new = self.evidence.of(log)
+        return new, self.evidence.with_other(new)
+
+    def _choices(self) -> SweepChoices:
+        evidence, rig = self.evidence, self.evidence.model.rig
         p, radius_m = rig.propulsion, rig.propulsion.radius_m
         nearest_m = min(float(log.conditions.plate_z_m.min()) for log in evidence.logs)
         nearest_m = max(rig.plate.z_min_m, min(nearest_m, NEAR_Z_OVER_R * radius_m))
@@ -202,89 +242,24 @@ class _Candidates:
         else:
             span = min(p.pwm_max_us, rig.limits.pwm_us) - p.pwm_start_us
             low, high = p.pwm_start_us + 0.4 * span, p.pwm_start_us + 0.6 * span
-        candidates = cls(
+        choices = SweepChoices(
+            rig=rig,
             distances_m=tuple(distances) or (round(2.0 * rig.plate.z_min_m, 4),),
             lateral_m=tuple((x_m, -x_m) for x_m in dict.fromkeys(lateral)),
-            pwm_us=(),
         )
         limit_N = MAX_LIMIT_SHARE * min(rig.limits.thrust_N, rig.limits.load_cell_rating_N)
         limit_rad_s = MAX_LIMIT_SHARE * rig.limits.rpm * np.pi / 30.0
         nominal = np.zeros((1, len(evidence.parameters)))
         high = min(high, rig.limits.pwm_us)
-        while True:
-            conditions = plan_points(candidates.at_pulse(high), evidence).conditions
+        once = SweepDesign(
+            choices=choices, distances_m=choices.distances_m, pwm_us=(high,), repeats=1
+        )
+        while True:  # all distances at the highest pulse
+            conditions = plan_points(replace(once, pwm_us=(high,)), evidence).conditions
             max_N = float(evidence.thrusts(conditions, nominal).max())
             if max_N <= limit_N and float(conditions.speed_rad_s.max()) <= limit_rad_s:
                 break
             high = p.pwm_start_us + 0.95 * (high - p.pwm_start_us)
         low = min(low, high - MIN_PULSE_SPAN * (high - p.pwm_start_us))
         levels = np.linspace(low, high, LEVELS).round()
-        return replace(candidates, pwm_us=tuple(float(level) for level in dict.fromkeys(levels)))
-
-    def at_pulse(self, pulse_us: float) -> SweepDesign:
-        """Return a design with all distances at one pulse, once."""
-        distances_m, pwm_us = self.distances_m, (pulse_us,)
-        return SweepDesign(distances_m=distances_m, lateral_m=(0.0,), pwm_us=pwm_us, repeats=1)
-
-    def initial(self, *, ladder: bool) -> SweepDesign:
-        """Return the initial design: two distances, and two levels or all of them."""
-        near, far = self.distances_m[0], self.distances_m[-2 if len(self.distances_m) > 1 else -1]
-        return SweepDesign(
-            distances_m=tuple(dict.fromkeys((near, far))),
-            lateral_m=(0.0,),
-            pwm_us=self.pwm_us if ladder else (self.pwm_us[0], self.pwm_us[-1]),
-        )
-
-    def extend(self, design: SweepDesign) -> dict[str, SweepDesign]:
-        """Return designs with one addition or another order each, by its name."""
-        designs = {}
-        for z_m in set(self.distances_m) - set(design.distances_m):
-            distances = tuple(sorted((*design.distances_m, z_m)))
-            designs[f"distance {z_m}"] = replace(design, distances_m=distances)
-        for positions in self.lateral_m:
-            if positions[0] not in design.lateral_m:
-                lateral = (*design.lateral_m, *positions)
-                designs[f"aside {positions[0]}"] = replace(design, lateral_m=lateral)
-        for pulse in set(self.pwm_us) - set(design.pwm_us):
-            pulses = tuple(sorted((*design.pwm_us, pulse)))
-            designs[f"pulse {pulse}"] = replace(design, pwm_us=pulses)
-        for repeats in REPEATS:
-            if repeats > design.repeats:
-                designs["repeats"] = replace(design, repeats=repeats)
-                break
-        for minutes in set(TARE_MINUTES) - {design.tare_minutes}:
-            designs[f"tare {minutes}"] = replace(design, tare_minutes=minutes)
-        designs["order"] = replace(design, counterbalanced=not design.counterbalanced)
-        return designs
-
-
-def next_sweep(
-    evidence: SweepEvidence,
-    rivals: Sequence[CandidateEffect],
-    rng: np.random.Generator,
-    refused: Subsystem | None = None,
-    minutes: float | None = None,
-) -> NextExperiment:
-    """Return the sweep with the best expected separation of the rivals."""
-    forecast = Forecast(evidence, rivals)
-    rig = evidence.model.rig
-
-    def expect(design: SweepDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
-        values = forecast.rivals[0].fit.values
-        log = predict_readings(plan_points(design, evidence), evidence, values)
-        new = evidence.of(log)
-        return forecast.expected(new, evidence.with_other(new), drawn)
-
-    candidates = _Candidates.of(evidence)
-    best = select_design(
-        candidates.initial(ladder=refused == "pwm_to_rpm"),
-        candidates.extend,
-        expect,
-        lambda design: design.duration_s(rig),
-        60.0 * min(minutes or MINUTES, MINUTES),
-    )
-    outcome, text = expect(best, rng), best.text(rig.propulsion.radius_m)
-    duration_s = best.duration_s(rig)
-    return build_proposal(
-        forecast.rivals, outcome, text, duration_s, refused, plan_toml=best.toml()
-    )
+        return replace(choices, pwm_us=tuple(float(level) for level in dict.fromkeys(levels)))

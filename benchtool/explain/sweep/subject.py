@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import CHANNEL_UNITS, Subject
+from benchtool.explain.engine.subject import Subject, build_overlay
 from benchtool.explain.findings import Overlay
 from benchtool.explain.sweep.dependences import MAX_Z_OVER_R, summarize_residuals
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
-from benchtool.explain.sweep.next_experiment import next_sweep
+from benchtool.explain.sweep.next_experiment import SweepDesigner
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
@@ -40,7 +40,7 @@ class SweepSubject(Subject):
     kind = "sweep"
     gather = SweepEvidence
     summarize = staticmethod(summarize_residuals)
-    propose = staticmethod(next_sweep)
+    designer = SweepDesigner
     evidence: SweepEvidence
     check_evidence: SweepEvidence
     all_evidence: SweepEvidence
@@ -69,8 +69,7 @@ class SweepSubject(Subject):
             if log.power is not None:
                 readings = log.power.rotor_rad_s[:, :, None] - speed_rad_s
                 speed.append(_speed_squares(log, readings - check.predicted(log, sets, readings)))
-        squares = {"thrust_N": thrust, "rpm": speed}
-        return {name: np.concatenate(parts) for name, parts in squares.items() if parts}
+        return _by_channel(thrust, speed)
 
     @property
     def free_law(self) -> str:
@@ -117,12 +116,8 @@ class SweepSubject(Subject):
                 errors_rad_s = _linear_change(predicted, shifts) + readings
                 errors_rad_s -= power.predicted(check.drive(log, sets[:1]), readings)
                 speed.append(_speed_squares(log, errors_rad_s))
-        squares = {"thrust_N": thrust, "rpm": speed}
-        return {
-            name: np.sqrt(np.mean(np.concatenate(parts), axis=0))
-            for name, parts in squares.items()
-            if parts
-        }
+        squares = _by_channel(thrust, speed)
+        return {name: np.sqrt(np.mean(blocks, axis=0)) for name, blocks in squares.items()}
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return overlays of the first validation sweep: thrust over z/R, speeds over time.
@@ -145,6 +140,11 @@ class SweepSubject(Subject):
             mask = power.is_predicted
             overlays.append(_overlay("rpm", "time_s", power.level[mask], rows[mask]))
         return tuple(overlays)
+
+
+def _by_channel(thrust: list[Array], speed: list[Array]) -> dict[str, Array]:
+    """Return mean squares (n_blocks, n_sets) of all sweeps, without missing speeds."""
+    return {"thrust_N": np.concatenate(thrust)} | ({"rpm": np.concatenate(speed)} if speed else {})
 
 
 def _linear_change(predictions: Array, errors: Array) -> Array:
@@ -181,19 +181,8 @@ def _levels(log: SweepLog) -> NDArray[np.intp]:
 
 
 def _overlay(channel: str, axis: str, level: NDArray[np.intp], rows: Array) -> Overlay:
-    """Return rows (m, 4) of position, measured, before, after, sorted, nan between levels."""
-    pieces = []
-    for index in np.unique(level):
-        level_rows = rows[level == index]
-        pieces.append(level_rows[np.argsort(level_rows[:, 0], kind="stable")])
-        pieces.append(np.full((1, 4), np.nan))
-    at, measured, before, after = np.concatenate(pieces).T
-    return Overlay(
-        channel=channel,
-        unit=CHANNEL_UNITS[channel],
-        axis=axis,
-        at=at,
-        measured=measured,
-        before=before,
-        after=after,
+    """Return rows (m, 4) of position, measured, before, after, sorted by level and position."""
+    levels = [rows[level == index] for index in np.unique(level)]
+    return build_overlay(
+        channel, axis, [part[np.argsort(part[:, 0], kind="stable")] for part in levels]
     )

@@ -10,17 +10,16 @@ from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import json_ready, replace_json, replace_text
-from benchtool.explain.law_search.draft import DRAFT_NAME, draft_effect
-from benchtool.explain.law_search.law import FoundDependence
-from benchtool.explain.next_steps import next_file
-from benchtool.explain.result import Explanation
-from benchtool.explain.updated_model import (
+from benchtool.explain.laws import DRAFT_NAME, FoundDependence, draft_effect
+from benchtool.explain.next_steps import (
     MODEL,
     NEAREST,
     format_added_model,
+    next_file,
     user_effect_names,
     with_nearest_effect,
 )
+from benchtool.explain.result import Explanation
 from benchtool.report.answer.page import answer_page
 from benchtool.report.answer.tables import unjudged_sentence
 from benchtool.report.figure import render_figures, save_figures, write_whole

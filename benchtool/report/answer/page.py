@@ -10,17 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from benchtool import __version__
-from benchtool.explain.engine.held_out import FLOOR_QUANTILE
-from benchtool.explain.law_search.draft import DRAFT_NAME
-from benchtool.explain.next_steps import format_steps, next_sentence, next_steps
-from benchtool.explain.result import ALL_REGIMES, STAGE_LOCATIONS, Explanation
-from benchtool.explain.updated_model import (
+from benchtool.explain.engine.subject import FLOOR_QUANTILE
+from benchtool.explain.laws import DRAFT_NAME
+from benchtool.explain.next_steps import (
     MODEL,
     NEAREST,
     ZERO_TOLERANCE,
     added_effects,
+    format_steps,
     model_with_effects,
+    next_sentence,
+    next_steps,
 )
+from benchtool.explain.result import ALL_REGIMES, STAGE_LOCATIONS, Explanation
 from benchtool.report.answer.figures import find_channel_label, gap_numbers, parameter_text
 from benchtool.report.answer.tables import (
     effects_table,

@@ -14,8 +14,8 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
+from benchtool.explain.engine.evidence import with_every_effect
 from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.parameters import with_every_effect
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.result import Explanation

@@ -20,12 +20,12 @@ from tempfile import TemporaryDirectory
 from typing import Literal, NamedTuple
 
 from benchtool.commands.app import main
-from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.parameters import (
+from benchtool.explain.engine.evidence import (
     ScaledParameter,
     effect_parameters,
     with_every_effect,
 )
+from benchtool.explain.engine.explain import explain
 from benchtool.explain.request import read_request
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.model_file import load_model
@@ -80,8 +80,9 @@ def hidden(bench: Bench) -> dict[str, ScaledParameter]:
     model = with_every_effect(truth, bench.kind)
     names = {effect.name for effect in candidates(bench.kind)} - stated - REFUSED
     found: dict[str, ScaledParameter] = {}
-    for one in effect_parameters(model, names, bench.kind):
-        found.setdefault(one.effect, one)
+    for one in effect_parameters(model, bench.kind, ()):
+        if one.effect in names:
+            found.setdefault(one.effect, one)
     return found
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.explain.law_search.law import DISTANCE, LawForm, Variable
-from benchtool.explain.law_search.search import (
+from benchtool.explain.law_search import (
     FOLDS,
     CrossValidationFold,
     QuadraticSummary,
     ResidualSummary,
 )
+from benchtool.explain.laws import DISTANCE, LawForm, Variable
 
 NOISE_N = 0.004
 

@@ -27,8 +27,7 @@ from benchtool.explain.findings import (
     Overlay,
     UnjudgedEffect,
 )
-from benchtool.explain.recordings import RecordingSource
-from benchtool.explain.request import Request
+from benchtool.explain.request import RecordingSource, Request
 from benchtool.explain.result import Explanation, Kind
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import LoadedModel, load_model

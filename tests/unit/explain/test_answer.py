@@ -14,9 +14,8 @@ from benchtool.commands.app import build_app
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import load_schedule
 from benchtool.explain.findings import UnjudgedEffect
-from benchtool.explain.next_steps import next_steps
+from benchtool.explain.next_steps import format_added_model, next_steps
 from benchtool.explain.result import Kind
-from benchtool.explain.updated_model import format_added_model
 from benchtool.physics.model_file import load_model, model_from_toml
 from benchtool.report.answer.folder import answer_tables, write_folder
 from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from benchtool.explain.engine.bounded_least_squares import BoundedRegion, BoundedSearch
+from benchtool.explain.engine.bounded_least_squares import (
+    BoundedRegion,
+    BoundedSearch,
+    Linearisation,
+    finite_differences,
+)
 
 Array = np.ndarray
 
@@ -20,7 +27,12 @@ def curved(sets: Array) -> Array:
     return rows
 
 
-WIDE = (np.full(3, -10.0), np.full(3, 10.0))
+def search(residuals: Callable[[Array], Array], upper: Array) -> BoundedSearch:
+    def linearise(at: Array) -> Linearisation:
+        rows, jacobian = finite_differences(residuals, at, upper)
+        return Linearisation(at, float(rows @ rows), jacobian.T @ rows, jacobian.T @ jacobian)
+
+    return BoundedSearch(lambda sets: np.sum(residuals(sets) ** 2, axis=0), linearise)
 
 
 def region(lower: list[float], upper: list[float]) -> BoundedRegion:
@@ -36,8 +48,8 @@ def region(lower: list[float], upper: list[float]) -> BoundedRegion:
     ],
 )
 def test_it_finds_what_scipy_finds(lower, upper):
-    search = BoundedSearch.of(curved, WIDE)
-    found = search.minimize(np.zeros(3), region(lower, upper), min_gain=1e-9, max_steps=40)
+    minimizer = search(curved, np.full(3, 10.0))
+    found = minimizer.minimize(np.zeros(3), region(lower, upper), min_gain=1e-9, max_steps=40)
     theirs = least_squares(
         lambda x: curved(x[None])[:, 0], np.full(3, 0.05), bounds=(lower, upper), xtol=1e-12,
         ftol=1e-12, gtol=1e-12,
@@ -48,8 +60,7 @@ def test_it_finds_what_scipy_finds(lower, upper):
 
 def test_a_penalty_is_a_prior():
     """One residual (x - 3) beside a prior of width 1/2 about 0: the mean is 3 / (1 + 4)."""
-    search = BoundedSearch.of(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
-    found = search.minimize(
+    found = search(lambda sets: sets.T - 3.0, np.array([9.0])).minimize(
         np.zeros(1),
         BoundedRegion(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
         min_gain=1e-12,

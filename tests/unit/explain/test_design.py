@@ -64,20 +64,24 @@ def test_a_rival_at_its_bound_cannot_follow():
     assert one.log_ratio(held, rng) > one.log_ratio(free, rng) > 0.0
 
 
+WORTH = {"a": 1.0, "b": 6.0, "c": 2.0}
+TAKES_S = {"a": 30.0, "b": 60.0, "c": 60.0}
+
+
+class Letters(str):
+    """A design of parts with one letter each."""
+
+    duration_s = property(lambda self: sum(TAKES_S[name] for name in self))
+
+    def extend(self) -> dict[str, Letters]:
+        return {name: Letters(self + name) for name in WORTH if name not in self}
+
+
 def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it():
-    worth = {"a": 1.0, "b": 6.0, "c": 2.0}
-    takes_s = {"a": 30.0, "b": 60.0, "c": 60.0}
+    def expect(design: Letters) -> ExpectedOutcome:
+        return ExpectedOutcome({}, float(np.exp(-0.25 * sum(WORTH[name] for name in design))))
 
-    def more(design: str) -> dict[str, str]:
-        return {name: design + name for name in worth if name not in design}
-
-    def weighed(design: str) -> ExpectedOutcome:
-        return ExpectedOutcome({}, float(np.exp(-0.25 * sum(worth[name] for name in design))))
-
-    def seconds(design: str) -> float:
-        return sum(takes_s[name] for name in design)
-
-    assert select_design("", more, weighed, seconds, 100.0) == "ba"
-    assert set(select_design("", more, weighed, seconds, 1000.0)) == {"a", "b", "c"}
+    assert select_design(Letters(), expect, 100.0) == "ba"
+    assert set(select_design(Letters(), expect, 1000.0)) == {"a", "b", "c"}
     complete = ExpectedOutcome({}, MAX_CONFUSION)
-    assert select_design("", more, lambda design: complete, seconds, 1000.0) == ""
+    assert select_design(Letters(), lambda design: complete, 1000.0) == ""

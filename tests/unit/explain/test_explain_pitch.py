@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.explain import explain
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import PitchLog, pitch_log
-from benchtool.explain.pitch.next_experiment import next_pitch
+from benchtool.explain.pitch.next_experiment import PitchDesigner
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.result import Explanation
 from benchtool.physics.model import Model
@@ -28,7 +29,7 @@ def log_of(truth: Model, seed: int) -> PitchLog:
 
 def explained(model: Model, truth: Model) -> Explanation:
     subject = PitchSubject(model, [log_of(truth, 1)], [log_of(truth, 2)])
-    return explain(subject, draws=32)
+    return explain(subject, ExplainInputs(draws=32))
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +72,8 @@ def test_small_imperfections_are_nothing(model):
 def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses(model):
     evidence = PitchEvidence(model, [log_of(model, 1).logged])
     pair = [far_off(evidence, name, 5.0) for name in ("motor_lag", "battery_sag")]
-    chosen = next_pitch(evidence, pair, np.random.default_rng(1), "pwm_to_rpm")
-    assert chosen is not None
+    designer = PitchDesigner(evidence, pair, np.random.default_rng(1))
+    chosen = designer.propose("pwm_to_rpm", None)
     assert "the ESC's mode" in chosen.reason
     assert chosen.schedule is not None
     assert len(set(chosen.schedule.collective[0].levels)) == 5

@@ -7,6 +7,7 @@ import pytest
 
 from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
 from benchtool.explain.engine.explain import explain, locate_gap
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.result import Explanation
@@ -29,7 +30,7 @@ def turned(truth: Model, seed: int) -> PitchLog:
 
 def judged(model: Model, truth: Model) -> Explanation:
     subject = PitchSubject(model, [turned(truth, 1)], [turned(truth, 2)])
-    return explain(subject, draws=32)
+    return explain(subject, ExplainInputs(draws=32))
 
 
 def test_what_lies_before_the_speeds_is_never_named(model):

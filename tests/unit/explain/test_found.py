@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import load_rig_by_name
-from benchtool.explain.law_search.draft import DRAFT_NAME, draft_effect
-from benchtool.explain.law_search.law import FAMILIES, FoundDependence, LawFamily
-from benchtool.explain.law_search.search import find_dependence
+from benchtool.explain.law_search import find_dependence
+from benchtool.explain.laws import DRAFT_NAME, FAMILIES, FoundDependence, LawFamily, draft_effect
 from benchtool.explain.next_steps import next_steps
 from benchtool.explain.result import Explanation
 from benchtool.physics.catalogue import EFFECTS, user_effects

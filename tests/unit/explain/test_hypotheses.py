@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import Discrepancy, RowGroups
+from benchtool.explain.engine.evidence import Discrepancy, RowGroups, ScaledParameter
 from benchtool.explain.engine.explain import estimate_parameters
-from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
-from benchtool.explain.engine.parameters import ScaledParameter
+from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.posterior import Posterior, Trial, search_models
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.physics.model import Model
 
 
@@ -102,16 +102,19 @@ def test_what_the_data_cannot_show_is_told():
     assert unseen["a"] > 50.0
 
 
+ASYMPTOTIC, DRAWN = ExplainInputs(), ExplainInputs(bootstrap=60)
+
+
 def test_p_values_of_nothing_are_spread_out_and_of_something_small():
     rng = np.random.default_rng(0)
     hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
     null = hypotheses.fit_null()
     best = hypotheses.add_candidates(null)[0]
-    assert p_value(hypotheses, null, best, Bootstrap(), rng) < 1e-6
-    assert p_value(hypotheses, null, best, Bootstrap(draws=60), rng) == pytest.approx(1.0 / 61.0)
+    assert hypotheses.p_value(null, best, ASYMPTOTIC, rng) < 1e-6
+    assert hypotheses.p_value(null, best, DRAWN, rng) == pytest.approx(1.0 / 61.0)
     nothing = Hypotheses(Linear(np.zeros(4), 6))
     base = nothing.fit_null()
-    assert p_value(nothing, base, nothing.add_candidates(base)[0], Bootstrap(draws=60), rng) > 0.1
+    assert nothing.p_value(base, nothing.add_candidates(base)[0], DRAWN, rng) > 0.1
 
 
 def parameter(name: str, effect: str, *, held: bool = False) -> ScaledParameter:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.law_search.law import FoundDependence
-from benchtool.explain.law_search.search import find_dependence
+from benchtool.explain.law_search import find_dependence
+from benchtool.explain.laws import FoundDependence
 from benchtool.explain.pitch.dependences import summarize_residuals
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log

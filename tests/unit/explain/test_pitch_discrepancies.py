@@ -9,7 +9,6 @@ import pytest
 
 from benchtool.core.units import Array
 from benchtool.explain.pitch import filter as filter_
-from benchtool.explain.pitch.discrepancies import DiscrepancySimulation
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.physics.model_file import load_model
@@ -30,15 +29,11 @@ def rows_of(evidence: PitchEvidence, **moved: float) -> Array:
     return evidence.residuals(at)[:, 0]
 
 
-def simulate(evidence: PitchEvidence) -> DiscrepancySimulation:
-    return evidence.simulate_discrepancies()[0]
-
-
 def white(evidence: PitchEvidence, innovations: Array) -> Array:
     """Return rows of innovations (2, n, 1) of pitch and gyro."""
     shown = np.zeros((2 + MODEL.rig.n_discs, *innovations.shape[1:]))
     shown[:2] = innovations
-    return simulate(evidence).whiten(shown)[:, 0]
+    return np.concatenate(evidence.logs[0].whiten(shown))[:, 0]
 
 
 def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence):
@@ -49,7 +44,7 @@ def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence):
         (1, replace(logged, gyro_rad_s=logged.gyro_rad_s + error)),
     ):
         real = rows_of(PitchEvidence(MODEL, [wrong])) - rows_of(evidence)
-        shown = white(evidence, simulate(evidence).reading_innovations(row, error[:, None]))
+        shown = white(evidence, evidence.logs[0].reading_innovations(row, error[:, None]))
         assert np.linalg.norm(shown - real) < 0.03 * np.linalg.norm(real)
 
 
@@ -59,7 +54,7 @@ def test_a_torque_runs_through_the_filter_as_it_says(evidence):
     item = next(one for one in evidence.parameters if one.name == "cog_offset.x_m")
     mass_kg = MODEL.rig.body.mass_kg
     weight_Nm = mass_kg * 9.81 * item.scale * np.cos(evidence.logs[0].logged.theta_rad)
-    shown = white(evidence, simulate(evidence).torque_innovations(weight_Nm[:, None]))
+    shown = white(evidence, evidence.logs[0].torque_innovations(weight_Nm[:, None]))
     assert min(np.linalg.norm(real - shown), np.linalg.norm(real + shown)) < 0.1 * np.linalg.norm(
         real
     )
@@ -70,7 +65,7 @@ def test_the_noise_of_a_reading_is_not_in_what_its_error_depends_on(evidence):
     logged = evidence.logs[0].logged
     noise = 0.05 * np.random.default_rng(0).standard_normal(len(logged))
     noisy = PitchEvidence(MODEL, [replace(logged, gyro_rad_s=noise)])
-    before = simulate(noisy).values("rate")
+    before = noisy.logs[0].values("rate")
     assert abs(np.corrcoef(before, noise)[0, 1]) < 0.05
     assert np.corrcoef(before[1:], noise[:-1])[0, 1] > 0.3
 

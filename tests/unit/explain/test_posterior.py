@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import Discrepancy, RowGroups
+from benchtool.explain.engine.evidence import Discrepancy, RowGroups, ScaledParameter
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.posterior import Posterior, search_models
 
 ROWS = 200

@@ -12,8 +12,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
 from benchtool.data.run.recording_file import write_recording
-from benchtool.explain.recordings import bench_kind, read_sources
-from benchtool.explain.request import read_request
+from benchtool.explain.request import bench_kind, read_request, read_sources
 from benchtool.physics.model_file import LoadedModel, load_model
 from tests.unit.explain.hand_made import MODEL
 

@@ -15,11 +15,10 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import KINDS, find_channel
 from benchtool.data.run.read import read_points
-from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.engine.evidence import parameters_at
 from benchtool.explain.sweep.evidence import SweepEvidence
-from benchtool.explain.sweep.log import sweep_log
+from benchtool.explain.sweep.log import SupplyModel, sweep_log
 from benchtool.explain.sweep.next_experiment import predict_readings, speed_at
-from benchtool.explain.sweep.power import SupplyModel
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections

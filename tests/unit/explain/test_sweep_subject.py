@@ -19,11 +19,11 @@ from benchtool.data.run.read import read_points
 from benchtool.data.table import read_table
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.findings import NextExperiment
+from benchtool.explain.next_steps import format_added_model
 from benchtool.explain.result import Explanation
 from benchtool.explain.sweep.log import sweep_log
-from benchtool.explain.sweep.next_experiment import MINUTES
+from benchtool.explain.sweep.next_experiment import MINUTES, SweepDesigner
 from benchtool.explain.sweep.subject import SweepSubject
-from benchtool.explain.updated_model import format_added_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.baseline import DiscrepancyTolerances
@@ -101,8 +101,7 @@ def proposed(name: str, first: str, second: str) -> tuple[NextExperiment, Plan]:
     learn, check = halves(name)
     subject = subject_of(load_model(MODELS[name]).model, [learn], [check])
     pair = [far_off(subject.evidence, name, 5.0) for name in (first, second)]
-    found = subject.propose(subject.all_evidence, pair, np.random.default_rng(0))
-    assert found is not None
+    found = SweepDesigner(subject.all_evidence, pair, np.random.default_rng(0)).propose(None, None)
     return found, plan_from_toml(found.plan_toml, "next").resolved(subject.evidence.model.rig)
 
 

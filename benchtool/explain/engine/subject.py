@@ -1,17 +1,116 @@
-"""Prediction errors on the validation recordings, with the noise floor of a true model."""
+"""Recordings with a model: prediction errors on the validation part, with the noise floor."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from benchtool.core.rig import Rig
 from benchtool.core.units import Array
-from benchtool.explain.engine.evidence import CHANNEL_UNITS, Evidence, Subject
+from benchtool.explain.engine.design import Designer
+from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.shared_errors import solve_covariance
-from benchtool.explain.findings import ChannelGap
+from benchtool.explain.findings import ChannelGap, Overlay
+from benchtool.explain.law_search import ResidualSummary
+from benchtool.explain.recording_checks import check_bench_kind
+from benchtool.physics.effects.effect import BenchKind, Effect
+from benchtool.physics.model import Model
+
+# Unit of a gap, by channel
+CHANNEL_UNITS = {"thrust_N": "N", "theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
+
+
+def build_overlay(channel: str, axis: str, pieces: Iterable[Array]) -> Overlay:
+    """Return rows (n, 4) of position, measured, before and after, with nan between pieces."""
+    gap = np.full((1, 4), np.nan)
+    at, measured, before, after = np.concatenate([row for p in pieces for row in (p, gap)]).T
+    return Overlay(
+        channel=channel, unit=CHANNEL_UNITS["rpm" if channel.startswith("rpm") else channel],
+        axis=axis, at=at, measured=measured, before=before, after=after,
+    )  # fmt: skip
+
+
+class Log(Protocol):
+    """Recording to compare with a model, with repairs and missing columns."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def remarks(self) -> tuple[str, ...]: ...
+    def bench_numbers(self, rig: Rig) -> Mapping[str, float]:
+        """Return numbers that are equal for recordings of one bench, by name."""
+        ...
+
+
+class Subject(ABC):
+    """Recordings of one kind of bench with a model; sweep and pitch differ in what they predict."""
+
+    kind: ClassVar[BenchKind]
+    gather: ClassVar[Callable[..., Evidence]]  # evidence of (model, logs, user-defined effects)
+    # Residuals at parameters (evidence, values, active effects), over all variables of a law
+    summarize: ClassVar[Callable[..., Sequence[ResidualSummary]]]
+    designer: ClassVar[type[Designer[Any]]]  # of the next experiment
+    evidence: Evidence  # training recordings
+    check_evidence: Evidence  # validation recordings
+    all_evidence: Evidence  # training and validation recordings
+
+    def __init__(
+        self,
+        model: Model,
+        training: Sequence[Log],
+        validation: Sequence[Log],
+        extra: Sequence[Effect] = (),
+    ) -> None:
+        self.logs = (*training, *validation)
+        check_bench_kind([(log.name, log.bench_numbers(model.rig)) for log in self.logs])
+        self.evidence = self.gather(model, training, extra)
+        self.check_evidence = self.gather(model, validation, extra)
+        self.all_evidence = self.gather(model, self.logs, extra)
+
+    @property
+    def window_s(self) -> float:
+        """Length of a prediction; 0 for steady-state predictions."""
+        return 0.0
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Repairs of the recordings, and missing columns."""
+        return tuple(
+            dict.fromkeys(f"{log.name}: {line}" for log in self.logs for line in log.remarks)
+        )
+
+    @property
+    def free_law(self) -> str:
+        """Data needed to separate a law of distance from an effect; "" if available."""
+        return ""
+
+    @abstractmethod
+    def errors(self, sets: Array, changes: Array) -> Mapping[str, Array]:
+        """Return errors on the validation recordings by channel, for sets (n_sets, n_parameters).
+
+        They are mean squares (n_blocks, n_sets), by block of the validation recordings. `changes`
+        (n_validation, n_sets) are expected changes of readings, where known.
+        """
+
+    @abstractmethod
+    def floor(
+        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
+    ) -> Mapping[str, Array]:
+        """Return rms errors (draws,) of a true model at parameters (n_parameters,), by channel.
+
+        `changes` (n_validation, draws) are changes of readings, where known. With a covariance
+        `spread` (n_parameters, n_parameters) each draw also has its own true parameters.
+        """
+
+    @abstractmethod
+    def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
+        """Return the first validation recording with predictions of two parameter sets."""
+
 
 FLOOR_QUANTILE = 0.95  # of the draws of the floor; upper end of the noise
 CLOSED_SHARE = 0.8  # of the gap above the floor that a correct explanation closes; assumed
@@ -94,12 +193,12 @@ class ValidationScore:
         cls,
         subject: Subject,
         hypotheses: Hypotheses,
-        null: Hypothesis,
-        best: Hypothesis,
+        fits: tuple[Hypothesis, Hypothesis],
         rng: np.random.Generator,
         draws: int,
     ) -> ValidationScore:
-        """Return the errors without (`null`) and with (`best`) the named effects."""
+        """Return the errors of two fits: without and with the named effects."""
+        null, best = fits
         discrepancies = LearnedDiscrepancies(hypotheses, subject.all_evidence)
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
         before = discrepancies.mean(null)

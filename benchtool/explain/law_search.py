@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
-from benchtool.explain.law_search.law import (
+from benchtool.explain.laws import (
     FAMILIES,
     FoundDependence,
     Law,
@@ -54,7 +54,7 @@ class QuadraticSummary:
         return QuadraticSummary(precision, pull, self.square - float(removed[-1, -1]))
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CrossValidationFold:
     """Summaries of the training readings of a fold."""
 
@@ -259,7 +259,6 @@ def _refine_law(shapes: _Shapes) -> Law:
         family=shapes.family,
         form=summary.form,
         amplitude=amplitude,
-        amplitude_sd=float(sd[0]),
         numbers=tuple(float(value) for value in numbers),
         sds=tuple(float(value) for value in sd[1:]),
     )

@@ -1,1 +1,0 @@
-"""Search for the variable and the law of an unnamed effect."""
