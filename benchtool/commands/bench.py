@@ -80,7 +80,7 @@ def serve(inputs: ServeInputs) -> None:
     if inputs.settings and not is_pitch:
         raise InputError("--set needs a pitch bench; add --mode pitch, or use --truth FILE")
     protocol = _autopilot(inputs, rig) if is_mavlink else DeviceLink
-    options = ServerOptions(inputs.seed, inputs.speed, faults, protocol)
+    options = ServerOptions(seed=inputs.seed, speed=inputs.speed, faults=faults, protocol=protocol)
     link = open_link(inputs.link, inputs.symlink)
     # SIGTERM and Ctrl-Break of a Windows console close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):

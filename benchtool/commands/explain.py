@@ -187,8 +187,9 @@ def _print_next(answer: Explanation, out: Path | None, json_file: Path | None) -
     """Print the written files, the verdict, model changes and next commands."""
     from benchtool.commands.terminal.tables import Output
     from benchtool.explain.next_steps import format_steps, next_file, next_sentence, next_steps
-    from benchtool.report.answer.folder import ANSWER, PAGE
+    from benchtool.report.answer.folder import ANSWER
     from benchtool.report.answer.page import added_sentence, changes
+    from benchtool.report.page import PAGE
 
     console = Output()
     folder = str(out) if out is not None else ""
