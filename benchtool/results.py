@@ -90,13 +90,6 @@ def pool_result(
     )
 
 
-def build_request(inputs: ExplainInputs, permit: CodePermit = check_code_allowed) -> Request:
-    """Read the recordings, model and effects of the inputs."""
-    return read_request(
-        inputs.recordings, inputs.check, inputs.model, inputs.effects, permit, inputs.rig
-    )
-
-
 def explain_result(
     inputs: ExplainInputs,
     progress: Progress = lambda stage, fraction: None,
@@ -119,8 +112,8 @@ def explain_result(
         InputError: an input is missing or cannot be read.
     """
     start_s = monotonic()
-    request = build_request(inputs, permit) if request is None else request
-    answer = request.explain(inputs, commands, minutes=minutes, progress=progress)
+    request = read_request(inputs, permit) if request is None else request
+    answer = request.explain(commands, minutes=minutes, progress=progress)
     return Result(
         found=replace(answer, seconds=monotonic() - start_s),
         _page=ANSWER,

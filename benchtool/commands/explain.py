@@ -78,15 +78,15 @@ def explain(inputs: ExplainArguments) -> None:
     candidates. With --bench this experiment is recorded, with an arming confirmation each time,
     until the verdict reaches the probability --until.
     """
+    from benchtool.explain.request import read_request
     from benchtool.report.answer.folder import check_not_existing
-    from benchtool.results import build_request
 
     if inputs.cluster is not None and not inputs.each and not inputs.bootstrap:
         raise InputError("--cluster needs --each or --bootstrap; add one, or remove --cluster")
     if inputs.each:
         _explain_each(inputs)
         return
-    request = build_request(inputs, announce_code)
+    request = read_request(inputs, announce_code)
     rig = None
     if inputs.bench is not None:
         rig = _check_bench(inputs.bench, request, inputs.out)
@@ -103,7 +103,7 @@ def explain(inputs: ExplainArguments) -> None:
         run = _record(answer, experiment, inputs, rig)
         remaining_min -= experiment.minutes
         training = (*(source.path for source in answer.request.learn), str(run.path))
-        request = build_request(replace(inputs, recordings=training), announce_code)
+        request = read_request(replace(inputs, recordings=training), announce_code)
         answer = _explain(inputs, request, remaining_min)
     print(reason)
 
@@ -305,8 +305,8 @@ def _explain_each(inputs: ExplainArguments) -> None:
     """Explain several recordings separately; print and write the answers."""
     from benchtool.commands.terminal.batch import index_by_name, raise_first, run_each
     from benchtool.commands.terminal.tables import Output, print_table
+    from benchtool.explain.request import read_request
     from benchtool.report.page import Table
-    from benchtool.results import build_request
 
     for option, value in (("--bench", inputs.bench), ("--json", inputs.json)):
         if value is not None:
@@ -322,7 +322,7 @@ def _explain_each(inputs: ExplainArguments) -> None:
         name: replace(inputs, recordings=(data,), check=(check,), each=False, cluster=None)
         for (name, data), check in zip(recordings.items(), checks, strict=True)
     }
-    build_request(next(iter(tasks.values())), announce_code)
+    read_request(next(iter(tasks.values())), announce_code)
     description = replace(inputs, out=None, cluster=None)
     is_permitted = inputs.cluster is None  # user code runs on this machine only
     outcomes = run_each(

@@ -257,7 +257,6 @@ def _refine_law(shapes: _Shapes) -> Law:
     sd = np.sqrt(np.diag(np.linalg.pinv(curvature)))
     return Law(
         family=shapes.family,
-        form=summary.form,
         amplitude=amplitude,
         numbers=tuple(float(value) for value in numbers),
         sds=tuple(float(value) for value in sd[1:]),

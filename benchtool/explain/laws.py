@@ -168,7 +168,6 @@ class Law:
     """Law a f(u) with its parameters."""
 
     family: LawFamily
-    form: LawForm
     amplitude: float
     numbers: tuple[float, ...]  # of the family
     sds: tuple[float, ...]  # standard deviations of `numbers`

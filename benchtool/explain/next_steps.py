@@ -79,7 +79,7 @@ def next_steps(answer: Explanation, folder: str = "") -> tuple[NextStep, ...]:
             return ()
         files = ["the new model"] if answer.effects else []
         files += ["the next experiment"] if name else []
-        command = _explain_command(request, request.model_given, out="found")
+        command = _explain_command(request, request.inputs.model, out="found")
         return (NextStep(f"write {' and '.join(files)}", command),)
     new = str(Path(folder) / MODEL)
     dependence = answer.depends
@@ -87,8 +87,8 @@ def next_steps(answer: Explanation, folder: str = "") -> tuple[NextStep, ...]:
     if dependence is not None and dependence.law is not None:
         file = str(Path(folder) / f"{DRAFT_NAME}.py")
         purpose = f"check {file}, name it after its cause, and explain again with it"
-        with_draft = replace(request, effects_given=file)
-        drafted = (NextStep(purpose, _explain_command(with_draft, request.model_given, again)),)
+        with_draft = replace(request, inputs=replace(request.inputs, effects=file))
+        drafted = (NextStep(purpose, _explain_command(with_draft, request.inputs.model, again)),)
     if name:
         return (*drafted, *_experiment_steps(answer, str(Path(folder) / name), new, folder))
     if drafted:
@@ -122,7 +122,7 @@ def _experiment_steps(
 ) -> tuple[NextStep, ...]:
     """Return the steps of a next experiment: simulate, run, explain."""
     request, run = answer.request, f"{folder}-next"
-    model = new if answer.effects else request.model_given
+    model = new if answer.effects else request.inputs.model
     if answer.bench == "pitch":
         simulate = ["simulate", "pitch", "--model", model, "--schedule", file]
         simulate += ["--out", f"{folder}-try"]
@@ -135,7 +135,7 @@ def _experiment_steps(
     else:
         sweep = ["sweep", "ADDRESS", "--plan", file, "--out", run]
         steps = [NextStep("run the experiment (ADDRESS: your bench)", _command(sweep))]
-    last = _explain_command(request, request.model_given, f"{folder}-again", extra=[run])
+    last = _explain_command(request, request.inputs.model, f"{folder}-again", extra=[run])
     return (*steps, NextStep("explain with the new recording", last))
 
 
@@ -150,10 +150,10 @@ def _explain_command(
     """Return the `explain` command; without `--effects` if the model file names the effects."""
     arguments = ["explain", *_paths(request.learn), *extra, "--model", model]
     arguments += ["--check", *_paths(request.check)]
-    if request.rig_given and model == request.model_given:
-        arguments += ["--rig", request.rig_given]
-    if request.effects_given and with_effects:
-        arguments += ["--effects", request.effects_given]
+    if request.inputs.rig and model == request.inputs.model:
+        arguments += ["--rig", request.inputs.rig]
+    if request.inputs.effects and with_effects:
+        arguments += ["--effects", request.inputs.effects]
     return _command([*arguments, "--out", out])
 
 

@@ -22,8 +22,8 @@ from benchtool.data.run.entry import detect_kind
 from benchtool.data.run.read import changed_points, is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import metadata_path, read_recording
 from benchtool.data.table import read_table
-from benchtool.explain.engine.explain import DEFAULTS, explain
-from benchtool.explain.engine.subject import Subject
+from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.subject import Log, Subject
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
@@ -269,15 +269,16 @@ def _describe_folder(folder: Path) -> str:
     return f"this folder is not a run; use recordings in it: {names}{omitted}"
 
 
+SUBJECTS: dict[BenchKind, type[Subject]] = {"sweep": SweepSubject, "pitch": PitchSubject}
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Request:
     """Recordings, model and user-defined effects, all read."""
 
+    inputs: ExplainInputs  # as typed
     loaded: LoadedModel
     model_file: str  # name in the library or name of the model file
-    model_given: str  # as typed, for the next command
-    rig_given: str = ""  # as typed
-    effects_given: str  # source of user-defined effects, as typed; empty without
     model_sha256: str  # of the model file; empty for a library model
     effects_file: Path | None  # Python file of user-defined effects
     user_effects: tuple[Effect, ...]  # user-defined effects
@@ -306,25 +307,19 @@ class Request:
 
     def subject(self) -> Subject:
         """Return the recordings with the model; InputError if they are insufficient."""
-        model, effects = self.loaded.model, [e for e in self.user_effects if self.kind in e.benches]
-        if self.kind == "sweep":
-            learn, check = (
-                [sweep_log(source.recording, model.rig, zero=source.zero) for source in part]
-                for part in (self.learn, self.check)
-            )
-            return SweepSubject(model, learn, check, effects)
-        slide_s = self.loaded.plate_slide_s
-        training, validation = (
-            [pitch_log(source.recording, model.rig, source.name, slide_s) for source in part]
-            for part in (self.learn, self.check)
-        )
-        return PitchSubject(model, training, validation, effects)
+        effects = [effect for effect in self.user_effects if self.kind in effect.benches]
+        learn, check = ([self._log(source) for source in part] for part in (self.learn, self.check))
+        return SUBJECTS[self.kind](self.loaded.model, learn, check, effects)
 
-    def explain(
-        self, inputs: ExplainInputs = DEFAULTS, commands: Sequence[str] = (), **options: Any
-    ) -> Explanation:
+    def _log(self, source: RecordingSource) -> Log:
+        rig = self.loaded.model.rig
+        if self.kind == "sweep":
+            return sweep_log(source.recording, rig, zero=source.zero)
+        return pitch_log(source.recording, rig, source.name, self.loaded.plate_slide_s)
+
+    def explain(self, commands: Sequence[str] = (), **options: Any) -> Explanation:
         """Explain the recordings; options as of the engine's `explain`."""
-        found = explain(self.subject(), inputs, **options)
+        found = explain(self.subject(), self.inputs, **options)
         remarks = [line for source in self.sources for line in source.remarks]
         return replace(
             found,
@@ -334,20 +329,9 @@ class Request:
         )
 
 
-def read_request(
-    learn: Sequence[str],
-    check: Sequence[str],
-    model: str,
-    effects: str | None = None,
-    permit: CodePermit = check_code_allowed,
-    rig: str | None = None,
-) -> Request:
-    """Read recordings, model and user-defined effects; report all missing inputs together.
-
-    Args:
-        model: name in the library or path of a model file.
-        rig: name or path of a rig file, for recordings without one.
-    """
+def read_request(inputs: ExplainInputs, permit: CodePermit = check_code_allowed) -> Request:
+    """Read recordings, model and user-defined effects; report all missing inputs together."""
+    learn, check, model, effects = inputs.recordings, inputs.check, inputs.model, inputs.effects
     if not learn:
         order = " (all arguments after --check are validation recordings)" if check else ""
         example = "benchtool explain learn.csv --model model.toml --check check.csv"
@@ -362,7 +346,7 @@ def read_request(
                 f"no model; use --model with the path of a model file or one of: {', '.join(names)}"
             )
         readable = () if errors else (*learn, *check)
-        loaded = load_model(model, rig_for_data(readable, model, rig), permit=permit)
+        loaded = load_model(model, rig_for_data(readable, model, inputs.rig), permit=permit)
     except InputError as error:
         errors.append(error)
     try:
@@ -385,11 +369,9 @@ def read_request(
     except MissingColumn as error:
         raise error.with_map_file(file.name if file is not None else model) from None
     return Request(
+        inputs=inputs,
         loaded=loaded,
         model_file=file.name if file is not None else model,
-        model_given=model,
-        rig_given=rig or "",
-        effects_given=effects or "",
         model_sha256=file_hash(file) if file is not None else "",
         effects_file=effects_path,
         user_effects=user_defined,

@@ -209,8 +209,8 @@ class FilteredLog:
             parts.append(np.concatenate(self.whiten(innovations)))
         return np.hstack(parts)
 
-    def innovations(self, name: str, basis: Array) -> tuple[Array, Array]:
-        """Return innovations (2 + discs, n, r) and shares (n, r) of smooth functions (n, r)."""
+    def whitened_rows(self, name: str, basis: Array) -> tuple[Array, Array]:
+        """Return whitened rows and shares of readings (n_rows, r) of smooth functions (n, r)."""
         channel, _, variable = name.partition(": ")
         limits = self.model.discrepancy
         innovations = np.zeros((2 + len(self.speed), *basis.shape))
@@ -237,11 +237,6 @@ class FilteredLog:
             error = WITHIN * size * basis
             share = error / float(typical)
             innovations[:2] = self.reading_innovations(row, error)
-        return innovations, share
-
-    def whitened_rows(self, name: str, basis: Array) -> tuple[Array, Array]:
-        """Return whitened rows and shares of readings (n_rows, r) of smooth functions (n, r)."""
-        innovations, share = self.innovations(name, basis)
         rows = np.concatenate(self.whiten(innovations))
         channels = rows.reshape(-1, self.n_rows, rows.shape[1])
         is_affected = np.asarray(channels.any(axis=(1, 2)))[:, None, None]

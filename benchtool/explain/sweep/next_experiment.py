@@ -189,7 +189,7 @@ def speed_at(pulse_us: Array, rig: Rig) -> Array:
     p = rig.propulsion
     nominal = p.voltage_nominal_V
     speed = speed_from_pwm(pulse_us, p.speed_per_us_rad_s, p.pwm_start_us, nominal, nominal)
-    return np.where(pulse_us > p.pwm_start_us, np.asarray(speed, float), 0.0)
+    return np.asarray(speed, float)
 
 
 def predict_readings(log: SweepLog, evidence: SweepEvidence, values: Array) -> SweepLog:

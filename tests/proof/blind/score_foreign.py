@@ -20,6 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import read_request
 from tests.proof.blind.families import NONE
 from tests.proof.blind.scored import Scored
@@ -100,7 +101,8 @@ def scored(family: str, one: Asked) -> Scored:
         began = time.process_time()
         files = (str(record / name) for name in ("learn.csv", "check.csv", "model.toml"))
         learn, check, model = files
-        verdict = read_request([learn], [check], model).explain()
+        inputs = ExplainInputs(recordings=(learn,), check=(check,), model=model)
+        verdict = read_request(inputs).explain()
         seconds = time.process_time() - began
     also_true = tuple(truth.get("also_true", ())) if truth["names"] else ()
     sizes = {name: truth["sizes"].get(name, TOLERANCES) for name in (*truth["names"], *also_true)}

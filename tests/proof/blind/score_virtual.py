@@ -26,6 +26,7 @@ from benchtool.explain.engine.evidence import (
     with_every_effect,
 )
 from benchtool.explain.engine.explain import explain
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import read_request
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.model_file import load_model
@@ -114,7 +115,8 @@ def scored(name: str, one: Asked) -> Scored:
             address = f"{bench.address}&truth=truth.toml&seed={one.seed + place}"
             _type([command, address, *how.split(), "--yes", "--out", f"run{place}"])
         began = time.process_time()
-        request = read_request(["run0"], ["run1"], bench.model)
+        inputs = ExplainInputs(recordings=("run0",), check=("run1",), model=bench.model)
+        request = read_request(inputs)
         verdict = explain(request.subject(), propose=False)
         seconds = time.process_time() - began
     return score_answer(one, "named" if sizes else "none", sizes, verdict, seconds, values)

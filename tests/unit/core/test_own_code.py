@@ -7,6 +7,7 @@ import pytest
 from benchtool.bench.drivers import open_bench
 from benchtool.commands.app import main
 from benchtool.core.errors import InputError
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
@@ -53,7 +54,7 @@ WAYS = {
     "a controller": lambda: load_controller_class("evil:Law", ()),
     "an address": lambda: open_bench("sim:pquad_single?truth=m.toml"),
     "a pitch address": lambda: open_bench("sim:pquad?mode=pitch&truth=m.toml"),
-    "a question": lambda: read_request(["t.csv"], [], "m.toml"),
+    "a question": lambda: read_request(ExplainInputs(recordings=("t.csv",), model="m.toml")),
     "a recipe": lambda: run_recipe(Recipe(name="f", data=("t.csv",), model="m.toml")),
     "a compared model": lambda: run_recipe(
         Recipe(name="f", data=("t.csv",), model="single", rig="pquad_single", compare=("m.toml",))

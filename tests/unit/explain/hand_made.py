@@ -27,6 +27,7 @@ from benchtool.explain.findings import (
     Overlay,
     UnjudgedEffect,
 )
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import RecordingSource, Request
 from benchtool.explain.result import Explanation, Kind
 from benchtool.physics.catalogue import EFFECTS
@@ -198,11 +199,10 @@ def source(path: str, sha256: str) -> RecordingSource:
 def answer(kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any) -> Explanation:
     """Make an answer of that kind about the pitch bench, of recordings in files."""
     request = Request(
+        inputs=ExplainInputs(model="model.toml"),
         loaded=loaded or load_model(MODEL),
         model_file="model.toml",
-        model_given="model.toml",
         model_sha256="c0ffee",
-        effects_given="",
         effects_file=None,
         user_effects=(),
         learn=(source("learn.csv", "1" * 64),),

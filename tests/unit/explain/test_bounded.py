@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from benchtool.explain.engine.bounded_least_squares import (
-    BoundedRegion,
-    BoundedSearch,
-    Linearisation,
-    finite_differences,
-)
+from benchtool.explain.engine import bounded_least_squares as bounded
 
 Array = np.ndarray
 
@@ -27,16 +22,18 @@ def curved(sets: Array) -> Array:
     return rows
 
 
-def search(residuals: Callable[[Array], Array], upper: Array) -> BoundedSearch:
-    def linearise(at: Array) -> Linearisation:
-        rows, jacobian = finite_differences(residuals, at, upper)
-        return Linearisation(at, float(rows @ rows), jacobian.T @ rows, jacobian.T @ jacobian)
+def search(residuals: Callable[[Array], Array], upper: Array) -> bounded.BoundedSearch:
+    def linearise(at: Array) -> bounded.Linearisation:
+        rows, jacobian = bounded.finite_differences(residuals, at, upper)
+        return bounded.Linearisation(
+            at, float(rows @ rows), jacobian.T @ rows, jacobian.T @ jacobian
+        )
 
-    return BoundedSearch(lambda sets: np.sum(residuals(sets) ** 2, axis=0), linearise)
+    return bounded.BoundedSearch(lambda sets: np.sum(residuals(sets) ** 2, axis=0), linearise)
 
 
-def region(lower: list[float], upper: list[float]) -> BoundedRegion:
-    return BoundedRegion(lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3))
+def region(lower: list[float], upper: list[float]) -> bounded.BoundedRegion:
+    return bounded.BoundedRegion(lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3))
 
 
 @pytest.mark.parametrize(
@@ -62,7 +59,9 @@ def test_a_penalty_is_a_prior():
     """One residual (x - 3) beside a prior of width 1/2 about 0: the mean is 3 / (1 + 4)."""
     found = search(lambda sets: sets.T - 3.0, np.array([9.0])).minimize(
         np.zeros(1),
-        BoundedRegion(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
+        bounded.BoundedRegion(
+            lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])
+        ),
         min_gain=1e-12,
     )
     assert found.values[0] == pytest.approx(0.6, rel=1e-6)

@@ -69,8 +69,6 @@ TAKES_S = {"a": 30.0, "b": 60.0, "c": 60.0}
 
 
 class Letters(str):
-    """A design of parts with one letter each."""
-
     duration_s = property(lambda self: sum(TAKES_S[name] for name in self))
 
     def extend(self) -> dict[str, Letters]:

@@ -102,19 +102,16 @@ def test_what_the_data_cannot_show_is_told():
     assert unseen["a"] > 50.0
 
 
-ASYMPTOTIC, DRAWN = ExplainInputs(), ExplainInputs(bootstrap=60)
-
-
 def test_p_values_of_nothing_are_spread_out_and_of_something_small():
-    rng = np.random.default_rng(0)
+    rng, drawn = np.random.default_rng(0), ExplainInputs(bootstrap=60)
     hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
     null = hypotheses.fit_null()
     best = hypotheses.add_candidates(null)[0]
-    assert hypotheses.p_value(null, best, ASYMPTOTIC, rng) < 1e-6
-    assert hypotheses.p_value(null, best, DRAWN, rng) == pytest.approx(1.0 / 61.0)
+    assert hypotheses.p_value(null, best, ExplainInputs(), rng) < 1e-6
+    assert hypotheses.p_value(null, best, drawn, rng) == pytest.approx(1.0 / 61.0)
     nothing = Hypotheses(Linear(np.zeros(4), 6))
     base = nothing.fit_null()
-    assert nothing.p_value(base, nothing.add_candidates(base)[0], DRAWN, rng) > 0.1
+    assert nothing.p_value(base, nothing.add_candidates(base)[0], drawn, rng) > 0.1
 
 
 def parameter(name: str, effect: str, *, held: bool = False) -> ScaledParameter:

@@ -12,6 +12,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
 from benchtool.data.run.recording_file import write_recording
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import bench_kind, read_request, read_sources
 from benchtool.physics.model_file import LoadedModel, load_model
 from tests.unit.explain.hand_made import MODEL
@@ -131,7 +132,8 @@ def test_what_cannot_be_explained_is_refused_with_the_reason(
     }
     for name, text in files.items():
         (tmp_path / name).write_text(text, "utf-8")
+    recordings, checks = tuple(learn.split()), tuple(check.split())
     with pytest.raises(BenchtoolError, match=said) as refused:
-        read_request(learn.split(), check.split(), str(MODEL))
+        read_request(ExplainInputs(recordings=recordings, check=checks, model=str(MODEL)))
     assert refused.value.exit_code == 2
     assert "\n" not in str(refused.value)

@@ -25,6 +25,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name, rig_to_toml
 from benchtool.data.run.read import run_rig
 from benchtool.data.run.run import Run
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.request import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
@@ -123,11 +124,15 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs, tmp_path):
         nominal_model(str(written), load_rig_by_name("pquad"))
 
 
+def explained(learn: str, check: str, model: str) -> ExplainInputs:
+    return ExplainInputs(recordings=(learn,), check=(check,), model=model)
+
+
 def test_runs_of_two_vehicles_are_no_data_of_one_model(runs, tmp_path):
     other = Run.create(tmp_path / "pquad", "", {"rig": asdict(load_rig_by_name("pquad"))}).path
     for read in (
         lambda: run_recipe(recipe(runs[0], str(other))),
-        lambda: read_request([runs[0]], [str(other)], "quad_bench"),
+        lambda: read_request(explained(runs[0], str(other), "quad_bench")),
     ):
         with pytest.raises(InputError, match=r"have different rigs \(different rotor positions"):
             read()
@@ -189,7 +194,7 @@ def test_a_table_on_a_shipped_model_asks_for_its_rig(tmp_path):
     with pytest.raises(InputError, match=asked):
         run_recipe(recipe(str(one), model="single"))
     with pytest.raises(InputError, match=asked):
-        read_request([str(one)], [str(two)], "single")
+        read_request(explained(str(one), str(two), "single"))
     rig.write_text(rig_to_toml(replace(five_inch(), rotors=five_inch().rotors[:1])))
     named = run_recipe(replace(recipe(str(one), model="single"), rig=str(rig)))
     assert named.fitted.rig.name == "five_inch"
