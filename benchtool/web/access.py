@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from html import escape
 from ipaddress import ip_address
@@ -24,19 +24,6 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})  # names of the loopback
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RequestInfo:
-    """Security headers of a request; "" if absent."""
-
-    host: str
-    origin: str = ""
-    site: str = ""
-    mode: str = ""
-    token: str = ""
-    reads_only: bool = True
-    is_socket: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
     """Access rules of a server.
 
@@ -51,22 +38,27 @@ class Access:
     any_address: bool = False
     token: str | None = None
 
-    def find_rejection(self, request: RequestInfo) -> str | None:
+    def find_rejection(
+        self, headers: Mapping[str, str], token: str, *, reads_only: bool, is_socket: bool
+    ) -> str | None:
         """Return the message if a request is rejected, else None."""
-        host = host_name(request.host)
-        if host not in self.names and not (self.any_address and _is_address(host)):
+        host, origin = headers.get("host", ""), headers.get("origin", "")
+        site = headers.get("sec-fetch-site", "")
+        name = host_name(host)
+        if name not in self.names and not (self.any_address and _is_address(name)):
             return (
-                f"host {request.host!r} is not a name of this server; open the address printed by "
+                f"host {host!r} is not a name of this server; open the address printed by "
                 f"benchtool web"
             )
-        if request.origin:
-            if request.origin not in (f"http://{request.host}", f"https://{request.host}"):
-                return f"requests from {request.origin!r} are not allowed; open this page directly"
-        elif request.is_socket or (not request.reads_only and request.site != "same-origin"):
+        if origin:
+            if origin not in (f"http://{host}", f"https://{host}"):
+                return f"requests from {origin!r} are not allowed; open this page directly"
+        elif is_socket or (not reads_only and site != "same-origin"):
             return "the request has no Origin header; use a browser"
-        if request.site in ("cross-site", "same-site") and request.mode != "navigate":
+        is_navigation = headers.get("sec-fetch-mode", "") == "navigate"
+        if site in ("cross-site", "same-site") and not is_navigation:
             return "requests from other sites are not allowed; open this page directly"
-        if self.token is not None and not self.is_token(request.token):
+        if self.token is not None and not self.is_token(token):
             return (
                 "the token is missing or wrong; open the complete address printed by benchtool "
                 "web, including its token"
@@ -150,28 +142,25 @@ class AccessMiddleware:
         query = parse_qs(scope["query_string"].decode("latin-1"))
         url_token = query.pop("token", [""])[0] if scope["type"] == "http" else ""
         is_valid = bool(url_token) and self._access.is_token(url_token)
-        request = RequestInfo(
-            host=connection.headers.get("host", ""),
-            origin=connection.headers.get("origin", ""),
-            site=connection.headers.get("sec-fetch-site", ""),
-            mode=connection.headers.get("sec-fetch-mode", ""),
-            token=url_token if is_valid else connection.cookies.get(self._cookie, ""),
+        token = url_token if is_valid else connection.cookies.get(self._cookie, "")
+        rejection = self._access.find_rejection(
+            connection.headers,
+            token,
             reads_only=scope.get("method") in ("GET", "HEAD"),
             is_socket=scope["type"] == "websocket",
         )
-        rejection = self._access.find_rejection(request)
         if scope["type"] == "websocket":
             if rejection is None:
                 await self._app(scope, receive, send)
             else:
-                if request.token:
+                if token:
                     await self._delay()
                 await receive()
                 await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
         response: Response | None = None
         if rejection is not None:
-            is_token_guess = self._access.token is not None and bool(url_token or request.token)
+            is_token_guess = self._access.token is not None and bool(url_token or token)
             status = FORBIDDEN
             if is_token_guess and not await self._delay():
                 status, rejection = TOO_MANY, "too many wrong tokens; try again later"
@@ -190,10 +179,11 @@ class AccessMiddleware:
             response.set_cookie(self._cookie, url_token, httponly=True, samesite="strict")
         policy = "default-src 'none'"
         if rejection is None:
-            name = host_name(request.host)
+            host = connection.headers["host"]
+            name = host_name(host)
             name = f"[{name}]" if ":" in name else name
             stop = "" if self._stop_port is None else f" http://{name}:{self._stop_port}"
-            policy = POLICY.format(host=request.host, stop=stop)
+            policy = POLICY.format(host=host, stop=stop)
         body = SizeLimitedBody(receive, _with_headers(send, policy))
         try:
             await (response or self._app)(scope, body.receive, body.send)

@@ -4,58 +4,64 @@ import os
 
 import pytest
 
-from benchtool.web.access import Access, RequestInfo, host_name, is_loopback
+from benchtool.web.access import Access, host_name, is_loopback
 from benchtool.web.serve import build_access, open_page
 
 HERE = "127.0.0.1:8460"
 
 
+def rejection_of(access, token="", reads_only=True, is_socket=False, **headers):
+    names = {"site": "sec-fetch-site", "mode": "sec-fetch-mode"}
+    headers = {names.get(name, name): value for name, value in headers.items()}
+    return access.find_rejection(headers, token, reads_only=reads_only, is_socket=is_socket)
+
+
 @pytest.mark.parametrize(
     "request_info",
     [
-        RequestInfo(host=HERE),
-        RequestInfo(host="localhost:8460", site="none", mode="navigate"),
-        RequestInfo(host="LOCALHOST"),
-        RequestInfo(host="[::1]:8460"),
-        RequestInfo(host=HERE, site="cross-site", mode="navigate"),
-        RequestInfo(host=HERE, origin=f"http://{HERE}", reads_only=False, is_socket=True),
-        RequestInfo(host=HERE, origin=f"http://{HERE}", reads_only=False),
-        RequestInfo(host=HERE, site="same-origin", reads_only=False),
+        {"host": HERE},
+        {"host": "localhost:8460", "site": "none", "mode": "navigate"},
+        {"host": "LOCALHOST"},
+        {"host": "[::1]:8460"},
+        {"host": HERE, "site": "cross-site", "mode": "navigate"},
+        {"host": HERE, "origin": f"http://{HERE}", "reads_only": False, "is_socket": True},
+        {"host": HERE, "origin": f"http://{HERE}", "reads_only": False},
+        {"host": HERE, "site": "same-origin", "reads_only": False},
     ],
 )
 def test_the_page_itself_and_a_typed_address_are_let_in(request_info):
-    assert Access().find_rejection(request_info) is None
+    assert rejection_of(Access(), **request_info) is None
 
 
 @pytest.mark.parametrize(
     ("request_info", "why"),
     [
-        (RequestInfo(host="evil.example:8460"), "is not a name of this server"),
-        (RequestInfo(host="127.0.0.1.evil.example"), "is not a name of this server"),
-        (RequestInfo(host=""), "is not a name of this server"),
-        (RequestInfo(host="user@127.0.0.1"), "is not a name of this server"),
-        (RequestInfo(host="[::1"), "is not a name of this server"),
-        (RequestInfo(host="[[::1]]:1"), "is not a name of this server"),
-        (RequestInfo(host=HERE, origin="http://[::1", is_socket=True), "are not allowed"),
-        (RequestInfo(host="192.168.1.5:8460"), "is not a name of this server"),
+        ({"host": "evil.example:8460"}, "is not a name of this server"),
+        ({"host": "127.0.0.1.evil.example"}, "is not a name of this server"),
+        ({"host": ""}, "is not a name of this server"),
+        ({"host": "user@127.0.0.1"}, "is not a name of this server"),
+        ({"host": "[::1"}, "is not a name of this server"),
+        ({"host": "[[::1]]:1"}, "is not a name of this server"),
+        ({"host": HERE, "origin": "http://[::1", "is_socket": True}, "are not allowed"),
+        ({"host": "192.168.1.5:8460"}, "is not a name of this server"),
         (
-            RequestInfo(host=HERE, origin="http://evil.example", is_socket=True),
+            {"host": HERE, "origin": "http://evil.example", "is_socket": True},
             "are not allowed",
         ),
         (
-            RequestInfo(host=HERE, origin="http://127.0.0.1:9999", is_socket=True),
+            {"host": HERE, "origin": "http://127.0.0.1:9999", "is_socket": True},
             "are not allowed",
         ),
-        (RequestInfo(host=HERE, origin="null", is_socket=True), "are not allowed"),
-        (RequestInfo(host=HERE, origin=f"ftp://{HERE}", is_socket=True), "are not allowed"),
-        (RequestInfo(host=HERE, is_socket=True, reads_only=False), "has no Origin header"),
-        (RequestInfo(host=HERE, reads_only=False), "has no Origin header"),
-        (RequestInfo(host=HERE, site="cross-site", mode="no-cors"), "from other sites"),
-        (RequestInfo(host=HERE, site="same-site", mode="cors"), "from other sites"),
+        ({"host": HERE, "origin": "null", "is_socket": True}, "are not allowed"),
+        ({"host": HERE, "origin": f"ftp://{HERE}", "is_socket": True}, "are not allowed"),
+        ({"host": HERE, "is_socket": True, "reads_only": False}, "has no Origin header"),
+        ({"host": HERE, "reads_only": False}, "has no Origin header"),
+        ({"host": HERE, "site": "cross-site", "mode": "no-cors"}, "from other sites"),
+        ({"host": HERE, "site": "same-site", "mode": "cors"}, "from other sites"),
     ],
 )
 def test_other_names_and_other_pages_are_refused(request_info, why):
-    rejection = Access().find_rejection(request_info)
+    rejection = rejection_of(Access(), **request_info)
     assert rejection is not None
     assert why in rejection
 
@@ -64,14 +70,12 @@ def test_another_bind_wants_the_token_and_takes_numeric_addresses():
     access = build_access("0.0.0.0")
     assert access.token is not None
     assert len(access.token) >= 32
-    request_info = RequestInfo(host="192.168.1.5:8460")
-    assert "token is missing or wrong" in str(access.find_rejection(request_info))
-    for token in ("x", access.token[:-1], access.token + "x", "ü"):
-        wrong = RequestInfo(host="192.168.1.5:8460", token=token)
-        assert "token is missing or wrong" in str(access.find_rejection(wrong))
-    assert access.find_rejection(RequestInfo(host="192.168.1.5:8460", token=access.token)) is None
-    rebound = RequestInfo(host="evil.example", token=access.token)
-    assert "is not a name of this server" in str(access.find_rejection(rebound))
+    host = "192.168.1.5:8460"
+    for token in ("", "x", access.token[:-1], access.token + "x", "ü"):
+        assert "token is missing or wrong" in str(rejection_of(access, token, host=host))
+    assert rejection_of(access, access.token, host=host) is None
+    rebound = rejection_of(access, access.token, host="evil.example")
+    assert "is not a name of this server" in str(rebound)
     assert build_access("0.0.0.0").token != access.token
 
 
