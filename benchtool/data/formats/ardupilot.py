@@ -26,7 +26,7 @@ from benchtool.data.formats.flight_log import (
     import_flight_log,
     motor_outputs,
 )
-from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult, line_ranges
+from benchtool.data.repairs.import_result import Finding, ImportResult, line_ranges
 
 Positions = NDArray[np.intp]
 
@@ -241,12 +241,12 @@ WANTED = frozenset(  # messages that are read; others are only counted
 GOOD_RANGE = 4  # RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h
 
 
-def read_binary(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_binary(data: bytes, where: str) -> ImportResult:
     """Return a DataFlash log (.bin) as a pitch recording."""
     return _read(read_dataflash(data, WANTED), "ArduPilot DataFlash", where)
 
 
-def read_text(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_text(data: bytes, where: str) -> ImportResult:
     """Return a DataFlash log in its text form (.log) as a pitch recording."""
     return _read(read_text_log(data, WANTED), "ArduPilot DataFlash text", where)
 

@@ -22,6 +22,7 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
 from benchtool.data.csv_header import has_columns
+from benchtool.data.csv_text import parse_rows
 from benchtool.data.formats.ardupilot import HEAD, read_binary, read_text
 from benchtool.data.formats.crazyflie import read_crazyflie
 from benchtool.data.formats.mavlink_log import is_tlog, read_mavlink
@@ -50,10 +51,6 @@ _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 Kind = Literal["log", "table"]
 
 
-# (bytes of the file, its path as given, options) -> import, or a FileFormatError
-FormatReader = Callable[[bytes, str, ImportOptions], ImportResult]
-
-
 @dataclass(frozen=True, slots=True)
 class Format:
     """Entry of the format registry."""
@@ -61,7 +58,7 @@ class Format:
     name: str  # for display, and of the format's row in docs/reference/import.md
     kind: Kind  # a table's time order and known faults are checked
     recognizes: Callable[[bytes], bool]  # tests the first bytes of a file
-    read: FormatReader
+    read: Callable[..., ImportResult]  # of (bytes, path) of a log, or (TextTable, options)
 
 
 FORMATS: tuple[Format, ...] = (  # others are read by a column map or the names of columns
@@ -119,8 +116,8 @@ def import_files(
 @np.errstate(over="ignore", invalid="ignore")  # a cell may be 1e308, a log value a signalling nan
 def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the import of a foreign file's bytes; see `import_file`."""
-    kind, reader = _select_reader(data, options)
-    result = reader(data, where, options)
+    kind, read = _select_reader(data, options)
+    result = read(data, where) if kind == "log" else read(parse_rows(data, where), options)
     provenance = {
         "file": where,
         "sha256": hashlib.sha256(data).hexdigest(),
@@ -183,7 +180,7 @@ def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
     return result.with_findings([Finding("left out", "stale columns", text, count=len(stale))])
 
 
-def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
+def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, Callable[..., ImportResult]]:
     """Return kind and reader of a file with these first bytes; a user's map has priority."""
     if options.columns is not None:
         return "table", read_by_map
@@ -211,9 +208,9 @@ def _can_import(path: Path, options: ImportOptions) -> bool:
             head = file.read(HEAD_BYTES)
         if len(head) == HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
-        kind, reader = _select_reader(head, options)
+        kind, read = _select_reader(head, options)
         if kind == "table":
-            reader(head, str(path), options)
+            read(parse_rows(head, str(path)), options)
     except (OSError, InputError):
         return False
     return True

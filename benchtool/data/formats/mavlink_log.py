@@ -24,7 +24,7 @@ from benchtool.data.formats.flight_log import (
     import_flight_log,
     motor_outputs,
 )
-from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
+from benchtool.data.repairs.import_result import Finding, ImportResult
 
 STAMP_BYTES = 8
 V1, V2 = 0xFE, 0xFD
@@ -191,7 +191,7 @@ _ESC_STATUS = PayloadLayout.from_struct(  # of PX4 (MAVLink common.xml); not in 
 )
 
 
-def read_mavlink(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_mavlink(data: bytes, where: str) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
     extras = {item.number: item.crc_extra for item in layouts.values()}

@@ -23,7 +23,7 @@ from benchtool.data.formats.flight_log import (
     motor_outputs,
     parse_motor_map,
 )
-from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
+from benchtool.data.repairs.import_result import Finding, ImportResult
 
 WANTED = (  # topics that are read; others are only counted
     *("vehicle_attitude", "vehicle_attitude_setpoint", "vehicle_angular_velocity"),
@@ -40,7 +40,7 @@ _FAULTS = (  # exceptions of pyulog on corrupt files, in addition to ULogExcepti
 )
 
 
-def read_px4(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_px4(data: bytes, where: str) -> ImportResult:
     """Return a PX4 log as a pitch recording."""
     from pyulog import ULog
     from pyulog.exceptions import ULogException

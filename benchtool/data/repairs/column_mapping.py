@@ -24,7 +24,7 @@ from benchtool.data.column_map import (
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows, parse_rows
+from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -305,11 +305,10 @@ def read_columns(
     )
 
 
-def read_by_map(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_by_map(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV file in the user's map."""
     map_path = options.columns
     assert map_path is not None
-    table = parse_rows(data, where)
     try:
         columns = [
             map_column(table.header, table.where, *entry)
@@ -330,18 +329,17 @@ def read_by_map(data: bytes, where: str, options: ImportOptions) -> ImportResult
     return read_columns(table, columns, "column map", {"columns": str(map_path)}, findings)
 
 
-def read_by_names(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_by_names(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV with known names and units.
 
     Without a unit the channel's unit is assumed, with a warning.
     """
-    table = parse_rows(data, where)
     hint = "; map them with --columns MAP.toml"
     columns, findings = map_header(table, match_channel, hint=hint)
     if not columns:
         unknown = ", ".join(list(filter(None, table.header))[:12])
         raise FileFormatError(
-            where,
+            table.where,
             f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
         )
     return read_columns(table, columns, "named columns", {}, findings)
