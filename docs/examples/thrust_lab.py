@@ -12,4 +12,4 @@ CHANNELS = {"t": "time_s", "load": "thrust_N", "esc": "pwm1_us", "speed": "rpm1"
 def read_thrust_lab(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return the recording; thrust is in gram-force if the header has no unit."""
     columns, findings = map_header(table, CHANNELS.get, units={"thrust_N": "gf"})
-    return read_columns(table, columns, "ThrustLab", {"device": "ThrustLab stand"}, findings)
+    return read_columns(table, columns, {"device": "ThrustLab stand"}, findings)

@@ -28,4 +28,4 @@ def read_crazyflie(table: TextTable, options: ImportOptions) -> ImportResult:
         Finding("read as", "pwm", "the raw number 0 to 65535, not a pulse width", "pwm_raw"),
     ]
     facts = {"device": "Crazyflie on a load cell"}
-    return read_columns(table, columns, "Crazyflie system_id", facts, [*common, *findings])
+    return read_columns(table, columns, facts, [*common, *findings])

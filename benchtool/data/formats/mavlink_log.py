@@ -214,7 +214,7 @@ def read_mavlink(data: bytes, where: str) -> ImportResult:
         *_distance(log),
     ]
     device = f"MAVLink system {system[0]}, component {system[1]}"
-    return import_flight_log(log, streams, "MAVLink tlog", where, device)
+    return import_flight_log(log, streams, where, device)
 
 
 def _layouts() -> tuple[dict[str, PayloadLayout], Any]:

@@ -82,7 +82,7 @@ def read_px4(data: bytes, where: str) -> ImportResult:
     n_used = sum(stream.time_us.size for stream in streams)
     # pyulog may read one part of a log with appended data twice.
     log = replace(log, total=max(log.total, n_used))
-    return import_flight_log(log, streams, "PX4 ULog", where, _device(ulog))
+    return import_flight_log(log, streams, where, _device(ulog))
 
 
 def _messages(topic: Any) -> Messages:

@@ -43,7 +43,8 @@ def read_rcbenchmark(table: TextTable, options: ImportOptions) -> ImportResult:
     else:
         series = "Series 1780" if "Torque" in names else "Series 1520"
     name = f"RCbenchmark {series}"
-    return read_columns(table, columns, name, {"device": name}, findings, _select_speed)
+    result = read_columns(table, columns, {"device": name}, findings, _select_speed)
+    return replace(result, format=name)
 
 
 def _select_speed(

@@ -56,7 +56,7 @@ def read_uiuc(table: TextTable, options: ImportOptions) -> ImportResult:
     if options.air_density_kg_m3 is None:
         text = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
         findings.append(Finding("doubt", "air density", text, "thrust_N"))
-    result = read_columns(table, columns, "UIUC static", {}, [*findings, *others])
+    result = read_columns(table, columns, {}, [*findings, *others])
     recording = result.recording
     for need in ("rpm1", "ct"):
         if need not in recording:

@@ -233,7 +233,6 @@ Choose = Callable[  # (columns, numbers by channel, findings to add to) -> the c
 def read_columns(
     table: TextTable,
     columns: Sequence[MappedColumn],
-    format_name: str,
     facts: Mapping[str, str],
     findings: Sequence[Finding] = (),
     choose: Choose | None = None,
@@ -292,7 +291,6 @@ def read_columns(
     channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in pairs)
     return ImportResult(
         recording=Recording(channels, matrix.T, {**facts, "rows": str(rows)}),
-        format=format_name,
         findings=tuple(all_findings),
         tally=ImportCount(
             unit="row",
@@ -326,7 +324,7 @@ def read_by_map(table: TextTable, options: ImportOptions) -> ImportResult:
     if unmapped:
         text = f"not in the map: {', '.join(unmapped)}"
         findings.append(Finding("left out", "columns", text, count=len(unmapped)))
-    return read_columns(table, columns, "column map", {"columns": str(map_path)}, findings)
+    return read_columns(table, columns, {"columns": str(map_path)}, findings)
 
 
 def read_by_names(table: TextTable, options: ImportOptions) -> ImportResult:
@@ -342,4 +340,4 @@ def read_by_names(table: TextTable, options: ImportOptions) -> ImportResult:
             table.where,
             f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
         )
-    return read_columns(table, columns, "named columns", {}, findings)
+    return read_columns(table, columns, {}, findings)
