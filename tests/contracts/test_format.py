@@ -94,7 +94,8 @@ def test_every_importer_is_registered():
     """An unregistered reader is never used: each is in `FORMATS` or a fallback."""
     folder = Path(__file__).parents[2] / "benchtool" / "data" / "formats"
     signature = re.compile(
-        r"(?m)^def (read_\w+)\(data: bytes, where: str, options: ImportOptions\) -> ImportResult:"
+        r"(?m)^def (\w+)\((?:data: bytes, where: str|table: TextTable, options: ImportOptions)\)"
+        r" -> ImportResult:"
     )
     written = {
         name for path in folder.glob("*.py") for name in signature.findall(path.read_text("utf-8"))

@@ -28,8 +28,9 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
 MAX_DEPTH = 3  # levels of folders searched for entries; assumed
+FIELDS = [field.name for field in fields(Entry)]
 # An index of another version is rebuilt; SQLite stores 31 bits of it.
-VERSION = crc32(("3 " + " ".join(field.name for field in fields(Entry))).encode()) >> 1
+VERSION = crc32(" ".join(("3", *FIELDS)).encode()) >> 1
 CachedEntries = dict[str, tuple[str, Entry]]  # by name: stamp of the files, entry
 
 _RUN = ("metadata.json", "points.csv")
@@ -203,18 +204,14 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 
 def _to_json(entry: Entry) -> str:
-    """Return an entry as JSON, without empty values."""
-    values = {field.name: getattr(entry, field.name) for field in fields(Entry)}
-    values = {name: value for name, value in values.items() if value not in ("", None, ())}
+    values = [getattr(entry, name) for name in FIELDS]
     return json.dumps(values, default=datetime.isoformat)
 
 
-def _from_json(values: dict[str, Any]) -> Entry:
-    if "started" in values:
-        values["started"] = datetime.fromisoformat(values["started"])
+def _from_json(values: list[Any]) -> Entry:
+    entry = dict(zip(FIELDS, values, strict=True))
+    entry["started"] = entry["started"] and datetime.fromisoformat(entry["started"])
     for name in ("z_over_r", "tags", "notes"):
-        if name in values:
-            values[name] = tuple(values[name])
-    if "values" in values:
-        values["values"] = tuple((name, value) for name, value in values["values"])
-    return Entry(**values)
+        entry[name] = tuple(entry[name])
+    entry["values"] = tuple(map(tuple, entry["values"]))
+    return Entry(**entry)

@@ -26,7 +26,7 @@ from benchtool.data.formats.flight_log import (
     import_flight_log,
     motor_outputs,
 )
-from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult, line_ranges
+from benchtool.data.repairs.import_result import Finding, ImportResult, line_ranges
 
 Positions = NDArray[np.intp]
 
@@ -241,17 +241,17 @@ WANTED = frozenset(  # messages that are read; others are only counted
 GOOD_RANGE = 4  # RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h
 
 
-def read_binary(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_binary(data: bytes, where: str) -> ImportResult:
     """Return a DataFlash log (.bin) as a pitch recording."""
-    return _read(read_dataflash(data, WANTED), "ArduPilot DataFlash", where)
+    return _read(read_dataflash(data, WANTED), where)
 
 
-def read_text(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_text(data: bytes, where: str) -> ImportResult:
     """Return a DataFlash log in its text form (.log) as a pitch recording."""
-    return _read(read_text_log(data, WANTED), "ArduPilot DataFlash text", where)
+    return _read(read_text_log(data, WANTED), where)
 
 
-def _read(log: MessageLog, name: str, where: str) -> ImportResult:
+def _read(log: MessageLog, where: str) -> ImportResult:
     motors = ardupilot_motors(log["PARM"], "Name", "Value")
     battery = _first(log["BAT"] if len(log["BAT"]) else log["CURR"])
     streams = [
@@ -264,7 +264,7 @@ def _read(log: MessageLog, name: str, where: str) -> ImportResult:
     ]
     texts = log["MSG"].texts("Message") if log["MSG"].has("Message") else []
     firmware = next((text for text in texts if text.startswith(("Ardu", "APM"))), "ArduPilot")
-    return import_flight_log(log, streams, name, where, firmware)
+    return import_flight_log(log, streams, where, firmware)
 
 
 def _first(messages: Messages) -> Messages:

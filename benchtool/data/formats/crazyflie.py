@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchtool.data.csv_text import parse_rows
+from benchtool.data.csv_text import TextTable
 from benchtool.data.repairs.column_mapping import map_header, read_columns
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -18,9 +18,8 @@ CHANNELS: dict[str, str] = {
 the thrust, in gram-force by default."""
 
 
-def read_crazyflie(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_crazyflie(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return a Crazyflie's log: thrust of all four rotors, pwm as the raw number 0 to 65535."""
-    table = parse_rows(data, where)
     loaded = any(cell.startswith("v[") or cell == "v" for cell in table.header)
     channels = {**CHANNELS, "vbat": "battery_V" if loaded else "voltage_V"}
     columns, findings = map_header(table, channels.get, units={"thrust_N": "gf"})
@@ -29,4 +28,4 @@ def read_crazyflie(data: bytes, where: str, options: ImportOptions) -> ImportRes
         Finding("read as", "pwm", "the raw number 0 to 65535, not a pulse width", "pwm_raw"),
     ]
     facts = {"device": "Crazyflie on a load cell"}
-    return read_columns(table, columns, "Crazyflie system_id", facts, [*common, *findings])
+    return read_columns(table, columns, facts, [*common, *findings])

@@ -199,7 +199,7 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (  # contents, pattern of channels, m
 
 
 def import_flight_log(
-    log: MessageLog, streams: Sequence[Stream], format_name: str, where: str, device: str
+    log: MessageLog, streams: Sequence[Stream], where: str, device: str
 ) -> ImportResult:
     """Return a flight log as a pitch recording."""
     findings = list(log.findings)
@@ -231,7 +231,6 @@ def import_flight_log(
     }
     return ImportResult(
         recording=replace(recording, provenance={"device": device, "rows": str(len(recording))}),
-        format=format_name,
         findings=tuple(findings),
         tally=ImportCount(
             unit="message",

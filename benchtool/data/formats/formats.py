@@ -22,6 +22,7 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_LOG_BYTES, open_file, read_file
 from benchtool.data.csv_header import has_columns
+from benchtool.data.csv_text import parse_rows
 from benchtool.data.formats.ardupilot import HEAD, read_binary, read_text
 from benchtool.data.formats.crazyflie import read_crazyflie
 from benchtool.data.formats.mavlink_log import is_tlog, read_mavlink
@@ -50,10 +51,6 @@ _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 Kind = Literal["log", "table"]
 
 
-# (bytes of the file, its path as given, options) -> import, or a FileFormatError
-FormatReader = Callable[[bytes, str, ImportOptions], ImportResult]
-
-
 @dataclass(frozen=True, slots=True)
 class Format:
     """Entry of the format registry."""
@@ -61,10 +58,10 @@ class Format:
     name: str  # for display, and of the format's row in docs/reference/import.md
     kind: Kind  # a table's time order and known faults are checked
     recognizes: Callable[[bytes], bool]  # tests the first bytes of a file
-    read: FormatReader
+    read: Callable[..., ImportResult]  # of (bytes, path) of a log, or (TextTable, options)
 
 
-FORMATS: tuple[Format, ...] = (  # others are read by a column map or the names of columns
+FORMATS: tuple[Format, ...] = (  # others are read by `BY_MAP` or `BY_NAMES`
     Format("ArduPilot DataFlash", "log", lambda head: head.startswith(HEAD), read_binary),
     Format(
         "ArduPilot DataFlash text", "log", lambda head: _TEXT_LOG.match(head[:4096]) is not None,
@@ -81,6 +78,8 @@ FORMATS: tuple[Format, ...] = (  # others are read by a column map or the names 
     ),
     Format("UIUC static", "table", is_uiuc, read_uiuc),
 )  # fmt: skip
+BY_MAP = Format("column map", "table", lambda head: True, read_by_map)
+BY_NAMES = Format("named columns", "table", lambda head: True, read_by_names)
 
 
 def detect_format(head: bytes) -> Format | None:
@@ -119,16 +118,18 @@ def import_files(
 @np.errstate(over="ignore", invalid="ignore")  # a cell may be 1e308, a log value a signalling nan
 def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return the import of a foreign file's bytes; see `import_file`."""
-    kind, reader = _select_reader(data, options)
-    result = reader(data, where, options)
+    file_format = _select_format(data, options)
+    is_log, read = file_format.kind == "log", file_format.read
+    result = read(data, where) if is_log else read(parse_rows(data, where), options)
     provenance = {
         "file": where,
         "sha256": hashlib.sha256(data).hexdigest(),
         "simulated": "not stated",
         **result.recording.provenance,
     }
-    result = replace(result, recording=replace(result.recording, provenance=provenance))
-    if kind == "log":
+    recording = replace(result.recording, provenance=provenance)
+    result = replace(result, recording=recording, format=result.format or file_format.name)
+    if is_log:
         result = inspect_log(apply_options(result, options))
     else:
         # Checks are last, so that the user's repairs are included.
@@ -183,12 +184,9 @@ def apply_options(result: ImportResult, options: ImportOptions) -> ImportResult:
     return result.with_findings([Finding("left out", "stale columns", text, count=len(stale))])
 
 
-def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
-    """Return kind and reader of a file with these first bytes; a user's map has priority."""
-    if options.columns is not None:
-        return "table", read_by_map
-    entry = detect_format(head)
-    return ("table", read_by_names) if entry is None else (entry.kind, entry.read)
+def _select_format(head: bytes, options: ImportOptions) -> Format:
+    """Return the format of a file with these first bytes; a user's map has priority."""
+    return BY_MAP if options.columns is not None else detect_format(head) or BY_NAMES
 
 
 def _explain_folder(folder: Path, options: ImportOptions) -> str:
@@ -211,9 +209,9 @@ def _can_import(path: Path, options: ImportOptions) -> bool:
             head = file.read(HEAD_BYTES)
         if len(head) == HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
-        kind, reader = _select_reader(head, options)
-        if kind == "table":
-            reader(head, str(path), options)
+        file_format = _select_format(head, options)
+        if file_format.kind == "table":
+            file_format.read(parse_rows(head, str(path)), options)
     except (OSError, InputError):
         return False
     return True

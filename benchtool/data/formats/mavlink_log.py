@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from benchtool.data.formats.flight_log import (
     import_flight_log,
     motor_outputs,
 )
-from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
+from benchtool.data.repairs.import_result import Finding, ImportResult
 
 STAMP_BYTES = 8
 V1, V2 = 0xFE, 0xFD
@@ -152,29 +152,21 @@ WANTED = (  # messages that are read, in addition to ESC_STATUS; others are only
 )
 
 
-@dataclass(frozen=True, slots=True)
 class PayloadLayout:
-    """Layout of one kind of message: number, checksum seed and fields."""
+    """Layout of one kind of message, from a struct format with the names of its parts.
 
-    number: int
-    crc_extra: int
-    dtype: np.dtype[np.void]
+    The elements of an array of numbers are separate fields: rpm[0], rpm[1] and so on.
+    """
 
-    @classmethod
-    def from_struct(cls, number: int, crc_extra: int, form: str, names: Sequence[str]) -> Self:
-        """Return the layout of a struct format with the names of its parts.
-
-        The elements of an array of numbers are separate fields: rpm[0], rpm[1] and so on.
-        """
+    def __init__(self, number: int, crc_extra: int, form: str, names: Sequence[str]) -> None:
+        self.number, self.crc_extra = number, crc_extra
         fields: list[tuple[str, str]] = []
         for (count, letter), name in zip(re.findall(r"(\d*)([a-zA-Z])", form), names, strict=True):
-            if letter == "s":
-                fields.append((name, f"S{count}"))
-            elif count:
-                fields += [(f"{name}[{i}]", f"<{letter}") for i in range(int(count))]
-            else:
-                fields.append((name, f"<{letter}"))
-        return cls(number, crc_extra, np.dtype(fields))
+            kind = f"S{count}" if letter == "s" else f"<{letter}"
+            is_array = count and letter != "s"
+            indices = [f"[{i}]" for i in range(int(count))] if is_array else [""]
+            fields += [(f"{name}{index}", kind) for index in indices]
+        self.dtype = np.dtype(fields)
 
     def messages(self, name: str, frames: Sequence[Frame]) -> Messages:
         """Return the payloads of frames as messages, on the host's clock."""
@@ -186,12 +178,12 @@ class PayloadLayout:
         return Messages(name, times, {field: rows[field] for field in self.dtype.names or ()})
 
 
-_ESC_STATUS = PayloadLayout.from_struct(  # of PX4 (MAVLink common.xml); not in pymavlink 2.4.50
+_ESC_STATUS = PayloadLayout(  # of PX4 (MAVLink common.xml); not in pymavlink 2.4.50
     291, 10, "<Q4i4f4fB", ("time_usec", "rpm", "voltage", "current", "index")
 )
 
 
-def read_mavlink(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_mavlink(data: bytes, where: str) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
     extras = {item.number: item.crc_extra for item in layouts.values()}
@@ -214,7 +206,7 @@ def read_mavlink(data: bytes, where: str, options: ImportOptions) -> ImportResul
         *_distance(log),
     ]
     device = f"MAVLink system {system[0]}, component {system[1]}"
-    return import_flight_log(log, streams, "MAVLink tlog", where, device)
+    return import_flight_log(log, streams, where, device)
 
 
 def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
@@ -225,7 +217,7 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
     layouts = {"ESC_STATUS": _ESC_STATUS}
     for name in WANTED:
         kind = by_name[name]
-        layouts[name] = PayloadLayout.from_struct(
+        layouts[name] = PayloadLayout(
             kind.id, kind.crc_extra, kind.unpacker.format, kind.ordered_fieldnames
         )
     return layouts, lambda text: dialect.x25crc(text).crc
@@ -254,7 +246,7 @@ def _convert_clocks(kinds: dict[str, Messages], findings: list[Finding]) -> dict
         text = "no attitude messages with autopilot time; times are the host's stamps"
         findings.append(Finding("doubt", "time", text, "time_s"))
         return kinds
-    clock = AutopilotClock.from_attitude(attitude.time_us, attitude.numbers("time_boot_ms"))
+    clock = AutopilotClock(attitude.time_us, attitude.numbers("time_boot_ms"))
     delay_ms = 1e-3 * (attitude.time_us - clock.boot_us).astype(float)
     low, high = np.percentile(delay_ms, [5.0, 95.0])
     text = (
@@ -346,7 +338,6 @@ def _distance(log: MessageLog) -> list[Stream]:
 _WRAP_US = 1 << 32  # time_usec of SERVO_OUTPUT_RAW has 32 bits
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class AutopilotClock:
     """Conversion of host time stamps to the autopilot's clock.
 
@@ -355,14 +346,8 @@ class AutopilotClock:
     attitude messages by the host's stamps.
     """
 
-    host_us: Times  # (m,) of the attitudes, at least one
-    boot_us: Times  # (m,) continues over a reboot
-    starts: tuple[int, ...]  # rows at which the autopilot rebooted
-    offsets_us: Times  # (m,) added to the autopilot's time since boot
-
-    @classmethod
-    def from_attitude(cls, host_us: Times, boot_ms: NDArray[np.float64]) -> AutopilotClock:
-        """Return the clock from attitudes, in the order of reception."""
+    def __init__(self, host_us: Times, boot_ms: NDArray[np.float64]) -> None:
+        """Build the clock from times (m,) of attitudes, at least one, in the order of reception."""
         device_us = (1000.0 * boot_ms).astype(np.int64)
         steps = np.diff(device_us, prepend=device_us[:1])
         # Late messages step back by less than a second; a reboot by all the time since the last.
@@ -371,7 +356,9 @@ class AutopilotClock:
         for row in booted.tolist():
             waited = max(int(host_us[row] - host_us[row - 1]), 0)
             offsets[row:] = device_us[row - 1] + offsets[row - 1] + waited - device_us[row]
-        return cls(host_us, device_us + offsets, tuple(booted.tolist()), offsets)
+        self.host_us, self.boot_us = host_us, device_us + offsets  # continues over a reboot
+        self.starts = tuple(booted.tolist())  # rows at which the autopilot rebooted
+        self.offsets_us = offsets  # (m,) added to the autopilot's time since boot
 
     def time_from_host(self, host_us: Times) -> Times:
         """Return the time of messages without autopilot time."""

@@ -23,7 +23,7 @@ from benchtool.data.formats.flight_log import (
     motor_outputs,
     parse_motor_map,
 )
-from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
+from benchtool.data.repairs.import_result import Finding, ImportResult
 
 WANTED = (  # topics that are read; others are only counted
     *("vehicle_attitude", "vehicle_attitude_setpoint", "vehicle_angular_velocity"),
@@ -40,7 +40,7 @@ _FAULTS = (  # exceptions of pyulog on corrupt files, in addition to ULogExcepti
 )
 
 
-def read_px4(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_px4(data: bytes, where: str) -> ImportResult:
     """Return a PX4 log as a pitch recording."""
     from pyulog import ULog
     from pyulog.exceptions import ULogException
@@ -82,7 +82,7 @@ def read_px4(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     n_used = sum(stream.time_us.size for stream in streams)
     # pyulog may read one part of a log with appended data twice.
     log = replace(log, total=max(log.total, n_used))
-    return import_flight_log(log, streams, "PX4 ULog", where, _device(ulog))
+    return import_flight_log(log, streams, where, _device(ulog))
 
 
 def _messages(topic: Any) -> Messages:

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchtool.core.units import Array
 from benchtool.data.column_map import MappedColumn, match_channel, parse_header_cell
-from benchtool.data.csv_text import parse_rows
+from benchtool.data.csv_text import TextTable
 from benchtool.data.repairs.column_mapping import map_header, read_columns
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -32,9 +32,8 @@ CHANNELS = {  # columns of the stands by name, as in their exports of 2017 to 20
 }
 
 
-def read_rcbenchmark(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_rcbenchmark(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return a stand's log."""
-    table = parse_rows(data, where)
     columns, findings = map_header(
         table, lambda name: CHANNELS.get("Temp" if name.endswith("Temp") else name), refuse=False
     )
@@ -44,7 +43,8 @@ def read_rcbenchmark(data: bytes, where: str, options: ImportOptions) -> ImportR
     else:
         series = "Series 1780" if "Torque" in names else "Series 1520"
     name = f"RCbenchmark {series}"
-    return read_columns(table, columns, name, {"device": name}, findings, _select_speed)
+    result = read_columns(table, columns, {"device": name}, findings, _select_speed)
+    return replace(result, format=name)
 
 
 def _select_speed(

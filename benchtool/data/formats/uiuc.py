@@ -13,7 +13,7 @@ from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.units import from_si
-from benchtool.data.csv_text import parse_rows
+from benchtool.data.csv_text import TextTable
 from benchtool.data.propeller_file import load_propeller
 from benchtool.data.repairs.column_mapping import map_header, read_columns
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
@@ -26,22 +26,21 @@ def is_uiuc(head: bytes) -> bool:
     return head.split(maxsplit=3)[:3] == [b"RPM", b"CT", b"CP"]
 
 
-def read_uiuc(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_uiuc(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return a static run: T = CT rho n^2 D^4, Q = CP rho n^2 D^5 / (2 pi), n in turns a second.
 
     The file's name contains the diameter in inches. Coefficients as in Brandt and Selig,
     AIAA 2011-1255.
     """
-    size = _SIZE.search(Path(where).name)
+    size = _SIZE.search(Path(table.where).name)
     if size is None and options.propeller is None:
         raise FileFormatError(
-            where,
+            table.where,
             "the file name contains no diameter (as in apcsf_10x7_static_...); rename the file or "
             "use --propeller 10x7",
         )
     propeller = options.propeller or load_propeller(size["size"] if size else "")
     diameter_m = propeller.diameter_m
-    table = parse_rows(data, where)
     columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
     density = STANDARD_DENSITY_KG_M3  # the database has no air data; assumed
     if options.air_density_kg_m3 is not None:
@@ -57,11 +56,11 @@ def read_uiuc(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     if options.air_density_kg_m3 is None:
         text = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
         findings.append(Finding("doubt", "air density", text, "thrust_N"))
-    result = read_columns(table, columns, "UIUC static", {}, [*findings, *others])
+    result = read_columns(table, columns, {}, [*findings, *others])
     recording = result.recording
     for need in ("rpm1", "ct"):
         if need not in recording:
-            raise FileFormatError(where, f"column {need} is missing; correct the table")
+            raise FileFormatError(table.where, f"column {need} is missing; correct the table")
     turns_per_s = recording.column("rpm1") / 60.0
     thrust = recording.column("ct") * density * turns_per_s**2 * diameter_m**4
     recording = recording.with_column(Channel("thrust_N", "N"), thrust)

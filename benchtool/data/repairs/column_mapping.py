@@ -24,7 +24,7 @@ from benchtool.data.column_map import (
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows, parse_rows
+from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -233,7 +233,6 @@ Choose = Callable[  # (columns, numbers by channel, findings to add to) -> the c
 def read_columns(
     table: TextTable,
     columns: Sequence[MappedColumn],
-    format_name: str,
     facts: Mapping[str, str],
     findings: Sequence[Finding] = (),
     choose: Choose | None = None,
@@ -292,7 +291,6 @@ def read_columns(
     channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in pairs)
     return ImportResult(
         recording=Recording(channels, matrix.T, {**facts, "rows": str(rows)}),
-        format=format_name,
         findings=tuple(all_findings),
         tally=ImportCount(
             unit="row",
@@ -305,11 +303,10 @@ def read_columns(
     )
 
 
-def read_by_map(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_by_map(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV file in the user's map."""
     map_path = options.columns
     assert map_path is not None
-    table = parse_rows(data, where)
     try:
         columns = [
             map_column(table.header, table.where, *entry)
@@ -327,21 +324,20 @@ def read_by_map(data: bytes, where: str, options: ImportOptions) -> ImportResult
     if unmapped:
         text = f"not in the map: {', '.join(unmapped)}"
         findings.append(Finding("left out", "columns", text, count=len(unmapped)))
-    return read_columns(table, columns, "column map", {"columns": str(map_path)}, findings)
+    return read_columns(table, columns, {"columns": str(map_path)}, findings)
 
 
-def read_by_names(data: bytes, where: str, options: ImportOptions) -> ImportResult:
+def read_by_names(table: TextTable, options: ImportOptions) -> ImportResult:
     """Return the columns of a CSV with known names and units.
 
     Without a unit the channel's unit is assumed, with a warning.
     """
-    table = parse_rows(data, where)
     hint = "; map them with --columns MAP.toml"
     columns, findings = map_header(table, match_channel, hint=hint)
     if not columns:
         unknown = ", ".join(list(filter(None, table.header))[:12])
         raise FileFormatError(
-            where,
+            table.where,
             f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
         )
-    return read_columns(table, columns, "named columns", {}, findings)
+    return read_columns(table, columns, {}, findings)

@@ -48,9 +48,9 @@ class ImportResult:
     """Imported file."""
 
     recording: Recording  # values in benchtool's channels and units
-    format: str
     findings: tuple[Finding, ...]  # in the order of their detection
     tally: ImportCount  # counts of rows or messages
+    format: str = ""  # name of a variant of the format; by default that of the format
     sources: Mapping[str, str] = field(default_factory=dict)  # column or message by channel
     windows: tuple[Window, ...] = ()  # with a rotor over a surface
     lines: NDArray[np.intp] | None = None  # (n,) line in the file of each row; None for logs

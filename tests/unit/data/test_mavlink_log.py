@@ -124,6 +124,6 @@ def test_a_reboot_goes_on_in_time():
 def test_a_count_of_32_bits_wraps():
     host = np.arange(10, dtype=np.int64) * 60_000_000
     boot_ms = 4_290_000.0 + 60_000.0 * np.arange(10)
-    clock = AutopilotClock.from_attitude(host, boot_ms)
+    clock = AutopilotClock(host, boot_ms)
     wrapped = (1000.0 * boot_ms + 5.0) % 2.0**32
     np.testing.assert_array_equal(clock.time_from_wrapped_us(host, wrapped), 1000.0 * boot_ms + 5.0)
