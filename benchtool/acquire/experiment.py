@@ -67,9 +67,51 @@ class Experiment:
         """Open the plate stage for the recording."""
         yield
 
-    def create_run(self, identity: DeviceInfo) -> Run:
-        """Return the run folder: a new one, or that of the resumed run."""
+    def describe_run(self, identity: DeviceInfo) -> tuple[str, str, dict[str, Any]]:
+        """Return name, plan text and further metadata of a new run."""
         raise NotImplementedError
+
+    def create_run(self, identity: DeviceInfo) -> Run:
+        """Create the run folder, named by date and name without a path in the inputs.
+
+        Raises:
+            WouldOverwrite: the folder exists.
+        """
+        name, plan_text, facts = self.describe_run(identity)
+        now = datetime.now().astimezone()
+        path = self.inputs.out or free_run_path(self.inputs.runs, f"{now:%Y-%m-%d}", name)
+        metadata = {
+            "state": "running",
+            "simulated": identity.simulated,
+            "started": now.isoformat(timespec="seconds"),
+            "operator": self.inputs.operator or user_name(),
+            "address": identity.address,
+            "device_id": identity.device_id,
+            "device": {
+                "firmware": identity.firmware,
+                "protocol": identity.protocol,
+                "rate_Hz": identity.rate_Hz,
+                "watchdog_s": identity.watchdog_s,
+                "limits": dict(identity.limits),
+                "channels": {channel.name: channel.unit for channel in identity.channels},
+                "channel_hash": identity.channel_hash,
+                "orders_protected": identity.rejects_late_commands,
+                "facts": dict(identity.facts),
+            },
+            "rig": asdict(self.rig),
+            "calibration": None,
+            "air": Air().facts(),
+            "versions": {
+                "benchtool": __version__,
+                "python": platform.python_version(),
+                "system": platform.platform(),
+                **{
+                    package: _version(package)
+                    for package in ("numpy", "pandas", "pyarrow", "pyserial")
+                },
+            },
+        }
+        return Run.create(path, plan_text, metadata | facts)
 
     def display(self, operator: Operator) -> AbstractContextManager[RunProgress]:
         """Return the receiver of the progress."""
@@ -158,56 +200,6 @@ def _stop_immediately(
     with suppress(Exception):
         recorder.record_event("stopped", reason)
     return recorder.rescue(error)
-
-
-def new_run(
-    inputs: SweepInputs | RecordInputs,
-    name: str,
-    plan_text: str,
-    rig: Rig,
-    identity: DeviceInfo,
-    facts: dict[str, Any],
-) -> Run:
-    """Create a run folder with its plan and metadata; `facts` are those of the experiment.
-
-    Without a path in the inputs, the folder is named by date and name.
-
-    Raises:
-        WouldOverwrite: the folder exists.
-    """
-    now = datetime.now().astimezone()
-    path = inputs.out or free_run_path(inputs.runs, f"{now:%Y-%m-%d}", name)
-    metadata = {
-        "state": "running",
-        "simulated": identity.simulated,
-        "started": now.isoformat(timespec="seconds"),
-        "operator": inputs.operator or user_name(),
-        "address": identity.address,
-        "device_id": identity.device_id,
-        "device": {
-            "firmware": identity.firmware,
-            "protocol": identity.protocol,
-            "rate_Hz": identity.rate_Hz,
-            "watchdog_s": identity.watchdog_s,
-            "limits": dict(identity.limits),
-            "channels": {channel.name: channel.unit for channel in identity.channels},
-            "channel_hash": identity.channel_hash,
-            "orders_protected": identity.rejects_late_commands,
-            "facts": dict(identity.facts),
-        },
-        "rig": asdict(rig),
-        "calibration": None,
-        "air": Air().facts(),
-        "versions": {
-            "benchtool": __version__,
-            "python": platform.python_version(),
-            "system": platform.platform(),
-            **{
-                package: _version(package) for package in ("numpy", "pandas", "pyarrow", "pyserial")
-            },
-        },
-    }
-    return Run.create(path, plan_text, metadata | facts)
 
 
 def _version(package: str) -> str:

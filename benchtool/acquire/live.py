@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 
 from benchtool.acquire.average import average
 from benchtool.acquire.calibration import find_calibration
-from benchtool.acquire.experiment import Experiment, new_run
+from benchtool.acquire.experiment import Experiment
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.measure import has_settled, measure
 from benchtool.acquire.motors import TareResult
@@ -28,7 +29,6 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.text import pluralize
 from benchtool.data.calibration import Calibration
-from benchtool.data.run.run import Run
 
 READ_TIMEOUT_S = 0.02  # maximum read between two polls of the throttle
 POLL_INTERVAL_S = 0.1  # how often settling is tested; assumed, as in a sweep
@@ -69,12 +69,10 @@ class LiveRecording(Experiment):
         self.calibration = find_calibration(None, bench.identity)
         return ""
 
-    def create_run(self, identity: DeviceInfo) -> Run:
+    def describe_run(self, identity: DeviceInfo) -> tuple[str, str, dict[str, Any]]:
         calibration = asdict(self.calibration) if self.calibration else None
         facts = {"calibration": calibration, "experiment": "live"}
-        return new_run(
-            self.inputs, self.plan.name, plan_to_toml(self.plan), self.rig, identity, facts
-        )
+        return self.plan.name, plan_to_toml(self.plan), facts
 
     def measure(self) -> None:
         self._tare = self.motors.tare(self.plan.tare, self.calibration)

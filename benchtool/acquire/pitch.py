@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from math import degrees, nan, pi
+from typing import Any
 
 import numpy as np
 
 from benchtool.acquire.check_plan import PlanExtremes
-from benchtool.acquire.experiment import Experiment, new_run
+from benchtool.acquire.experiment import Experiment
 from benchtool.acquire.inputs import RecordInputs
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.record import Recorder, RunProgress
@@ -149,7 +150,7 @@ class PitchRecording(Experiment):
         expected = check_experiment(self.inputs, self.rig, bench.identity)
         return arming_text(self.inputs, self.rig, expected)
 
-    def create_run(self, identity: DeviceInfo) -> Run:
+    def describe_run(self, identity: DeviceInfo) -> tuple[str, str, dict[str, Any]]:
         inputs, rig = self.inputs, self.rig
         facts = {
             "experiment": "pitch",
@@ -157,7 +158,7 @@ class PitchRecording(Experiment):
             "collective_us": inputs.collective_us(rig),
             "seconds": inputs.seconds,
         }
-        return new_run(inputs, inputs.name, inputs.plan_text(rig), rig, identity, facts)
+        return inputs.name, inputs.plan_text(rig), facts
 
     def build_recorder(self, bench: GuardedBench, run: Run) -> PitchRecorder:
         bench.expect_loop()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import hypot
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,7 +13,7 @@ import tomli_w
 from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import FileFormatError
-from benchtool.core.inputs import Input, Inputs
+from benchtool.core.inputs import Input, Inputs, items
 from benchtool.core.toml_text import read_strict
 from benchtool.core.user_file import read_library_file
 
@@ -282,14 +283,11 @@ def plan_from_toml(text: str, where: str) -> Plan:
         FileFormatError: wrong type or range, or distances given in two ways.
     """
     plan = read_strict(Plan, text, where)
-    if plan.plate.distances_m and plan.plate.distances_over_R:
-        raise FileFormatError(
-            where, "plate.distances_m and plate.distances_over_R are both given; give one of them"
-        )
-    if plan.throttle.pwm_us and plan.throttle.percent:
-        raise FileFormatError(
-            where, "throttle.pwm_us and throttle.percent are both given; give one of them"
-        )
+    values = {item.key: attrgetter(item.key)(plan) for item in items(Plan)}
+    for item in items(Plan):
+        other = f"{item.key.rpartition('.')[0]}.{item.metadata.instead_of}"
+        if values[item.key] and values.get(other):
+            raise FileFormatError(where, f"{item.key} and {other} are both given; give one of them")
     return plan
 
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, replace
 from math import isnan, nan, radians
+from typing import Any
 
 import numpy as np
 
 from benchtool.acquire.calibration import find_calibration
 from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.experiment import Experiment, new_run
+from benchtool.acquire.experiment import Experiment
 from benchtool.acquire.inputs import SweepInputs, select_stage
 from benchtool.acquire.measure import VisitChecks, VisitWatch, has_settled, measure
 from benchtool.acquire.motors import TareResult, format_drift
@@ -107,8 +108,9 @@ class Sweep(Experiment):
             self.stage.close()
 
     def create_run(self, identity: DeviceInfo) -> Run:
-        if self.resume_state is not None:
-            return self.resume_state.run
+        return self.resume_state.run if self.resume_state else super().create_run(identity)
+
+    def describe_run(self, identity: DeviceInfo) -> tuple[str, str, dict[str, Any]]:
         plan, calibration = self.plan, self.calibration
         facts = {
             "seed": plan.order.seed,
@@ -116,7 +118,7 @@ class Sweep(Experiment):
             "air": self.inputs.air.facts(),
             "visits": len(plan_visits(plan, self.rig)),
         }
-        return new_run(self.inputs, plan.name, plan_to_toml(plan), self.rig, identity, facts)
+        return plan.name, plan_to_toml(plan), facts
 
     def display(self, operator: Operator) -> AbstractContextManager[RunProgress]:
         return operator.display(self.rig.propulsion.radius_m if self.plan.plate.used else None)

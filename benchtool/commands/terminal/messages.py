@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -96,6 +95,8 @@ def _output_error(text: str = "") -> OSError | None:
 
 def typed_command() -> str:
     """Return the command line of this process."""
+    import shlex
+
     return shlex.join(["benchtool", *sys.argv[1:]])
 
 

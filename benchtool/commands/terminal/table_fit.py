@@ -27,7 +27,7 @@ from benchtool.data.column_map import (
 from benchtool.data.columns import speed_columns
 from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.run.read import is_run, load_rig_for_data
+from benchtool.data.run.read import load_rig_for_data
 from benchtool.data.table import RowFilter, filter_rows, read_table
 from benchtool.physics.model_file import model_names, read_model_head
 
@@ -52,16 +52,16 @@ def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...
     runs, and for tables with a column map or a model file that describes the columns. The error for
     missing items contains the command to complete and the map so far.
     """
-    paths = [path for path in options.get("data", ()) if Path(path).is_file()]
-    if not all(Path(path).exists() for path in options.get("data", ())):
+    data = options["data"]
+    if not all(Path(path).exists() for path in data):
         return ()  # the reader reports the missing file
-    if not paths or len(paths) < len(options["data"]) or any(map(is_run, paths)):
+    if not all(Path(path).is_file() for path in data):
         if with_changes(table):
             raise InputError(
                 "options for table columns are given, but the data are not a table; remove them"
             )
         return ()
-    first = str(paths[0])
+    first = str(data[0])
     is_stand = is_stand_table(first) and not with_changes(table) - {"radius": 0}.keys()
     options.setdefault("model", MODEL)
     user_model = "" if options["model"] in model_names() else str(options["model"])

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from benchtool.acquire.experiment import new_run
+from benchtool.acquire.experiment import Experiment
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
 from benchtool.acquire.record import LinkQuality
@@ -20,6 +21,7 @@ from benchtool.acquire.resume import (
     prepare_resume,
     require_same_device,
 )
+from benchtool.bench.bench import DeviceInfo
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import word_to_code
@@ -46,10 +48,14 @@ anchor_every = 0
 LINK = {"lost": 5, "corrupt": 3, "repeated": 2}
 
 
+class Begun(Experiment):
+    def describe_run(self, identity: DeviceInfo) -> tuple[str, str, dict[str, Any]]:
+        return "sweep", plan_to_toml(PLAN), {"link": LINK}
+
+
 def begun(path: Path, done: int = 1, rows: int = 4) -> Run:
     """Return a run of two visits: with the points of some, and samples of the park and of both."""
-    inputs, identity = SweepInputs(out=path), FakeBench().identity
-    run = new_run(inputs, "sweep", plan_to_toml(PLAN), RIG, identity, {"link": LINK})
+    run = Begun(SweepInputs(out=path), RIG).create_run(FakeBench().identity)
     samples = run.sample_writer(CHANNELS)
     time_s = 0.5 * np.arange(rows)
     for number, phase in ((0, "move"), (1, "sample"), (2, "settle")):
