@@ -156,7 +156,7 @@ def _fill_missing(data: dict[str, Any], value_sources: ValueSources) -> None:
 
 def require_values(rig: Rig, keys: Sequence[str], purpose: str) -> None:
     """Raise InputError if a rig does not state values that a purpose needs."""
-    missing = [key for key in keys if rig.sources.get(key, "").startswith(UNSPECIFIED)]
+    missing = [key for key in keys if key in rig.not_stated]
     if missing:
         raise InputError(
             f"rig {rig.name} does not state {', '.join(missing)}, which {purpose} needs; add it to "

@@ -1,11 +1,7 @@
 """Cross-validation of ground-effect laws over plate distances.
 
 Each law replaces the law of the model and is fitted to all distances but one; its score is the log
-density of the points at the held-out distance. Scores are compared with the best law in pairs, one
-loss a distance. Training sets share nearly all distances, so the losses are not independent: the
-variance of their mean is s^2 (1/J + 1/(J - 1)) for J distances, the correction of Nadeau and Bengio
-2003 (Machine Learning 52, 239) for one of J held out. A loss is significant if it exceeds Student's
-t on J - 1 degrees of freedom at 95 %.
+density of the points at the held-out distance.
 """
 
 from __future__ import annotations
@@ -300,10 +296,12 @@ def with_law(
 
 
 def _score_law(trial: _Trial, best: _Trial) -> LawScore:
-    """Return the score of a law against the best one.
+    """Return the score of a law against the best one, one loss a distance.
 
-    A large loss at one distance makes the standard error of the mean as large as the mean itself,
-    so that a law is also behind if it loses at significantly many distances (Wilcoxon's test).
+    Training sets share nearly all distances, so the variance of the mean of J losses is corrected
+    (Nadeau and Bengio, Machine Learning 52 (2003) 239). A large loss at one distance makes the
+    standard error of the mean as large as the mean itself, so that a law is also behind if it loses
+    at significantly many distances (Wilcoxon's test).
     """
     from scipy.stats import wilcoxon
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,7 @@ from benchtool.fit.uncertainty.bench_errors import (
     bench_errors,
     concatenate_visits,
 )
-from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells, run_zero_noise
+from benchtool.fit.uncertainty.load_cell import ScaleError, find_scale_errors, run_zero_noise
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -59,7 +59,8 @@ class FitData:
     hashes: Mapping[str, str]  # SHA-256 by data path
     reference: Conditions | None = None  # (n,) of each ratio: the parked plate
     error_sources: tuple[ErrorSource, ...] = ()  # shared by points (n)
-    load_cells: LoadCells = field(default_factory=LoadCells)
+    scale_errors: tuple[ScaleError, ...]  # of load cell calibrations
+    calibration_warnings: Sequence[str]  # on old or missing calibrations
     visits: Visits  # visits of the points (n)
     by_thrust: Array | None = None  # (n, n) change of each ratio by each thrust: 1/N
 
@@ -216,6 +217,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     if recipe.basis != "joint" and not has_ratios:
         # A reference over itself is 1 and carries no information.
         used = used & (points.column("kind") != word_to_code("kind", "reference"))
+    scale_errors, calibration_warnings = find_scale_errors(recipe.data, parts, recipe.calibration)
     visits = [
         Visits.of(part, Conditions.from_recording(part, rig), rig, run_zero_noise(path, rig))
         for path, part in zip(recipe.data, parts, strict=True)
@@ -232,7 +234,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         hashes=hashes,
         reference=reference,
         error_sources=sources,
-        load_cells=load_cells(recipe.data, parts, recipe.calibration),
+        scale_errors=scale_errors,
+        calibration_warnings=calibration_warnings,
         by_thrust=by_thrust,
         visits=concatenate_visits(visits),
     )

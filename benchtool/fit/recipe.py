@@ -34,9 +34,7 @@ class Recipe(Inputs):
         data: in a recipe file relative to that file.
         noise: "stated" uses the standard errors unchanged, "scale" fits one factor on them, "add"
             fits scatter in quadrature; "auto" means "scale" for runs and "stated" for tables.
-        loss: "linear", or "soft_l1" and "huber", which give outliers less weight.
         air: measured air, overrides that of the runs; for k at 1.225 kg/m3.
-        min_z_over_R: points nearer are left out; None means the validity limit of the law.
     """
 
     name: str  # of the fit

@@ -171,7 +171,7 @@ def run_recipe(
     propagated = propagate_uncertainty(fit)
     if propagated is None:
         return fit
-    made = make_budget(propagated, data.load_cells.traceability)
+    made = make_budget(propagated, [error.traceability for error in data.scale_errors])
     if budget == "mc":
         check = monte_carlo(propagated, seed=recipe.seed, progress=progress)
         made = replace(made, monte_carlo=check)
@@ -263,7 +263,7 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
     if "thrust_N" not in data.points:
         problem = replace(problem, facts={**problem.facts, "data": "ratios"})
     elif recipe.basis == "joint":  # the calibration's scale cancels in a ratio of two thrusts
-        problem = with_scale_errors(problem, data.load_cells.errors, rows)
+        problem = with_scale_errors(problem, data.scale_errors, rows)
     if not problem.error_sources:
         return problem
     try:
@@ -302,7 +302,7 @@ def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) ->
     warnings = (
         *_far_from_rig(fit.loaded.model, result),
         *data.left_out,
-        *data.load_cells.warnings,
+        *data.calibration_warnings,
         *result.warnings,
         *notes,
     )

@@ -23,7 +23,7 @@ from scipy.linalg import block_diag
 
 from benchtool.core.errors import EstimationError, InputError, check_number
 from benchtool.core.fit_result import Estimate
-from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
+from benchtool.core.rig import Propeller, Rig
 from benchtool.core.text import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, Array
 from benchtool.fit.motor.law import (
@@ -168,8 +168,8 @@ def fit_motor(
             )
     points = concatenate_points([recording.points for recording in recordings])
     steps = tuple(step for recording in recordings for step in recording.steps)
-    is_mass_known = not rig.sources.get("body.mass_kg", "").startswith(UNSPECIFIED)
-    mass = rig.body.mass_kg if mass_kg is None and is_mass_known else mass_kg
+    if mass_kg is None and "body.mass_kg" not in rig.not_stated:
+        mass_kg = rig.body.mass_kg
     levels = len(np.unique(points.pulse_us))
     estimates: list[Estimate] = []
     law, full = None, FullThrottle.of(points, rig, extrapolate)
@@ -177,7 +177,7 @@ def fit_motor(
     if rig.n_rotors not in (1, carriers):
         raise InputError(f"--rotors is {carriers}, but rig {rig.name!r} has {rig.n_rotors}")
     if levels >= MIN_LEVELS:
-        estimates, law = _curves(recordings, points, full, mass, carriers)
+        estimates, law = _curves(recordings, points, full, mass_kg, carriers)
     estimates += step_lags(steps)
     if not estimates:
         raise EstimationError(
@@ -191,7 +191,7 @@ def fit_motor(
         points=points,
         steps=steps,
         estimates=tuple(estimates),
-        mass_kg=mass,
+        mass_kg=mass_kg,
         simulated=any(recording.simulated for recording in recordings),
         full=full,
         law=law,

@@ -42,22 +42,16 @@ class ScaleError:
     calibration: Mapping[str, Any]  # the calibration as in its file or a run's metadata
     rows: NDArray[np.bool_]  # (n,) True for its points
 
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class LoadCells:
-    """Load cell errors of a fit's points."""
-
-    errors: tuple[ScaleError, ...] = ()
-    warnings: tuple[str, ...] = ()  # on old or missing calibrations
-
     @property
-    def traceability(self) -> tuple[str, ...]:
-        """Traceability statement of each calibration."""
-        return tuple(format_traceability(error.calibration) for error in self.errors)
+    def traceability(self) -> str:
+        """Traceability statement of the calibration."""
+        return format_traceability(self.calibration)
 
 
-def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | None) -> LoadCells:
-    """Return the load cell calibrations of data paths with their points.
+def find_scale_errors(
+    paths: Sequence[str], parts: Sequence[Recording], table: str | None
+) -> tuple[tuple[ScaleError, ...], list[str]]:
+    """Return the calibrations of data paths, and warnings on old or missing ones.
 
     `table` is the calibration file for tables; None if unknown.
     """
@@ -86,7 +80,7 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
         ScaleError(calibration=calibration, rows=np.isin(owners, indices))
         for calibration, (_, indices) in zip(pooled, by_id.values(), strict=True)
     )
-    return LoadCells(errors=errors, warnings=tuple(warnings))
+    return errors, warnings
 
 
 MAX_CALIBRATION_DIFFERENCE = 0.001  # p-value below which a scatter is not pooled; assumed

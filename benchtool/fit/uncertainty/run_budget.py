@@ -68,7 +68,7 @@ def _budget(path: Path) -> Budget:
         "settings", parameters, means, errors.observed, errors.standard_error,
         error_sources=errors.error_sources,
     )  # fmt: skip
-    problem = with_scale_errors(problem, data.load_cells.errors, data.rows)
+    problem = with_scale_errors(problem, data.scale_errors, data.rows)
     near, *_, far = selection = _fastest(data, setting_index, names)
     if near == far:
         raise EstimationError("only 1 plate distance at the highest speed; minimum for a ratio: 2")
@@ -90,7 +90,7 @@ def _budget(path: Path) -> Budget:
         gain=linear.gain[rows],
         outside=bound_sources(linear, outside),
     )
-    return make_budget(selected, data.load_cells.traceability)
+    return make_budget(selected, [error.traceability for error in data.scale_errors])
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:
