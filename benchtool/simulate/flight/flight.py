@@ -182,6 +182,7 @@ class FlightLoop(Loop):
         self._read_measured = self.view("measured")[:, 0].tolist
         command = self.view("command")[:, 0]
         self._wrench, self._factors, self._n_discs = command[:4], command[4:], rig.n_discs
+        self._has_factors = False
 
     def measure(self, time_s: float) -> FlightMeasurement:
         numbers, n = self._read_measured(), self._n_discs
@@ -199,10 +200,11 @@ class FlightLoop(Loop):
         wrench[0], wrench[1], wrench[2], wrench[3] = thrust, roll, pitch, yaw
         if not isfinite(thrust + roll + pitch + yaw):
             raise ValueError
-        factors[:] = 1.0
+        if self._has_factors:  # else all are 1
+            factors[:], self._has_factors = 1.0, False
         if extra and extra != [()]:
             (divide_by,) = extra
-            factors[:] = divide_by
+            factors[:], self._has_factors = divide_by, True
             if len(divide_by) != len(factors) or not all(0.0 < x < inf for x in divide_by):
                 raise ValueError
 
