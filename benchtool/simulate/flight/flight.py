@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from benchtool.simulate.controllers.laws import find_law
 from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.ground import Below, DiscBelow
 from benchtool.simulate.flight.loops import (
-    LOST,
     STRUCK,
     TICK,
     FlightArrays,
@@ -40,7 +39,7 @@ from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_recor
 from benchtool.simulate.loop import BUILT_IN, CALLER, Loop, LoopPlan, command_ring
 from benchtool.simulate.noise import lane_states
 
-Ending = Literal["flown", "struck", "lost"]
+Ending = Literal["flown", "struck", "lost"]  # by GOING, STRUCK and LOST
 
 _new = tuple.__new__  # faster than the constructors of named tuples
 COMMAND_REMEDY = "a FlightCommand(thrust_N, roll_Nm, pitch_Nm, yaw_Nm) of finite numbers"
@@ -221,14 +220,12 @@ class FlightLoop(Loop):
         """Return the flight so far; raise InputError if the start touches a surface."""
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
-        ending, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
-        if rows <= 1 and ending == STRUCK:
+        outcome, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
+        if rows <= 1 and outcome == STRUCK:
             raise InputError(
                 f"the vehicle touches a surface at its start {case.start_m} m; change the start"
             )
-        ending_name: Ending = (
-            "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
-        )
+        ending: Ending = get_args(Ending)[int(outcome)]
         log, discs = self.arrays.log[:rows, :, 0], range(1, rig.n_discs + 1)
         names = (
             *LOGGED,
@@ -238,9 +235,8 @@ class FlightLoop(Loop):
             *(f"speed{i}_rad_s" for i in range(1, rig.n_rotors + 1)),
         )
         return Flight(
-            case, names, log, ending_name,
-            case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
-            nearest_m, user_controller,
+            case, names, log, ending, case.duration_s if ending == "flown" else float(log[-1, 0]),
+            int(clamped_steps), nearest_m, user_controller,
         )  # fmt: skip
 
 
