@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf, isfinite
 from typing import Any, Literal, get_args
 
@@ -184,14 +185,13 @@ class FlightLoop(Loop):
         self._has_factors = False
 
     def measure(self, time_s: float) -> FlightMeasurement:
-        numbers, n = self._read_measured(), self._n_discs
-        heights_m, coverages = tuple(numbers[-2 * n : -n]), tuple(numbers[-n:])
-        readings = (time_s, *numbers[1 : -2 * n], heights_m, coverages)
-        return _new(FlightMeasurement, readings)
+        numbers, n = self._read_measured(), -self._n_discs
+        heights_m, coverages = tuple(numbers[n + n : n]), tuple(numbers[n:])
+        return _new(FlightMeasurement, (time_s, *numbers[1 : n + n], heights_m, coverages))
 
-    def references(self, first: int, last: int) -> list[FlightReference]:
+    def references(self, first: int, last: int) -> Iterator[FlightReference]:
         rows = self.arrays.schedule[rows_in(TICK, "reference"), first:last].T.tolist()
-        return [_new(FlightReference, row) for row in rows]
+        return map(partial(_new, FlightReference), rows)
 
     def write_command(self, command: FlightCommand) -> None:
         wrench, factors = self._wrench, self._factors
