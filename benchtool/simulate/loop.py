@@ -191,7 +191,7 @@ class Loop(ABC):
         """Return the readings for a user-defined controller."""
 
     @abstractmethod
-    def references(self, first: int, last: int) -> list[Any]:
+    def references(self, first: int, last: int) -> Iterator[Any]:
         """Return the references of control ticks."""
 
     @abstractmethod

@@ -16,7 +16,8 @@ import numpy as np
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig import Body
-from benchtool.physics.expression import Quantity, expression, inlined_expression, with_fields
+from benchtool.physics.expression import Quantity, expression, inlined_expression
+from benchtool.physics.fold import unrolled
 from benchtool.simulate.controllers import pitch
 from benchtool.simulate.controllers.blocks import (
     AttitudePid,
@@ -117,6 +118,20 @@ FlightLawState = namedtuple(
 )  # fmt: skip
 
 
+@expression
+def _estimate(i: int, momentum: Any, explained: Any, rate_per_s: Any, enabled: Any) -> Any:
+    return enabled * estimate_disturbance(momentum[i], explained[i], rate_per_s)
+
+
+@expression
+def _explain(i: int, parts: Any, enabled: Any, dt_s: Any) -> Any:
+    momentum, explained, force, estimate = parts
+    return next_explained_momentum(momentum[i], explained[i], force[i], estimate[i], enabled, dt_s)
+
+
+_estimate_all, _explain_all = unrolled(6, _estimate), unrolled(6, _explain)
+
+
 @inlined_expression
 def horizontal_step(
     error_m: Any, speed_limit_m_s: Any, velocity_m_s: Any, axis: Any, p: PositionLoop, dt_s: Any
@@ -182,12 +197,7 @@ def flight_step(
         p.mass_kg * measured.vx_m_s, p.mass_kg * measured.vy_m_s, p.mass_kg * measured.vz_m_s,
         jx * roll_rate, jy * pitch_rate, jz * yaw_rate,
     )  # fmt: skip
-    rows = range(len(momentum))
-    values = momentum
-    for i in rows:
-        value = estimate_disturbance(momentum[i], state.explained[i], p.observer_per_s)
-        values = with_fields(values, i, enabled * value)
-    estimate = Wrench(*values)
+    estimate = Wrench(*_estimate_all(momentum, state.explained, p.observer_per_s, enabled))
     compensated_share = enabled * p.compensate
     tx = roll_Nm - compensated_share * estimate.roll_Nm
     ty = pitch_Nm - compensated_share * estimate.pitch_Nm
@@ -201,14 +211,10 @@ def flight_step(
         ty + (jz - jx) * yaw_rate * roll_rate,
         tz + (jx - jy) * roll_rate * pitch_rate,
     )
-    for i in rows:
-        value = next_explained_momentum(
-            momentum[i], state.explained[i], force[i], estimate[i], enabled, dt_s
-        )
-        values = with_fields(values, i, value)
+    parts = (momentum, state.explained, force, estimate)
     next_state = FlightLawState(
-        x, y, climb_integral, roll_loop, pitch_loop, yaw_loop, Wrench(*values), estimate,
-        attitude,
+        x, y, climb_integral, roll_loop, pitch_loop, yaw_loop,
+        Wrench(*_explain_all(parts, enabled, dt_s)), estimate, attitude,
     )  # fmt: skip
     return next_state, FlightCommand(thrust, tx, ty, tz, ())
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf, isfinite
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from benchtool.simulate.controllers.laws import find_law
 from benchtool.simulate.flight.cases import FlightCase, Goal
 from benchtool.simulate.flight.ground import Below, DiscBelow
 from benchtool.simulate.flight.loops import (
-    LOST,
     STRUCK,
     TICK,
     FlightArrays,
@@ -40,7 +40,7 @@ from benchtool.simulate.layout import Layout, record_layout, rows_in, zero_recor
 from benchtool.simulate.loop import BUILT_IN, CALLER, Loop, LoopPlan, command_ring
 from benchtool.simulate.noise import lane_states
 
-Ending = Literal["flown", "struck", "lost"]
+Ending = Literal["flown", "struck", "lost"]  # by GOING, STRUCK and LOST
 
 _new = tuple.__new__  # faster than the constructors of named tuples
 COMMAND_REMEDY = "a FlightCommand(thrust_N, roll_Nm, pitch_Nm, yaw_Nm) of finite numbers"
@@ -182,16 +182,16 @@ class FlightLoop(Loop):
         self._read_measured = self.view("measured")[:, 0].tolist
         command = self.view("command")[:, 0]
         self._wrench, self._factors, self._n_discs = command[:4], command[4:], rig.n_discs
+        self._has_factors = False
 
     def measure(self, time_s: float) -> FlightMeasurement:
-        numbers, n = self._read_measured(), self._n_discs
-        heights_m, coverages = tuple(numbers[-2 * n : -n]), tuple(numbers[-n:])
-        readings = (time_s, *numbers[1 : -2 * n], heights_m, coverages)
-        return _new(FlightMeasurement, readings)
+        numbers, n = self._read_measured(), -self._n_discs
+        heights_m, coverages = tuple(numbers[n + n : n]), tuple(numbers[n:])
+        return _new(FlightMeasurement, (time_s, *numbers[1 : n + n], heights_m, coverages))
 
-    def references(self, first: int, last: int) -> list[FlightReference]:
+    def references(self, first: int, last: int) -> Iterator[FlightReference]:
         rows = self.arrays.schedule[rows_in(TICK, "reference"), first:last].T.tolist()
-        return [_new(FlightReference, row) for row in rows]
+        return map(partial(_new, FlightReference), rows)
 
     def write_command(self, command: FlightCommand) -> None:
         wrench, factors = self._wrench, self._factors
@@ -199,10 +199,11 @@ class FlightLoop(Loop):
         wrench[0], wrench[1], wrench[2], wrench[3] = thrust, roll, pitch, yaw
         if not isfinite(thrust + roll + pitch + yaw):
             raise ValueError
-        factors[:] = 1.0
+        if self._has_factors:  # else all are 1
+            factors[:], self._has_factors = 1.0, False
         if extra and extra != [()]:
             (divide_by,) = extra
-            factors[:] = divide_by
+            factors[:], self._has_factors = divide_by, True
             if len(divide_by) != len(factors) or not all(0.0 < x < inf for x in divide_by):
                 raise ValueError
 
@@ -219,14 +220,12 @@ class FlightLoop(Loop):
         """Return the flight so far; raise InputError if the start touches a surface."""
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
-        ending, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
-        if rows <= 1 and ending == STRUCK:
+        outcome, clamped_steps, nearest_m = self.view("outcome")[:, 0].tolist()
+        if rows <= 1 and outcome == STRUCK:
             raise InputError(
                 f"the vehicle touches a surface at its start {case.start_m} m; change the start"
             )
-        ending_name: Ending = (
-            "struck" if ending == STRUCK else "lost" if ending == LOST else "flown"
-        )
+        ending: Ending = get_args(Ending)[int(outcome)]
         log, discs = self.arrays.log[:rows, :, 0], range(1, rig.n_discs + 1)
         names = (
             *LOGGED,
@@ -236,9 +235,8 @@ class FlightLoop(Loop):
             *(f"speed{i}_rad_s" for i in range(1, rig.n_rotors + 1)),
         )
         return Flight(
-            case, names, log, ending_name,
-            case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
-            nearest_m, user_controller,
+            case, names, log, ending, case.duration_s if ending == "flown" else float(log[-1, 0]),
+            int(clamped_steps), nearest_m, user_controller,
         )  # fmt: skip
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import isfinite
 from typing import Any
 
@@ -240,10 +240,10 @@ class PitchLoop(Loop):
         readings = (time_s, numbers[0], numbers[1], numbers[2], tuple(numbers[3:]))
         return _new(PitchMeasurement, readings)
 
-    def references(self, first: int, last: int) -> list[PitchReference]:
+    def references(self, first: int, last: int) -> Iterator[PitchReference]:
         fields = ("setpoint.reference_rad", "setpoint.collective_N", "observer")
         tracks = (self.schedule_view(field)[0, first:last].tolist() for field in fields)
-        return [_new(PitchReference, values) for values in zip(*tracks, strict=True)]
+        return map(partial(_new, PitchReference), zip(*tracks, strict=True))
 
     def write_command(self, command: PitchCommand | float) -> None:
         torque_Nm, difference_us = command if isinstance(command, tuple) else (command, 0.0)
