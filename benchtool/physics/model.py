@@ -23,7 +23,6 @@ from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images, w
 from benchtool.physics.catalogue import EFFECTS, find_effect, thrust_laws
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, ImageRules, bound_hooks, disc_thrust
-from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.laws.table import DEFAULT_LAWS
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
@@ -181,7 +180,7 @@ class Model:
     @property
     def nearest_z_over_R(self) -> float:
         """Minimum z/R at which the model's law is valid."""
-        return nearest_z_over_R(effect.distance_law for effect in self.present_effects)
+        return self._discs.nearest_z_over_R
 
     def flow(self, conditions: Conditions, values: Any) -> Flow:
         """Return the input of the hooks for m samples, with heights and images.

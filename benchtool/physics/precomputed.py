@@ -15,16 +15,15 @@ import numpy as np
 from benchtool.core.units import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import bound_hooks
-from benchtool.physics.effects.effect import Flow
+from benchtool.physics.effects.effect import N_CONSTANT, Flow
 from benchtool.physics.fold import chain_hooks
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
-# Fields of a flow with one value for each disc, except the speed
-DISC_FIELDS = (
-    "position_x_m", "position_y_m", "height_m", "coverage", "active", "neighbour_images",
-    "body_images",
-)  # fmt: skip
+# Fields of a flow with one value for each disc, except the speed: the last are heights, coverages
+# and images
+IMAGES_END = Flow._fields.index("body_weight")
+DISC_FIELDS = ("position_x_m", "position_y_m", "active", *Flow._fields[N_CONSTANT:IMAGES_END])
 
 Images = list[tuple[float, Any]]  # (distance, sum of the source strengths at that distance)
 

@@ -23,7 +23,6 @@ SET_MODE, CAMERA = 176, 206
 EMERGENCY_STOP = 31.0  # ArduPilot's DO_AUX_FUNCTION that stops motors
 PLUS_ORDER = (3, 1, 4, 2, 5, 6, 7, 8, 9, 10, 11, 12)  # ArduCopter motor test
 STRAIGHT_ORDER = tuple(range(1, 13))
-StatusText = tuple[int, str]  # severity and text
 
 
 class MotorOrders(ABC):
@@ -36,7 +35,7 @@ class MotorOrders(ABC):
 
     def __init__(self, hello: Hello) -> None:
         self.safe = False  # safety switch: no output has a pulse
-        self.texts: list[StatusText] = []
+        self.texts: list[tuple[int, str]] = []  # severity and text
         self._n_rotors = hello.n_rotors
         self._stopped: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
 

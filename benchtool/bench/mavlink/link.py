@@ -6,7 +6,6 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchtool.bench.clocks import HostGapDetector
 from benchtool.bench.identify import mismatch_message, probe_answer
 from benchtool.bench.mavlink.frames import (
     AUTOPILOT_COMPONENT,
@@ -61,7 +60,6 @@ class MavlinkLink(LinkEndpoint):
         self.component = AUTOPILOT_COMPONENT
         self.received_s = clock()  # wall time of the autopilot's last message
         self.slowest_s = 0.0  # longest delay of an acknowledgement
-        self.gaps = HostGapDetector()  # detects pauses between and during calls of `pump`
         # Callback for every message of the system, with the wall time of its arrival
         self.on_message: Callable[[Message, float], None] = lambda message, arrived_s: None
         self.dialect = dialect()
@@ -171,17 +169,13 @@ class MavlinkLink(LinkEndpoint):
             self.send(request(self.system, self.component, name.encode(), -1))
         self.wait(timeout_s, lambda: all(name in self._reported for name in missing) or None)
 
-    def pump(self, timeout_s: float) -> bool:
-        now_s = self.clock()
-        self.gaps.update(now_s)
+    def _send_due_heartbeat(self, now_s: float) -> None:
         if now_s - self._heartbeat_s >= HEARTBEAT_S:
             self._heartbeat_s = now_s
             # A ground station (6) without an autopilot, active.
             self.send(self.dialect.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
-        data = self.receive(timeout_s)
-        self.gaps.update(self.clock())
-        if not data:
-            return False
+
+    def _process(self, data: bytes) -> None:
         arrived_s = self.clock()
         for message in self.frames.parse(data):
             source = message.get_srcSystem()
@@ -191,7 +185,6 @@ class MavlinkLink(LinkEndpoint):
                     self._heartbeats[source] = message
             elif source == self.system:
                 self._process_message(message, arrived_s)
-        return True
 
     def _process_message(self, message: Message, arrived_s: float) -> None:
         name = message.msgname

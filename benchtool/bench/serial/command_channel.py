@@ -6,7 +6,6 @@ from collections.abc import Callable
 from math import inf
 
 from benchtool.bench.bench import Readings
-from benchtool.bench.clocks import HostGapDetector
 from benchtool.bench.identify import mismatch_message
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial import frames
@@ -48,7 +47,6 @@ class CommandChannel(LinkEndpoint):
         self._device_read_s = -inf
         self._events: list[wire.DeviceEvent] = []
         self._replies: dict[int, wire.Reply] = {}
-        self._gap_detector = HostGapDetector()
         self._hello: Hello | None = None
         self._opened_s = 0.0
 
@@ -60,7 +58,7 @@ class CommandChannel(LinkEndpoint):
         self.received = b""
         self._hello, self._opened_s = None, self.clock()
         self.transport.open()
-        self._gap_detector.begin(self.clock())
+        self.gaps.begin(self.clock())
         self._hello = hello = self._request_hello()
         self._decoder.expect(len(hello.channels), hello.speed)
         self._events = []
@@ -90,8 +88,8 @@ class CommandChannel(LinkEndpoint):
             HostSuspended: this computer was paused meanwhile and the command causes motion; or it
                 was paused since the previous command, and this one was rejected as late.
         """
-        previous_gap_s = self._gap_detector.longest_s
-        self._gap_detector.begin(self.clock())
+        previous_gap_s = self.gaps.longest_s
+        self.gaps.begin(self.clock())
         carries_age = not isinstance(command, wire.RequestPlate | wire.StopDevice)
         # After a pause, buffered samples are read with old times. Commands that arm or turn motors
         # keep that age, so that a stop under way outdates them.
@@ -129,15 +127,11 @@ class CommandChannel(LinkEndpoint):
         """Send a stop without waiting for its reply, also during an exchange of another thread."""
         self.transport.write(frames.frame_command(0, wire.StopDevice()))
 
-    def pump(self, timeout_s: float) -> bool:
-        now_s = self.clock()
-        self._gap_detector.update(now_s)
+    def _send_due_heartbeat(self, now_s: float) -> None:
         if now_s - self._sent_s >= HEARTBEAT_S:
             self._send(frames.HEARTBEAT)
-        data = self.receive(timeout_s)
-        self._gap_detector.update(self.clock())
-        if not data:
-            return False
+
+    def _process(self, data: bytes) -> None:
         readings = self._decoder.feed(data, self.now_s())
         for message in self._decoder.take_messages():
             self._process_message(message)
@@ -145,7 +139,6 @@ class CommandChannel(LinkEndpoint):
             self._update_device_time(int(readings.device_time_us[-1]) % frames.TIME_MODULUS_US)
         if self._hello is not None:
             self._on_readings(readings)
-        return True
 
     def take_events(self) -> list[wire.DeviceEvent]:
         """Return the device's events since the last call, oldest first."""
@@ -153,7 +146,7 @@ class CommandChannel(LinkEndpoint):
         return events
 
     def _raise_if_paused(self) -> None:
-        if (paused_s := self._gap_detector.longest_s) > wire.MAX_COMMAND_AGE_S:
+        if (paused_s := self.gaps.longest_s) > wire.MAX_COMMAND_AGE_S:
             raise HostSuspended(paused_s, wire.MAX_COMMAND_AGE_S)
 
     def _request_hello(self) -> Hello:

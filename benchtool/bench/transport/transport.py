@@ -15,6 +15,7 @@ from typing import Protocol, TypeVar
 
 import psutil
 
+from benchtool.bench.clocks import HostGapDetector
 from benchtool.core.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 Result = TypeVar("Result")
@@ -63,10 +64,26 @@ class LinkEndpoint(ABC):
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
         self.transport, self.address, self.clock = transport, address, clock
         self.received = b""  # first bytes, for the identification of an unknown protocol
+        self.gaps = HostGapDetector()  # detects pauses between and during calls of `pump`
 
     @abstractmethod
+    def _send_due_heartbeat(self, now_s: float) -> None:
+        """Send a heartbeat if one is due."""
+
+    @abstractmethod
+    def _process(self, data: bytes) -> None:
+        """Process received bytes."""
+
     def pump(self, timeout_s: float) -> bool:
         """Send a due heartbeat; return whether anything is received within a short wait."""
+        now_s = self.clock()
+        self.gaps.update(now_s)
+        self._send_due_heartbeat(now_s)
+        data = self.receive(timeout_s)
+        self.gaps.update(self.clock())
+        if data:
+            self._process(data)
+        return bool(data)
 
     def close(self) -> None:
         self.transport.close()
@@ -117,9 +134,9 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
 
 def lost_error(error: Exception, where: str) -> LinkLost:
     """Return the error for an exception raised by an open port."""
-    text = _error_text(error)
     return LinkLost(
-        f"the link to {where} broke ({text}); check cable and power, then open it again"
+        f"the link to {where} broke ({_error_text(error)}); check cable and power, then open it "
+        f"again"
     )
 
 
