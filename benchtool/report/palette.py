@@ -21,6 +21,9 @@ VERMILION = "#d55e00"
 PURPLE = "#cc79a7"
 GREY = "#6b7280"
 PALE = "#d7dbe0"
+OVER = "#bfe3c8"  # background while a rotor is over a surface; paper, figures 26 to 28
+DASHED = (0, (5, 2.2))
+DOTTED = (0, (1.5, 1.5))
 
 
 @dataclass(frozen=True, slots=True)

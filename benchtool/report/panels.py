@@ -20,11 +20,7 @@ from benchtool.data.derived import QuantityValues
 from benchtool.data.quantities import Quantity
 from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
-from benchtool.report.palette import CYCLE, GREY, PALE
-
-OVER = "#bfe3c8"  # background while a rotor is over a surface; paper, figures 26 to 28
-DASHED = (0, (5, 2.2))
-DOTTED = (0, (1.5, 1.5))
+from benchtool.report.palette import CYCLE, GREY, OVER, PALE
 
 
 def stack_panels(

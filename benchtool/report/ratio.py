@@ -21,11 +21,11 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
 from benchtool.physics.model import Model
-from benchtool.report.palette import GREY, SERIES_STYLES, Role
-from benchtool.report.panels import DASHED, points
+from benchtool.report.palette import DASHED, GREY, SERIES_STYLES, Role
+from benchtool.report.panels import points
 
 DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
-BASES = {  # quantity that is equal for both thrusts of a ratio
+BASES: dict[str, str] = {  # quantity that is equal for both thrusts of a ratio
     "equal_power": "equal electrical power",
     "equal_pwm": "equal pwm",
     "equal_rpm2": "equal rpm²",

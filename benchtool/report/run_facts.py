@@ -121,9 +121,8 @@ def calibration_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
         facts["hysteresis"] = f"{100.0 * cell['hysteresis']:.3g} % of full scale"
     for part in cell.get("components", ()):
         dof = "" if part["dof"] is None else f", {part['dof']:g} degrees of freedom"
-        facts[f"component: {part['name']}"] = (
-            f"{100.0 * part['relative_sd']:.2g} %, type {part['kind']}{dof}"
-        )
+        percent = f"{100.0 * part['relative_sd']:.2g} %"
+        facts[f"component: {part['name']}"] = f"{percent}, type {part['kind']}{dof}"
     if metadata.get("calibration_of_other_device"):
         facts["caution"] = "calibration of another device"
     return facts

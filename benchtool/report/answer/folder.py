@@ -93,11 +93,7 @@ VERSION = 2  # increased when a key is removed or changes its meaning, not for n
 
 
 def answer_tables(answer: Explanation, **written: str) -> dict[str, Any]:
-    """Return the contents of the JSON file; all keys are always present.
-
-    Args:
-        written: paths of the written `model`, `schedule`, `nearest` model and `draft`.
-    """
+    """Return the contents of the JSON file with paths by kind; all keys are always present."""
     tables = {
         "version": VERSION,
         "verdict": answer.kind,

@@ -38,12 +38,10 @@ def short_effects_table(answer: Explanation) -> Table:
 
 
 def _effects_caption(answer: Explanation, more: str = "") -> str:
-    remark = (
-        " Values of a class member assume that it acts alone." if answer.kind == "class" else ""
-    )
+    alone = " Values of a class member assume that it acts alone."
     return (
         f"Named effects. Value: absolute value in the new model, not an increment; tolerance: "
-        f"negligible change{more}.{remark}"
+        f"negligible change{more}.{alone if answer.kind == 'class' else ''}"
     )
 
 

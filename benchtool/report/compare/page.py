@@ -83,16 +83,15 @@ def compare_runs(
             f"{column} is missing in {', '.join(names)}, required for --over {over}; "
             f"use --over {' or '.join(others)}"
         )
+    comparison = RunComparison(runs=tuple(runs), over=over)
     if thrust_N is None:
-        return RunComparison(runs=tuple(runs), over=over)
+        return comparison
     parked = [
         replace(read_compared(path), name=run.name) if over == "distance" else run
         for path, run in zip(paths, runs, strict=True)
     ]
     by, results = ranked([at_thrust(run, thrust_N) for run in parked])
-    return RunComparison(
-        runs=tuple(runs), over=over, thrust_N=thrust_N, found=tuple(results), ranked_by=by
-    )
+    return replace(comparison, thrust_N=thrust_N, found=tuple(results), ranked_by=by)
 
 
 MAX_BARS = 60  # error bars of a run in a panel, limited for legibility; assumed
@@ -186,11 +185,8 @@ def best_table(comparison: RunComparison) -> Table | None:
     """Return a table of the runs at the requested thrust, most efficient first."""
     if not comparison.found:
         return None
-    columns = [
-        key
-        for key in (*EFFICIENCIES, *SHOWN)
-        if any(key in result.values for result in comparison.found)
-    ]
+    known = {key for result in comparison.found for key in result.values}
+    columns = [key for key in (*EFFICIENCIES, *SHOWN) if key in known]
     rows, best, by = [], comparison.found[0], comparison.ranked_by
     for rank, result in enumerate(comparison.found, 1):
         values, place, behind = result.values, "–", "–"
@@ -226,9 +222,12 @@ def short_table(comparison: RunComparison) -> Table | None:
 def best_rows(comparison: RunComparison) -> list[dict[str, object]]:
     """Return the values and errors of each run at the requested thrust as rows of a table."""
     return [
-        {"run": result.run, "remark": result.remark}
-        | {key: value for key, (value, _) in result.values.items()}
-        | {error_channel_name(key): sd for key, (_, sd) in result.values.items()}
+        {
+            "run": result.run,
+            "remark": result.remark,
+            **{key: value for key, (value, _) in result.values.items()},
+            **{error_channel_name(key): sd for key, (_, sd) in result.values.items()},
+        }
         for result in comparison.found
     ]
 

@@ -153,13 +153,6 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
     return [*summary, sources, sensitivities, correlations]
 
 
-@figure(
-    title="Uncertainty budget: {0.recipe.name}",
-    caption="Contributions of sources to quantities: standard uncertainty in percent of the value, "
-    "included in the fit's standard error or not; dashed: combined.",
-    when=lambda fit: fit.budget is not None,
-    height_in=lambda subject: chart_height(subject.budget),
-)
 def budget(figure: Figure, subject: Any) -> None:
     """Draw contributions of the largest sources to up to four quantities."""
     budget: Budget = subject.budget
@@ -188,3 +181,12 @@ def budget(figure: Figure, subject: Any) -> None:
 def chart_height(budget: Budget) -> float:
     """Return the height of the bar chart in inches."""
     return 1.9 + 0.26 * len(shown_lines(budget, shown_quantities(budget)[:4]))
+
+
+figure(
+    title="Uncertainty budget: {0.recipe.name}",
+    caption="Contributions of sources to quantities: standard uncertainty in percent of the value, "
+    "included in the fit's standard error or not; dashed: combined.",
+    when=lambda fit: fit.budget is not None,
+    height_in=lambda subject: chart_height(subject.budget),
+)(budget)

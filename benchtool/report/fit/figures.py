@@ -20,8 +20,8 @@ from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.effects.partial_coverage import PARTIAL_COVERAGE, factor_table
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import scored_laws
-from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION, Role
-from benchtool.report.panels import DASHED, points, stack_panels
+from benchtool.report.palette import BLACK, BLUE, DASHED, GREY, VERMILION, Role
+from benchtool.report.panels import points, stack_panels
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,

@@ -22,8 +22,8 @@ from benchtool.report.figure import figure
 from benchtool.report.flight.pitch_study import write_simulation
 from benchtool.report.numbers import align_columns
 from benchtool.report.page import Page
-from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
-from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
+from benchtool.report.palette import BLUE, DASHED, DOTTED, GREEN, GREY, OVER, VERMILION
+from benchtool.report.panels import shade, spans
 from benchtool.simulate.controllers.controller import make_controller
 from benchtool.simulate.flight.cases import FlightCase
 from benchtool.simulate.flight.environment import Block, Environment
@@ -303,8 +303,6 @@ def write_flights(out: Path, flights: Sequence[FlownCase]) -> list[Path]:
     names[0] = "oge"
     if len(set(names)) < len(names):
         raise InputError(f"duplicate controller: {', '.join(names[1:])}; give each once")
-    recordings = {
-        name: (build_recording(flown.flight), {})
-        for name, flown in zip(names, flights, strict=True)
-    }
-    return write_simulation(out, FLIGHT, flights, recordings, report_lines(flights))
+    recordings = [(build_recording(flown.flight), dict[str, Any]()) for flown in flights]
+    lines = report_lines(flights)
+    return write_simulation(out, FLIGHT, flights, dict(zip(names, recordings, strict=True)), lines)

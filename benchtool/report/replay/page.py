@@ -22,9 +22,8 @@ from benchtool.fit.nominal import rig_for_data
 from benchtool.report.figure import figure
 from benchtool.report.numbers import format_number
 from benchtool.report.page import Page, Report, Table, Warnings
-from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
+from benchtool.report.palette import BLACK, BLUE, GREY, OVER, VERMILION
 from benchtool.report.panels import (
-    OVER,
     broken_line,
     rotor_color,
     rotor_legend,

@@ -55,7 +55,8 @@ def model_words(run: SweepRun) -> str:
 def plain(run: SweepRun) -> NDArray[np.bool_]:
     """Return a mask (s,) of settings with a level, centred plate, as in model curves."""
     offsets = np.array([run.column(name) for name in ("plate_tilt_deg", "plate_x_m")])
-    return run.measured() & np.all(np.abs(np.nan_to_num(offsets)) < 1e-6, axis=0)
+    is_plain = run.measured() & np.all(np.abs(np.nan_to_num(offsets)) < 1e-6, axis=0)
+    return np.asarray(is_plain, bool)
 
 
 def _max_speeds(run: SweepRun) -> Array:
