@@ -108,7 +108,7 @@ def test_an_invalid_option_is_reported_by_name(options, message):
         bt.fit(RUN, "quad_body_lift", **options)
 
 
-def test_simulations_take_a_user_controller():
+def test_simulations_take_a_user_controller(tmp_path):
     class Still:
         def step(self, measurement: object, reference: object, dt_s: float) -> float:
             return 0.0
@@ -120,6 +120,9 @@ def test_simulations_take_a_user_controller():
     flight = bt.simulate_flight("pid", duration_s=1.0)
     assert flight.tables == ("oge", "PID")
     assert np.isfinite(flight.to_dataframe()["x_m"]).all()
+    for result in (study, flight):
+        text = result.report(tmp_path / f"{result.tables[-1]}.html").read_text("utf-8")
+        assert "SIMULATED" in text
     for wrong in (["pid", "pid"], []):
         with pytest.raises(InputError, match="name each once"):
             bt.simulate_pitch(wrong)

@@ -70,7 +70,6 @@ def _title(flights: Sequence[FlownCase]) -> str:
     title=_title,
     caption="Position and pitch under each controller; grey: the same flight with PID out of "
     "ground effect; green: a rotor is over the obstacle.",
-    simulated=True,
     height_in=5.3,
     width_in=lambda flights: 7.0 if len(flights) < 4 else 3.05 * (len(flights) - 1),
 )
@@ -124,7 +123,12 @@ def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
 
 
-FLIGHT = Page("flight", [("The flight", ["flight"])])
+FLIGHT = Page(
+    "flight",
+    [("The flight", ["flight"])],
+    title="Simulated flight",
+    summary=lambda flights: report_lines(flights)[0],
+)
 
 
 def fly_each(

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -42,6 +42,7 @@ class PitchStudy:
     runs: tuple[PitchRun, ...]
     away: tuple[PitchRun, ...]
     seed: int
+    simulated: ClassVar = True
 
 
 def pitch_study(
@@ -184,7 +185,6 @@ def write_simulation(
     page="flight.pitch",
     title="{0.setup.bench.model.rig.name}: {0.setup.schedule.title}",
     caption="Pitch under each controller, with and without the plate; green: rotor over the plate.",
-    simulated=True,
     height_in=lambda study: 1.0 + 1.55 * len(study.runs),
 )
 def pitch(figure: Figure, study: PitchStudy) -> None:
@@ -206,4 +206,9 @@ def pitch(figure: Figure, study: PitchStudy) -> None:
     legend_below(figure, panels[:1], 3)
 
 
-PITCH = Page("flight.pitch", [("The pitch bench", ["pitch"])])
+PITCH = Page(
+    "flight.pitch",
+    [("The pitch bench", ["pitch"])],
+    title="Simulated pitch bench",
+    summary=lambda study: report_lines(study)[0],
+)

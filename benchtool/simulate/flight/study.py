@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, dist
+from typing import ClassVar
 
 import numpy as np
 
@@ -114,6 +115,7 @@ class FlownCase:
 
     flight: Flight
     measures: Measures
+    simulated: ClassVar = True
 
     @property
     def case(self) -> FlightCase:
