@@ -232,10 +232,9 @@ def sweep_log(
     recording, repairs = repair_readings(recording, rig, label)
     if "time_s" in recording:
         recording = recording.select(np.argsort(recording.column("time_s"), kind="stable"))
-    conditions = Conditions.from_recording(recording, rig)
     kinds = recording.column("kind") if "kind" in recording else np.zeros(len(recording))
     is_tare = kinds == word_to_code("kind", "tare")
-    conditions = _neutralize_tares(conditions, is_tare)
+    conditions = _neutralize_tares(Conditions.from_recording(recording, rig), is_tare)
     thrust = recording.to_si("thrust_N")
     se, assumptions = _errors(recording, rig)
     is_complete = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.is_complete
