@@ -6,6 +6,8 @@ import ast
 import inspect
 import textwrap
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +17,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import load_rig_by_name
+from benchtool.physics import effects
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import (
@@ -81,6 +84,13 @@ def conditions(rig):
         airspeed_m_s=2.0,
         speed_measured=False,
     )
+
+
+def test_every_file_of_the_folder_has_an_effect():
+    folder = Path(effects.__path__[0])
+    names = {path.stem for path in folder.glob("[!_]*.py")} - {"effect"}
+    without = [n for n in names if not hasattr(import_module(f"{effects.__name__}.{n}"), "EFFECT")]
+    assert not without, f"define EFFECT in {without}"
 
 
 @EACH
