@@ -50,10 +50,12 @@ def check_everywhere(page: Page, name: str) -> None:
 
 
 def test_all_tabs_without_violations(axe_page):
-    connect(axe_page, "sim:pquad")
-    for tab in TABS:
+    for tab in sorted(TABS, key=("Bench", "Sweep").__contains__):
         axe_page.set_viewport_size({"width": 1280, "height": 900})
         go_to(axe_page, tab)
+        if tab == "Bench":  # and then Sweep: the tabs that show the bench
+            connect(axe_page, "sim:pquad")
+            go_to(axe_page, tab)  # the mouse leaves the buttons
         axe_page.wait_for_timeout(2000)
         check_everywhere(axe_page, tab)
 

@@ -41,6 +41,7 @@ def driver_classes() -> set[type]:
 def test_every_driver_class_is_registered():
     modules = {driver.opener.partition(":")[0] for driver in DRIVERS.values()}
     lost = {kind.__name__ for kind in driver_classes() if kind.__module__ not in modules}
+    lost |= set(CASES) - set(DRIVERS)
     assert lost == set(), "register them in benchtool/bench/drivers.py"
 
 

@@ -46,7 +46,8 @@ def strong_value(name: str, item: Parameter) -> float:
     known: dict[str, float] = {}
     for bench in BENCH_KINDS:
         known |= default_tolerances(EFFECTS[name], load_rig_by_name("beam"), bench)
-    tolerance = known.get(item.name, 0.0)  # a missing one is named by the test of tolerances
+    # A missing tolerance is named by its own test, and by no other.
+    tolerance = known.get(item.name, 0.01 * min(item.upper - item.lower, 1.0))
     return float(np.clip(item.neutral + 20.0 * tolerance, item.lower, item.upper))
 
 
