@@ -265,8 +265,8 @@ class Job(Future[Any]):
         daemon: bool = True,
     ) -> None:
         super().__init__()
-        self.stage, self.share = "starting", 0.0
         self.stages: tuple[str, ...] = ()  # all so far, in order
+        self.share = 0.0
         spawn = get_context("spawn")
         pipe, child_pipe = spawn.Pipe()
         self._process = spawn.Process(
@@ -280,9 +280,13 @@ class Job(Future[Any]):
     def succeeded(self) -> bool:
         return self.done() and not self.cancelled() and self.exception() is None
 
+    @property
+    def stage(self) -> str:
+        return self.stages[-1] if self.stages else "starting"
+
     def report(self, stage: str, share: float) -> None:
         """Set stage and share; called by the function in its process."""
-        self.stage, self.share = stage, share
+        self.share = share
         if stage not in self.stages[-1:]:
             self.stages = (*self.stages, stage)
 
