@@ -6,11 +6,14 @@ A new command needs a row in `REFUSED` and an update of docs/reference/commands.
 
 from __future__ import annotations
 
+import ast
 import re
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
+from benchtool import acquire
 from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.visit_order import expected_duration_s, plan_visits
 from benchtool.commands.app import COMMANDS, command_module
@@ -249,3 +252,16 @@ def test_every_time_of_a_plan_counts_in_its_duration(key):
     plans = [plan_from_toml(f"{key} = {time_s}", "plan").resolved(rig) for time_s in (1.0, 2.0)]
     first_s, second_s = (expected_duration_s(p, rig, plan_visits(p, rig)) for p in plans)
     assert second_s > first_s, f"count {key} in benchtool/acquire/visit_order.py"
+
+
+def test_every_key_of_a_plan_is_used():
+    """Apart from the duration; `Plan.resolved` replaces two keys by others."""
+    used = {"distances_over_R", "percent"}
+    durations = {"visit_s", "min_duration_s", "expected_duration_s"}
+    for path in Path(acquire.__path__[0]).glob("*.py"):
+        if path.stem != "plan":
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if getattr(node, "name", "") not in durations:
+                    used |= {n.attr for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+    unused = [item.key for item in items(Plan) if item.key.rpartition(".")[2] not in used]
+    assert not unused, f"make {unused} act in benchtool/acquire/sweep.py"

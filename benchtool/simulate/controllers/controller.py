@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.user_code import CodePermit, check_code_allowed, load_user_module
+from benchtool.physics.expression import expression
 
 GRAVITY_M_S2 = 9.81  # standard gravity, rounded as in the paper
 
@@ -85,8 +86,8 @@ class ControlLaw:
         name, title: name on the command line, and label.
         body: controlled body: "hinged" is a pitch bench, "free" a vehicle in flight.
         step: step(p, state, measurement, reference, dt_s) -> state, command: a `PitchCommand` or a
-            `FlightCommand`. Marked `@expression`, so that the same source runs in Python and in the
-            compiled loop; in flight `@inlined_expression` does too, because a flight has one lane.
+            `FlightCommand`. An expression, or in flight an `@inlined_expression`, because a flight
+            has one lane: the same source runs in Python and in the compiled loop.
         state: initial state, a named tuple of floats and tuples of them. A field `estimate_Nm` is
             logged as the disturbance estimate; in flight, the fields in `flight.LOGGED`.
         numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them; arguments
@@ -99,6 +100,9 @@ class ControlLaw:
     step: Callable[..., Any]
     state: Any
     numbers: Callable[[Any, Any], Any]
+
+    def __post_init__(self) -> None:
+        expression(self.step)
 
 
 class FlightMeasurement(NamedTuple):

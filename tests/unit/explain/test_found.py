@@ -100,7 +100,7 @@ def test_a_draft_keeps_the_contract_of_effects(family, hook, tmp_path, rng, monk
         plate_x_m=np.array([0.0, 0.0, 0.0, 0.6, 0.6, 0.0]), elapsed_s=60.0, time_s=60.0,
     )  # fmt: skip
     contract.test_it_describes_itself(DRAFT_NAME)
-    contract.test_it_says_what_does_not_matter_on_any_vehicle(DRAFT_NAME, bench, "pquad")
+    contract.test_it_says_what_does_not_matter_on_any_vehicle(DRAFT_NAME)
     contract.test_physics_bounds_every_number_that_may_be_named(DRAFT_NAME)
     contract.test_at_its_neutral_value_it_is_exactly_absent(DRAFT_NAME, rig, conditions)
     contract.test_its_hooks_at_neutral_change_nothing_when_they_are_called(
