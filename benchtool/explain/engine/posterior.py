@@ -15,9 +15,8 @@ from math import exp, log
 import numpy as np
 
 from benchtool.core.errors import EstimationError
-from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT
+from benchtool.explain.engine.bounded_least_squares import AMPLITUDES, UNDETERMINED_HINT
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
-from benchtool.explain.engine.shared_errors import AMPLITUDES
 from benchtool.explain.engine.subject import Subject, ValidationScore
 from benchtool.explain.findings import UnnamedEffect
 from benchtool.explain.result import EXCESS_ERROR, Kind

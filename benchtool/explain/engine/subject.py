@@ -11,10 +11,10 @@ import numpy as np
 
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import solve_covariance
 from benchtool.explain.engine.design import Designer
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
-from benchtool.explain.engine.shared_errors import solve_covariance
 from benchtool.explain.findings import ChannelGap, Overlay
 from benchtool.explain.law_search import ResidualSummary
 from benchtool.explain.recording_checks import check_bench_kind

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -130,9 +130,7 @@ class PitchEvidence:
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
         """Return torques, speeds and reading errors, each a smooth function of one variable."""
-        return tuple(self._discrepancies())
-
-    def _discrepancies(self) -> Iterator[Discrepancy]:
+        result = []
         for channel, variables in VARIABLES.items():
             for variable in variables:
                 if (bases := smooth(self.logs, variable)) is None:
@@ -147,11 +145,9 @@ class PitchEvidence:
                     shares.append(np.hstack([share for _, share in pieces]))
                 rows = np.concatenate(columns)
                 if rows.any():
-                    yield Discrepancy(
-                        name=name,
-                        columns=rows,
-                        shares=np.concatenate(shares),
-                    )
+                    part = Discrepancy(name=name, columns=rows, shares=np.concatenate(shares))
+                    result.append(part)
+        return tuple(result)
 
     def varied(self, changes: Array) -> Array:
         return changes[:, None] * self._variations
@@ -171,13 +167,13 @@ class PitchEvidence:
         speed_masks: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
-            masks = pitch_regimes(log)
-            n_sensors = 1 + log.has_gyro
-            for is_speed in np.arange(log.n_channels) >= n_sensors:
-                speed_masks.append(np.full(log.n_rows, is_speed))
-                regimes.append(
-                    {name: log.average(m.astype(float)) > 0.5 for name, m in masks.items()}
-                )
+            speed_masks.append(np.repeat(np.arange(log.n_channels) > log.has_gyro, log.n_rows))
+            regimes.append(
+                {
+                    name: np.tile(log.average(mask.astype(float)) > 0.5, log.n_channels)
+                    for name, mask in pitch_regimes(log).items()
+                }
+            )
         return RowGroups.concatenate("hinge", speed_masks, regimes)
 
 

@@ -273,7 +273,11 @@ class FilteredLog:
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:
     """Return the steady-state filter of a bench at the rate of its log."""
     dt_s = 1.0 / rate_Hz
-    reading_sd = {name: _reading_sd(bench.sensors.get(name, PitchSensor())) for name in CHANNELS}
+    sensors = {name: bench.sensors.get(name, PitchSensor()) for name in CHANNELS}
+    reading_sd = {  # quantum included; at least 1e-6
+        name: float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))
+        for name, sensor in sensors.items()
+    }
     theta_sd, gyro_sd = reading_sd["theta_rad"], reading_sd["gyro_rad_s"]
     rig = bench.model.rig
     arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
@@ -314,8 +318,3 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
             np.linalg.cholesky(0.5 * (updated + updated.T) + 1e-16 * scale @ scale), float
         ),
     )
-
-
-def _reading_sd(sensor: PitchSensor) -> float:
-    """Return the standard deviation of one reading including its quantum; at least 1e-6."""
-    return float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))

@@ -67,23 +67,17 @@ class ReplayInputs:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Replay:
-    """Simulated run of a recording; nan at restarts.
-
-    Attributes:
-        time_s, theta_rad: (m,) of the true attitude.
-        pwm_us: (n_rotors, m) of the simulated controller; empty if driven by logged pulses.
-        warning: warning that the run does not follow the recording and is no result, else "".
-    """
+    """Simulated run of a recording."""
 
     model: str  # names of model and rig
     rig: str
-    time_s: Array
-    theta_rad: Array
-    pwm_us: Array
+    time_s: Array  # (m,)
+    theta_rad: Array  # (m,) true attitude; nan at restarts
+    pwm_us: Array  # (n_rotors, m) of the simulated controller; empty if driven by logged pulses
     disturbance_Nm: Array  # (m,) of the simulated observer; empty likewise
     description: str  # description of the drive for the caption
     driven_by: str  # "controller" or "pulses"
-    warning: str = ""
+    warning: str = ""  # that the run does not follow the recording and is no result
 
 
 def find_controller(provenance: Mapping[str, str], inputs: ReplayInputs) -> PitchControl | None:

@@ -9,11 +9,9 @@ of the residuals.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.subject import Subject, build_overlay
@@ -64,29 +62,24 @@ def predicted_channels(run: Predictions) -> dict[str, Array]:
     return {"theta_rad": run.theta_rad, "gyro_rad_s": run.gyro_rad_s, "rpm": RPM * run.speed_rad_s}
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Windows:
-    """Windows of a log without dropouts, after the filter has settled."""
+    """Windows of a log without dropouts, after the filter has settled.
 
-    log: FilteredLog  # the recording with its filter
-    starts: NDArray[np.intp]  # (w,) first rows
-    rows: int  # rows of a window
-    block: int  # consecutive windows in a block
+    Each begins after 1/`overlap` of the previous one.
+    """
 
-    @classmethod
-    def of(cls, log: FilteredLog, window_s: float, overlap: int = 1) -> Windows:
-        """Return windows of a length; each begins after 1/`overlap` of the previous one."""
-        logged = log.logged
-        rows = max(2, round(window_s * logged.rate_Hz))
+    def __init__(self, log: FilteredLog, window_s: float, overlap: int = 1) -> None:
+        self.log, rate_Hz = log, log.logged.rate_Hz
+        self.rows = rows = max(2, round(window_s * rate_Hz))
         hop = max(1, rows // overlap)
-        n_settling = round(SETTLING_S * logged.rate_Hz)
+        n_settling = round(SETTLING_S * rate_Hz)
         starts = {
             start
-            for segment in find_segments(logged.mode)
+            for segment in find_segments(log.logged.mode)
             for start in range(segment.start + n_settling, segment.stop - rows + 1, hop)
         }
-        block = max(1, round(BLOCK_S * logged.rate_Hz / hop))
-        return cls(log=log, starts=np.array(sorted(starts), np.intp), rows=rows, block=block)
+        self.starts = np.array(sorted(starts), np.intp)  # first rows
+        self.block = max(1, round(BLOCK_S * rate_Hz / hop))  # consecutive windows in a block
 
     def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
         """Return predictions of each bench (lane) in each window, from its state estimate."""
@@ -197,7 +190,8 @@ class PitchSubject(Subject):
         as_given = np.zeros(len(self.evidence.parameters))
         predictable = WINDOWS_S[0]
         for window_s in WINDOWS_S[1:]:
-            floors = self._floor(window_s, as_given, np.random.default_rng(0), FLOOR_DRAWS)
+            changes, rng = np.empty((0, FLOOR_DRAWS)), np.random.default_rng(0)
+            floors = self.floor(as_given, changes, rng, window_s=window_s)
             relative_sd = max(np.std(roots) / np.mean(roots) for roots in floors.values())
             if ONE_SIDED_95 * relative_sd > MAX_FLOOR_SPREAD:
                 break
@@ -209,28 +203,23 @@ class PitchSubject(Subject):
         errors: dict[str, list[Array]] = {}
         for log in self.check_evidence.logs:
             benches = [self.check_evidence.bench(scaled, log.logged.rate_Hz) for scaled in sets]
-            windows = Windows.of(log, self.window_s, OVERLAP)
+            windows = Windows(log, self.window_s, OVERLAP)
             for name, squares in windows.errors(benches).items():
                 errors.setdefault(name, []).append(squares)
         return {name: np.concatenate(squares) for name, squares in errors.items()}
 
     def floor(
-        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
-    ) -> Mapping[str, Array]:
-        return self._floor(self.window_s, at, rng, changes.shape[1], spread)
-
-    def _floor(
         self,
-        window_s: float,
         at: Array,
+        changes: Array,
         rng: np.random.Generator,
-        draws: int,
         spread: Array | None = None,
+        window_s: float | None = None,
     ) -> Mapping[str, Array]:
         total: dict[str, Array] = {}
-        count = 0
+        count, draws = 0, changes.shape[1]
         for log in self.check_evidence.logs:
-            windows = Windows.of(log, window_s, OVERLAP)
+            windows = Windows(log, window_s or self.window_s, OVERLAP)
             bench = self.check_evidence.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
@@ -245,7 +234,7 @@ class PitchSubject(Subject):
         """Return the first check recording with the predictions of each window, by channel."""
         log = self.check_evidence.logs[0]
         rate_Hz = log.logged.rate_Hz
-        windows = Windows.of(log, self.window_s)
+        windows = Windows(log, self.window_s)
         runs = windows.predicted([self.check_evidence.bench(x, rate_Hz) for x in (before, after)])
         overlays = []
         for name, read in read_channels(log.logged).items():

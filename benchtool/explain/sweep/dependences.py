@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import solve_covariance
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.engine.shared_errors import solve_covariance
 from benchtool.explain.law_search import (
     FOLDS,
     CrossValidationFold,
