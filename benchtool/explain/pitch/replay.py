@@ -86,18 +86,16 @@ def find_controller(provenance: Mapping[str, str], inputs: ReplayInputs) -> Pitc
     Raises:
         UnknownChoice: the given controller or gain set does not exist.
     """
-    name, gains = inputs.controller, inputs.gains
-    if not name:
-        name, gains = provenance.get("controller", ""), gains or provenance.get("gains", "")
-        try:
-            return build_pitch_controller(name, load_gains(gains)) if name and gains else None
-        except InputError:  # user-defined controller or gains
-            return None
-    if not gains:
-        gains = provenance.get("gains", "")
-    if not gains:
+    gains = inputs.gains or provenance.get("gains", "")
+    if inputs.controller and not gains:
         raise InputError("--controller needs its gains; give --gains s3 or a file")
-    return build_pitch_controller(name, load_gains(gains))
+    if inputs.controller:
+        return build_pitch_controller(inputs.controller, load_gains(gains))
+    name = provenance.get("controller", "")
+    try:
+        return build_pitch_controller(name, load_gains(gains)) if name and gains else None
+    except InputError:  # user-defined controller or gains
+        return None
 
 
 def run_replay(
