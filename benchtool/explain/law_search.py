@@ -122,10 +122,9 @@ def _try_families(summary: ResidualSummary) -> list[_Shapes]:
     variable, form = summary.variable, summary.form
     if not (variable.code and form.hook):
         return []
+    values = form.affected_values(variable)
     suitable = [family for family in FAMILIES if variable.scale in family.scales]
-    tried = [
-        _shapes(summary, family, family.grid(form.affected_values(variable))) for family in suitable
-    ]
+    tried = [_shapes(summary, family, family.grid(values)) for family in suitable]
     return [shapes for shapes in tried if shapes.columns.shape[1]]
 
 

@@ -326,10 +326,6 @@ class SharedErrors:
 
         return BoundedSearch(costs, lambda at: self.linearise(at, amplitudes))
 
-    def weighted_residuals(self, at: Array, amplitudes: Mapping[str, float]) -> Array:
-        """Return residuals at a point (n_rows,), weighted by the inverse covariance: V^-1 r."""
-        return solve_covariance(self.columns(amplitudes), self.rows(at)[:, 0]) / self.noise
-
 
 def _own_shares(columns: Array) -> Array:
     """Return the diagonal (n_rows,) of V^-1 for V = 1 + columns columns^T."""

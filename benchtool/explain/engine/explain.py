@@ -71,14 +71,20 @@ def explain(
     effects = _name_effects(judgement, inputs, rng)
     gaps = judgement.score.gaps(rng)
     where = nearest = depends = None
-    other_effects = dict[str, float]()
+    other_effects = dict[str, float]()  # in stages without an unnamed one
     if kind != "none":
         stages = [*(k.stage for k in effects), *(k.stage for k in judgement.unnamed)]
         where = locate_gap(groups, before, after, stages[0] if stages else None)
     if kind == "unknown":
-        other_effects = _find_other_effects(judgement)
+        other_effects = {
+            trial.name: 1.0 - trial.probabilities["none"]
+            for trial in search.trials
+            if trial.name in search.hypotheses.effects
+            and trial.name in best.active
+            and search.effects[trial.name].subsystem not in stages
+        }
         nearest = _find_nearest(judgement, gaps)
-        if {effect.stage for effect in judgement.unnamed} != {"pwm_to_rpm"}:
+        if set(stages) != {"pwm_to_rpm"}:
             progress("searching for a law", 0.92)
             summaries = subject.summarize(subject.all_evidence, null.values, tuple(other_effects))
             depends = find_dependence(summaries, evidence.model.rig.propulsion.radius_m)
@@ -166,18 +172,6 @@ def _labels(search: Posterior, base: Hypothesis, fit: Hypothesis) -> dict[str, A
         "name": effect.name, "title": effect.title, "phrase": effect.phrase,
         "stage": effect.subsystem, "log_likelihood_ratio": 0.5 * (base.cost - fit.cost),
     }  # fmt: skip
-
-
-def _find_other_effects(judgement: Judgement) -> dict[str, float]:
-    """Return the probabilities of effects in other stages than the unnamed ones, by name."""
-    stages, search = {effect.stage for effect in judgement.unnamed}, judgement.search
-    return {
-        trial.name: 1.0 - trial.probabilities["none"]
-        for trial in search.trials
-        if trial.name in search.hypotheses.effects
-        and trial.name in search.best.active
-        and search.effects[trial.name].subsystem not in stages
-    }
 
 
 def _find_nearest(judgement: Judgement, gaps: Sequence[ChannelGap]) -> NearestEffect | None:
@@ -281,7 +275,7 @@ def locate_gap(
         stage: of the named effect; None: from the rows.
     """
     sizes = {name: _rms(before[mask]) for name, mask in groups.stages.items()}
-    location: Subsystem = stage if stage is not None else max(sizes, key=lambda name: sizes[name])
+    location: Subsystem = stage or max(sizes, key=lambda name: sizes[name])
     rows = groups.stages.get(location)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))

@@ -25,6 +25,7 @@ from benchtool.explain.engine.bounded_least_squares import (
     SharedErrors,
     evidence_against,
     finite_differences,
+    solve_covariance,
 )
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.inputs import ExplainInputs
@@ -194,7 +195,8 @@ class Hypotheses:
     def estimate_discrepancy(self, fit: Hypothesis, name: str) -> tuple[Array, Array]:
         """Return a discrepancy's posterior mean (n_rows,): in residuals, as a share of readings."""
         discrepancy, amplitude = self.discrepancies[name], fit.amplitudes.get(name, 1.0)
-        weighted_residuals = self.errors.weighted_residuals(fit.values, fit.amplitudes)
+        columns, rows = self.errors.columns(fit.amplitudes), self.errors.rows(fit.values)[:, 0]
+        weighted_residuals = solve_covariance(columns, rows) / self.errors.noise
         coefficients = amplitude**2 * (discrepancy.columns.T @ weighted_residuals)
         return discrepancy.columns @ coefficients, discrepancy.shares @ coefficients
 

@@ -23,7 +23,7 @@ from benchtool.explain.engine.evidence import (
     smooth_root,
     with_every_effect,
 )
-from benchtool.explain.pitch.filter import MAX_BLOCK_SIZE, FilteredLog
+from benchtool.explain.pitch.filter import FilteredLog
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -136,17 +136,11 @@ class PitchEvidence:
                 if (bases := smooth(self.logs, variable)) is None:
                     continue
                 name = f"{channel}: {variable}"
-                columns, shares = [], []
-                for log, basis in zip(self.logs, bases, strict=True):
-                    n_blocks = min(basis.shape[1], 1 + basis.size // MAX_BLOCK_SIZE)
-                    blocks = np.array_split(basis, n_blocks, axis=1)
-                    pieces = [log.whitened_rows(name, block) for block in blocks]
-                    columns.append(np.hstack([rows for rows, _ in pieces]))
-                    shares.append(np.hstack([share for _, share in pieces]))
-                rows = np.concatenate(columns)
-                if rows.any():
-                    part = Discrepancy(name=name, columns=rows, shares=np.concatenate(shares))
-                    result.append(part)
+                pairs = zip(self.logs, bases, strict=True)
+                pieces = [log.whitened_rows(name, basis) for log, basis in pairs]
+                columns, shares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+                if columns.any():
+                    result.append(Discrepancy(name=name, columns=columns, shares=shares))
         return tuple(result)
 
     def varied(self, changes: Array) -> Array:

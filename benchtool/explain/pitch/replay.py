@@ -208,9 +208,8 @@ def _simulate_controller(
     time_s = track.time_s[0] + np.arange(n_ticks) / rate_Hz
     rows = np.round((time_s - track.time_s[0]) * track.rate_Hz).astype(int)
     rows = np.clip(rows, 0, len(track) - 1)
-    reference = None
-    if np.isfinite(track.reference_rad).any():
-        reference = np.nan_to_num(last_known(track.reference_rad))
+    reference = np.nan_to_num(last_known(track.reference_rad))  # 0 if none is logged
+    has_reference = np.isfinite(track.reference_rad).any()
     enabled = np.ones(n_ticks)
     collective = 1.0  # over hover thrust, as in the recording
     if pulses is not None:
@@ -221,7 +220,7 @@ def _simulate_controller(
     schedule = SampledSchedule(
         rate_Hz=rate_Hz,
         time_s=np.arange(n_ticks) / rate_Hz,
-        reference_rad=np.zeros(n_ticks) if reference is None else reference[rows],
+        reference_rad=reference[rows],
         collective=collective * enabled,
         dither_us=np.zeros(n_ticks),
         plate_z_m=plate_z_m[rows],
@@ -232,8 +231,7 @@ def _simulate_controller(
     run = simulate_pitch(PitchJob(bench, control), schedule)
     discs = bench.model.rig.disc_of_rotor
     gains = control.gains.name if control.gains is not None else "no"
-    reference_text = "logged" if reference is not None else "level (none is logged)"
-    reference_text += " reference"
+    reference_text = "logged reference" if has_reference else "level (none is logged) reference"
     return Replay(
         model=bench.model.name,
         rig=bench.model.rig.name,

@@ -81,16 +81,12 @@ class Windows:
         self.starts = np.array(sorted(starts), np.intp)  # first rows
         self.block = max(1, round(BLOCK_S * rate_Hz / hop))  # consecutive windows in a block
 
-    def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
-        """Return predictions of each bench (lane) in each window, from its state estimate."""
-        return self._run(benches, slice(None), self._states(benches))
-
     def errors(self, benches: Sequence[PitchBench]) -> dict[str, Array]:
         """Return mean squared errors of each block (b, lanes) by channel."""
         errors: dict[str, list[Array]] = {name: [] for name in CHANNELS}
-        readings, states = read_channels(self.log.logged), self._states(benches)
+        readings, states = read_channels(self.log.logged), self.states(benches)
         for part in self._parts(len(benches)):
-            runs = self._run(benches, part, states[part])
+            runs = self.run(benches, part, states[part])
             for start, run in zip(self.starts[part], runs, strict=True):
                 for name, values in predicted_channels(run).items():
                     error = readings[name][start : start + self.rows, ..., None] - values
@@ -112,10 +108,10 @@ class Windows:
         Args:
             truths: true model of each draw: the model itself, or draws of its parameters.
         """
-        states = self._states([bench])
+        states = self.states([bench])
         squares = {name: np.zeros(len(truths)) for name in CHANNELS}
         for part in self._parts(min(len(truths), MAX_LANES)):
-            nominal = self._run([bench], part, states[part])
+            nominal = self.run([bench], part, states[part])
             for first in range(0, len(truths), MAX_LANES):
                 lanes = slice(first, first + MAX_LANES)
                 starts = [np.repeat(state, len(truths[lanes]), axis=1) for state in states[part]]
@@ -123,7 +119,7 @@ class Windows:
                     noise = rng.standard_normal((3, state.shape[1]))
                     state[:3] += self.log.filter.state_root @ noise
                 seed = int(rng.integers(2**31))
-                runs = self._run(truths[lanes], part, starts, seed)
+                runs = self.run(truths[lanes], part, starts, seed)
                 for name, increments in self._squares(runs, nominal, rng).items():
                     squares[name][lanes] += increments
         return {name: np.sqrt(total / len(self.starts)) for name, total in squares.items()}
@@ -147,20 +143,21 @@ class Windows:
         n_windows = max(1, MAX_BLOCK_SIZE // (self.rows * lanes))
         return [slice(first, first + n_windows) for first in range(0, len(self.starts), n_windows)]
 
-    def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
+    def states(self, benches: Sequence[PitchBench]) -> list[Array]:
         """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
         run = filter_log(benches, self.log.logged, self.log.filter.gains)
         rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.deflection)
         speed = run.state_speed_rad_s
         return [np.vstack([*(v[row] for v in rows), speed[row]]) for row in self.starts]
 
-    def _run(
+    def run(
         self,
         benches: Sequence[PitchBench],
         part: slice,
         states: Sequence[Array],
         seed: int | None = None,
     ) -> list[Predictions]:
+        """Return predictions of each bench (lane) in some windows, from states before them."""
         logged = self.log.logged
         lead = round(LEAD_S * logged.rate_Hz)
         windows = dict(zip(map(int, self.starts[part]), states, strict=True))
@@ -199,7 +196,6 @@ class PitchSubject(Subject):
         return predictable
 
     def errors(self, sets: Array, changes: Array) -> Mapping[str, Array]:
-        """Return errors in each block of the check recordings, by channel."""
         errors: dict[str, list[Array]] = {}
         for log in self.check_evidence.logs:
             benches = [self.check_evidence.bench(scaled, log.logged.rate_Hz) for scaled in sets]
@@ -235,7 +231,8 @@ class PitchSubject(Subject):
         log = self.check_evidence.logs[0]
         rate_Hz = log.logged.rate_Hz
         windows = Windows(log, self.window_s)
-        runs = windows.predicted([self.check_evidence.bench(x, rate_Hz) for x in (before, after)])
+        benches = [self.check_evidence.bench(values, rate_Hz) for values in (before, after)]
+        runs = windows.run(benches, slice(None), windows.states(benches))
         overlays = []
         for name, read in read_channels(log.logged).items():
             values = read if read.ndim == 1 else read[:, 0]

@@ -87,16 +87,11 @@ def sweep_variables(
         ("time since the tare", "s/t_ref", "elapsed_s"),
         ("time since the plate moved", "m/t_ref", "moved_s"),
     ):
-        values = join(name)
-        max_value = max(float(values.max()), 1.0)
-        code = f"flow.{name} / p.reference"
-        variables.append(
-            Variable(phrase, symbol, values / max_value, code, max_value, "s", scale="time")
-        )
+        max_s, code = max(float(join(name).max()), 1.0), f"flow.{name} / p.reference"
+        variables.append(Variable(phrase, symbol, join(name) / max_s, code, max_s, "s", "time"))
     for name, phrase in (("load", "the rotors' load"), ("wash", "the wash on the plate")):
-        for k, (time_s, past) in enumerate(
-            zip(HISTORY_TIME_CONSTANTS_S, join(f"past_{name}"), strict=True)
-        ):
+        pairs = zip(HISTORY_TIME_CONSTANTS_S, join(f"past_{name}"), strict=True)
+        for k, (time_s, past) in enumerate(pairs):
             phrase_k, symbol = f"{phrase} over the last {time_s:g} s", f"{name}_{time_s:g}s"
             code = f"flow.past_{name}[{k}]"
             variables.append(Variable(phrase_k, symbol, past, code, scale="time"))
@@ -117,31 +112,29 @@ def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, predicted_N: Array)
     z = np.concatenate([v.plate_z_m for v in rows]) / radius_m
     median_N = float(np.median(thrust_N[is_running]))
     nearer = f"flow.coverage[i] * power({DISTANCE}, -3.0)"
-    matters = TOLERANCE * median_N
+    table = (  # name, weights, formula, code, phrase of a centred form
+        ("factor", thrust_N, "1 + {f}", "1.0 + p.a * {f}", ""),
+        ("covered", thrust_N * coverage, "1 + {f}", "1.0 + p.a * flow.coverage[i] * {f}", ""),
+        ("near", thrust_N * coverage / (1.0 + z**2), "1 + {f} / (1 + (z/R)^2)",
+         f"1.0 + p.a * {NEAR} * {{f}}", " near the plate"),
+        ("nearer", thrust_N * coverage * z**-3.0, "1 + {f} (z/R)^-3",
+         f"1.0 + p.a * {nearer} * {{f}}", " next to the plate"),
+        ("reading", np.full(len(thrust_N), median_N), "reading + {f}",
+         "reading + p.a * p.typical * {f}", ""),
+    )  # fmt: skip
     return [
         LawForm(
-            name="factor", hook="factor", weights=thrust_N, formula="1 + {f}",
-            code="1.0 + p.a * {f}", tolerance=matters,
-        ),
-        LawForm(
-            name="covered", hook="factor", weights=thrust_N * coverage, formula="1 + {f}",
-            code="1.0 + p.a * flow.coverage[i] * {f}", tolerance=matters,
-        ),
-        LawForm(
-            name="near", hook="factor", weights=thrust_N * coverage / (1.0 + z**2),
-            formula="1 + {f} / (1 + (z/R)^2)", code=f"1.0 + p.a * {NEAR} * {{f}}",
-            tolerance=matters, centred=True, phrase=" near the plate",
-        ),
-        LawForm(
-            name="nearer", hook="factor", weights=thrust_N * coverage * z**-3.0,
-            formula="1 + {f} (z/R)^-3", code=f"1.0 + p.a * {nearer} * {{f}}",
-            tolerance=matters, centred=True, phrase=" next to the plate",
-        ),
-        LawForm(
-            name="reading", hook="thrust_reading", weights=np.full(len(thrust_N), median_N),
-            formula="reading + {f}", code="reading + p.a * p.typical * {f}", tolerance=matters,
-        ),
-    ]  # fmt: skip
+            name=name,
+            hook="thrust_reading" if name == "reading" else "factor",
+            weights=weights,
+            formula=formula,
+            code=code,
+            tolerance=TOLERANCE * median_N,
+            centred=bool(phrase),
+            phrase=phrase,
+        )
+        for name, weights, formula, code, phrase in table
+    ]
 
 
 def summarize_residuals(
