@@ -97,16 +97,11 @@ def find_dependence(
     if not len(odds) or odds.max() < MIN_LOG_ODDS:
         return None
     probabilities = np.asarray(np.exp(odds - np.logaddexp.reduce(odds)), float)
-    by_variable: dict[str, float] = {}
-    for summary, probability in zip(summaries, probabilities, strict=True):
-        phrase = summary.variable.phrase
-        by_variable[phrase] = by_variable.get(phrase, 0.0) + float(probability)
+    phrases = np.array([summary.variable.phrase for summary in summaries])
+    by_variable = {name: float(np.sum(probabilities[phrases == name])) for name in phrases}
     best = max(by_variable, key=lambda name: by_variable[name])
-    indices = [k for k, summary in enumerate(summaries) if summary.variable.phrase == best]
-    index = max(indices, key=lambda k: odds[k])
-    summary = summaries[index]
-    law = None
-    closed = 0.0
+    index = int(np.argmax(np.where(phrases == best, odds, -np.inf)))
+    summary, law, closed = summaries[index], None, 0.0
     if families[index]:
         closed = _cross_validate([shapes for group in families for shapes in group])
         if closed > MIN_GAIN:
@@ -127,10 +122,9 @@ def _try_families(summary: ResidualSummary) -> list[_Shapes]:
     variable, form = summary.variable, summary.form
     if not (variable.code and form.hook):
         return []
+    values = form.affected_values(variable)
     suitable = [family for family in FAMILIES if variable.scale in family.scales]
-    tried = [
-        _shapes(summary, family, family.grid(form.affected_values(variable))) for family in suitable
-    ]
+    tried = [_shapes(summary, family, family.grid(values)) for family in suitable]
     return [shapes for shapes in tried if shapes.columns.shape[1]]
 
 

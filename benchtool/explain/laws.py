@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from json import dumps
 from textwrap import fill
 from typing import Any, Literal
@@ -76,10 +77,6 @@ def _replacing(numbers: Array) -> Callable[[Array], Array]:
     return _fixed(np.array([axis.ravel() for axis in pairs]))
 
 
-def _lengths(u: Array) -> Array:
-    return float(u.max() - u.min()) * LENGTHS
-
-
 FAMILIES = (  # simplest first
     LawFamily("same", shapes.same, "a {u}", (), _fixed(np.empty((0, 1))), ("side",)),
     LawFamily("line", shapes.line, "a ({u} - at) / width", ("at", "width"), _middle, NUMBERS),
@@ -91,8 +88,8 @@ FAMILIES = (  # simplest first
         _fixed(ODD_EXPONENTS), ("signed",),
     ),
     LawFamily(
-        "approach", shapes.approach, "a exp(-({u}) / length)", ("length",), _lengths,
-        ("positive", "time"),
+        "approach", shapes.approach, "a exp(-({u}) / length)", ("length",),
+        lambda u: np.ptp(u) * LENGTHS, ("positive", "time"),
     ),
     LawFamily(
         "power_instead", shapes.power_instead, "a (({u})^exponent - less / ({u})^2)",
@@ -238,45 +235,6 @@ HOOKS: dict[Hook, tuple[str, Subsystem]] = {  # what a hook returns, and the sta
     "gyro_reading": ("the reading with the law added: rad/s", "sensor"),
 }
 
-_FORM = '''"""Drafted by benchtool explain {version}: check it, and name it after its cause.
-
-{text}
-"""
-
-from __future__ import annotations
-
-from typing import Any
-
-from benchtool.core.parameter import Prior
-from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.effects.laws.shapes import {functions}
-
-
-@expression
-def {hook}(p: Any, i: int, flow: Flow{argument}) -> Quantity:
-    """Return {returns}."""
-    return {code}
-
-
-EFFECT = Effect(
-    name="{name}",
-    title="Found effect",
-    description={description},
-    subsystem="{subsystem}",
-    order=90,
-    law={formula},
-    parameters=(
-{numbers}
-    ),
-    hooks=Hooks({hook}={hook}),
-    shows={shows},
-    source="benchtool explain {version}: fitted, not derived",
-    confused_with={{}},
-    benches=frozenset({{"{bench}"}}),
-    acts_in_flight=False,
-)
-'''
-
 
 def draft_effect(dependence: FoundDependence) -> str:
     """Return the text of an effect file for a dependence with a law."""
@@ -315,7 +273,8 @@ def draft_effect(dependence: FoundDependence) -> str:
         values += f"; reference: {variable.reference:.4g} {variable.unit}"
     functions = {law.family.name} | ({"power"} if "power(" in form.code else set())
     description = f"Effect that depends on {dependence.phrase}; its cause is unknown."
-    return _FORM.format(
+    template = (files("benchtool.explain") / "found_effect.txt").read_text("utf-8")
+    return template.format(
         name=DRAFT_NAME,
         version=__version__,
         text=fill(f"It {dependence.text}. Values: {values}.", 99),

@@ -20,7 +20,7 @@ from benchtool.explain.result import Explanation
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model import Model
-from benchtool.physics.model_file import LoadedModel, model_to_toml
+from benchtool.physics.model_file import model_to_toml
 
 MODEL = "model.toml"  # file of the new model in the folder of an answer
 NEAREST = "model_nearest.toml"  # model with the effect nearest to an unnamed one
@@ -180,14 +180,7 @@ def format_added_model(answer: Explanation, rig: str = "", effects_file: str = "
         description=f"{loaded.model.description} With {names}, found by benchtool explain.".strip(),
         provenance=_provenance(answer, named),
     )
-    new = LoadedModel(
-        model=model,
-        columns=loaded.columns,
-        row_filter=loaded.row_filter,
-        imperfections=loaded.imperfections,
-        effects_file=effects_file or loaded.effects_file,
-        plate_slide_s=loaded.plate_slide_s,
-    )
+    new = replace(loaded, model=model, effects_file=effects_file or loaded.effects_file)
     return model_to_toml(new, rig or loaded.rig_name or None)
 
 

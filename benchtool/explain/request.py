@@ -52,11 +52,6 @@ class RecordingSource:
     remarks: tuple[str, ...] = ()  # warnings, such as missing columns of the model's map
     zero: ZeroNoise | None = None  # of the load cell, if the run shows it; else the rig's
 
-    @property
-    def simulated(self) -> bool:
-        """True if the recording is simulated."""
-        return self.recording.simulated
-
 
 def read_sources(
     learn: Sequence[str], check: Sequence[str], loaded: LoadedModel
@@ -166,13 +161,7 @@ def _without_constant(source: RecordingSource) -> RecordingSource:
     for name, value in constant.items():
         effect = ": dead channel, not used; repair it" if name in dead else ", accepted as constant"
         remarks.append(f"{source.name}: {name} is {value:g} in every row{effect}")
-    columns = [
-        (recording.channels[recording.index(name)], recording.column(name))
-        for name in recording.names
-        if name not in dead
-    ]
-    recording = Recording.from_columns(columns, recording.provenance, recording.simulated)
-    return replace(source, recording=recording, remarks=tuple(remarks))
+    return replace(source, recording=recording.drop(dead), remarks=tuple(remarks))
 
 
 _VARIABLE = re.compile(r"rpm\d+|pwm\d+_us|gyro_rad_s")  # channels that change if connected

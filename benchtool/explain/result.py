@@ -44,14 +44,7 @@ MIN_DETECTABLE = 3.0  # tolerances; an effect with a larger detection limit coun
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Explanation:
-    """Missing effects of a model, with probabilities, remaining gap and next experiment.
-
-    Attributes:
-        floors: (draws,) by channel, errors of a true model with exactly known parameters on the
-            validation recordings.
-        floors_as_learned: the same, with parameters as uncertain as after the training recordings.
-        source: recordings and model; None for recordings in memory.
-    """
+    """Missing effects of a model, with probabilities, remaining gap and next experiment."""
 
     kind: Kind
     bench: BenchKind
@@ -73,9 +66,10 @@ class Explanation:
     depends: FoundDependence | None = None  # law of an unknown effect, if found
     overlays: tuple[Overlay, ...] = ()  # by channel, on the validation recordings
     disagreements: tuple[Disagreement, ...] = ()  # by stage
-    floors: Mapping[str, Array] = field(default_factory=dict)
-    floors_as_learned: Mapping[str, Array] = field(default_factory=dict)
-    source: Request | None = None
+    floors: Mapping[str, Array] = field(default_factory=dict)  # (draws,) validation errors of a
+    # true model by channel, with exactly known parameters
+    floors_as_learned: Mapping[str, Array] = field(default_factory=dict)  # with learned parameters
+    source: Request | None = None  # recordings and model; None for recordings in memory
     seed: int = 0  # of all random draws
     seconds: float = 0.0  # computing time
     commands: tuple[str, ...] = ()  # as typed
@@ -89,7 +83,7 @@ class Explanation:
     @property
     def simulated(self) -> bool:
         """True if any recording is simulated."""
-        return any(source.simulated for source in self.request.sources)
+        return any(source.recording.simulated for source in self.request.sources)
 
     def find_title(self, name: str) -> str:
         """Return an effect's title, or the name if it has no title ("none")."""
@@ -132,9 +126,7 @@ class Explanation:
     @property
     def is_sure(self) -> bool:
         """True if all named effects are probable enough."""
-        return self.kind in ("effect", "several") and all(
-            effect.probability >= SURE for effect in self.effects
-        )
+        return self.kind in ("effect", "several") and self.has_probability(SURE)
 
     def has_probability(self, probability: float) -> bool:
         """Return True if every named effect has this probability or more; False for a class."""

@@ -13,7 +13,7 @@ the criterion of ArduPilot's ThrustExpo tool.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -174,20 +174,13 @@ def c_header(vehicle: Vehicle) -> dict[str, object]:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Export target.
-
-    Attributes:
-        file: file name, with "{name}" for the rig name.
-        template: name of the file in `templates/`.
-        values: returns what the template needs beside the vehicle.
-        comment: format of a comment line.
-    """
+    """Export target."""
 
     title: str
-    file: str
-    template: str
-    values: Callable[[Vehicle], Mapping[str, object]] = lambda vehicle: {}
-    comment: str = "# {}"
+    file: str  # with "{name}" for the rig name
+    template: str  # name of the file in `templates/`
+    values: Callable[[Vehicle], Mapping[str, object]] = lambda vehicle: {}  # beside the vehicle
+    comment: str = "# {}"  # format of a comment line
 
     def text(self, vehicle: Vehicle) -> str:
         """Return the content of the file, with its source in the first comment lines."""
@@ -265,7 +258,7 @@ def _environment() -> Environment:
         "g": lambda value: f"{value:.9g}",
         "xml_comment": _xml_comment,
         "c_float": _c_float,
-        "c_floats": _c_floats,
+        "c_floats": lambda values: f"{{{', '.join(map(_c_float, values))}}}",
         "plain": lambda text: text.replace("*/", "* /").replace("\n", " "),  # in a C comment
         "omitted": _omitted,
     }
@@ -280,10 +273,6 @@ def _xml_comment(number: ExportedNumber, name: str) -> str:
 def _c_float(value: float) -> str:
     text = f"{value:.9g}"
     return f"{text}f" if any(c in text for c in ".en") else f"{text}.0f"
-
-
-def _c_floats(values: Iterable[float]) -> str:
-    return f"{{{', '.join(map(_c_float, values))}}}"
 
 
 def _omitted(number: ExportedNumber, name: str) -> str:

@@ -30,17 +30,12 @@ MODEL_FILE = "model.toml"
 
 @dataclass(frozen=True, slots=True)
 class ExportedNumber:
-    """Exported number.
-
-    Attributes:
-        why: 95 % interval and fit, or source.
-        stated: False for a typical value that replaces a missing one of the rig.
-    """
+    """Exported number."""
 
     value: float
     unit: str
-    why: str
-    stated: bool = True
+    why: str  # 95 % interval and fit, or source
+    stated: bool = True  # False for a typical value that replaces a missing one of the rig
 
     @property
     def note(self) -> str:
@@ -63,21 +58,13 @@ class ExportedNumber:
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:
-    """Vehicle data for flight software and simulators.
+    """Vehicle data for flight software and simulators."""
 
-    Attributes:
-        model: physics of the thrust near a surface.
-        motor: constants of a motor test; None: those of the rig.
-        intervals: 95 % intervals of the fitted parameters, by full name; combined if available.
-        fitted: source of the intervals, such as "fit bench-1".
-        simulated: whether data of the fit or the motor test are simulated.
-    """
-
-    model: Model
-    motor: MotorFit | None = None
-    intervals: Mapping[str, tuple[float, float]]
-    fitted: str = ""
-    simulated: bool = False
+    model: Model  # physics of the thrust near a surface
+    motor: MotorFit | None = None  # constants of a motor test; None: those of the rig
+    intervals: Mapping[str, tuple[float, float]]  # 95 %, by full name; combined if available
+    fitted: str = ""  # source of the intervals, such as "fit bench-1"
+    simulated: bool = False  # data of the fit or the motor test
     mass_kg: float | None = None  # instead of the rig's
     rotors: int | None = None  # that carry the mass, if not the rig's; for hover only
 

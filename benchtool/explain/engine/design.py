@@ -260,16 +260,12 @@ def select_design(first: D, expect: Callable[[D], ExpectedOutcome], max_s: float
             name: option for name, option in best.extend().items() if option.duration_s <= max_s
         }
         outcomes = dict[str, ExpectedOutcome]()
-        name = ""
-        while options and name not in outcomes:
-            # The gain of an addition decreases as the design grows: old rates bound new ones.
-            name = max(options, key=lambda option: rates.get(option, inf))
-            if name not in outcomes:
-                outcomes[name] = expect(options[name])
-                decrease = log(expected.confusion / outcomes[name].confusion)
-                added_s = max(MIN_DURATION_S, options[name].duration_s - best.duration_s)
-                rates[name] = decrease / added_s if decrease > MIN_LOG_DECREASE else 0.0
-                name = max(options, key=lambda option: rates.get(option, inf))
+        # The gain of an addition decreases as the design grows: old rates bound new ones.
+        while options and (name := max(options, key=lambda k: rates.get(k, inf))) not in outcomes:
+            outcomes[name] = expect(options[name])
+            decrease = log(expected.confusion / outcomes[name].confusion)
+            added_s = max(MIN_DURATION_S, options[name].duration_s - best.duration_s)
+            rates[name] = decrease / added_s if decrease > MIN_LOG_DECREASE else 0.0
         if not options or rates[name] <= 0.0:
             break
         best, expected = options[name], outcomes[name]

@@ -194,11 +194,10 @@ class RowGroups:
         stages: dict[Subsystem, NDArray[np.bool_]] = {other: ~is_speed}
         if is_speed.any():
             stages = {"pwm_to_rpm": is_speed, **stages}
-        masks = dict[str, NDArray[np.bool_]]()
-        for name in dict.fromkeys(name for part in regimes for name in part):
-            pairs = zip(regimes, speed_masks, strict=True)
-            parts = [part.get(name, np.zeros(len(rows), bool)) for part, rows in pairs]
-            masks[name] = np.concatenate(parts)
+        absent = [np.zeros(len(rows), bool) for rows in speed_masks]
+        pairs = list(zip(regimes, absent, strict=True))
+        names = dict.fromkeys(name for part in regimes for name in part)
+        masks = {name: np.concatenate([p.get(name, none) for p, none in pairs]) for name in names}
         return cls(stages=stages, regimes=masks)
 
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import PRIOR_WIDTH_FACTOR
 from benchtool.explain.engine.design import CandidateEffect
 from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups, parameters_at
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.posterior import CLASS_FROM, Judgement, Posterior, Progress, judge
-from benchtool.explain.engine.shared_errors import PRIOR_WIDTH_FACTOR
 from benchtool.explain.engine.subject import Subject
 from benchtool.explain.findings import (
     AlternativeEffects,
@@ -29,7 +28,6 @@ from benchtool.explain.findings import (
 )
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.law_search import find_dependence
-from benchtool.explain.laws import FoundDependence
 from benchtool.explain.result import ALL_REGIMES, SURE, Explanation
 from benchtool.physics.catalogue import non_candidates
 from benchtool.physics.effects.effect import Subsystem
@@ -73,14 +71,23 @@ def explain(
     effects = _name_effects(judgement, inputs, rng)
     gaps = judgement.score.gaps(rng)
     where = nearest = depends = None
-    other_effects = dict[str, float]()
+    other_effects = dict[str, float]()  # in stages without an unnamed one
     if kind != "none":
         stages = [*(k.stage for k in effects), *(k.stage for k in judgement.unnamed)]
         where = locate_gap(groups, before, after, stages[0] if stages else None)
     if kind == "unknown":
-        other_effects = _find_other_effects(judgement)
+        other_effects = {
+            trial.name: 1.0 - trial.probabilities["none"]
+            for trial in search.trials
+            if trial.name in search.hypotheses.effects
+            and trial.name in best.active
+            and search.effects[trial.name].subsystem not in stages
+        }
         nearest = _find_nearest(judgement, gaps)
-        depends = _find_dependence(subject, judgement, other_effects, progress)
+        if set(stages) != {"pwm_to_rpm"}:
+            progress("searching for a law", 0.92)
+            summaries = subject.summarize(subject.all_evidence, null.values, tuple(other_effects))
+            depends = find_dependence(summaries, evidence.model.rig.propulsion.radius_m)
     if not effects:
         after, best = before, null
         gaps = tuple(
@@ -167,18 +174,6 @@ def _labels(search: Posterior, base: Hypothesis, fit: Hypothesis) -> dict[str, A
     }  # fmt: skip
 
 
-def _find_other_effects(judgement: Judgement) -> dict[str, float]:
-    """Return the probabilities of effects in other stages than the unnamed ones, by name."""
-    stages, search = {effect.stage for effect in judgement.unnamed}, judgement.search
-    return {
-        trial.name: 1.0 - trial.probabilities["none"]
-        for trial in search.trials
-        if trial.name in search.hypotheses.effects
-        and trial.name in search.best.active
-        and search.effects[trial.name].subsystem not in stages
-    }
-
-
 def _find_nearest(judgement: Judgement, gaps: Sequence[ChannelGap]) -> NearestEffect | None:
     """Return the effect of the prediction, if it is not the null, with the gap that it leaves."""
     fit, search = judgement.predicted, judgement.search
@@ -202,18 +197,6 @@ def _find_nearest(judgement: Judgement, gaps: Sequence[ChannelGap]) -> NearestEf
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, fit.values),
         after={gap.channel: gap.after for gap in gaps},
     )
-
-
-def _find_dependence(
-    subject: Subject, judgement: Judgement, others: Mapping[str, float], progress: Progress
-) -> FoundDependence | None:
-    """Return the law of an unnamed effect; None for one between pulse and speed."""
-    if {effect.stage for effect in judgement.unnamed} == {"pwm_to_rpm"}:
-        return None
-    progress("searching for a law", 0.92)
-    values = judgement.search.null.values
-    summaries = subject.summarize(subject.all_evidence, values, tuple(others))
-    return find_dependence(summaries, subject.evidence.model.rig.propulsion.radius_m)
 
 
 def _probabilities(judgement: Judgement) -> dict[str, float]:
@@ -292,7 +275,7 @@ def locate_gap(
         stage: of the named effect; None: from the rows.
     """
     sizes = {name: _rms(before[mask]) for name, mask in groups.stages.items()}
-    location: Subsystem = stage if stage is not None else max(sizes, key=lambda name: sizes[name])
+    location: Subsystem = stage or max(sizes, key=lambda name: sizes[name])
     rows = groups.stages.get(location)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
@@ -319,16 +302,16 @@ def locate_gap(
 
 def _disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:
     """Return residuals by stage and regime, before and after (n_rows,) each."""
-    result = []
-    for stage, rows in groups.stages.items():
-        if not rows.any():
-            continue
-        masks: dict[str, NDArray[np.bool_]] = {ALL_REGIMES: np.ones(len(rows), bool)}
-        masks |= groups.regimes
-        by_regime = {name: _rms(before[mask & rows]) for name, mask in masks.items()}
-        after_by_regime = {name: _rms(after[mask & rows]) for name, mask in masks.items()}
-        result.append(Disagreement(stage=stage, by_regime=by_regime, after=after_by_regime))
-    return tuple(result)
+    masks = {ALL_REGIMES: np.ones(len(before), bool), **groups.regimes}
+    return tuple(
+        Disagreement(
+            stage=stage,
+            by_regime={name: _rms(before[mask & rows]) for name, mask in masks.items()},
+            after={name: _rms(after[mask & rows]) for name, mask in masks.items()},
+        )
+        for stage, rows in groups.stages.items()
+        if rows.any()
+    )
 
 
 def _rms(rows: Array) -> float:
@@ -348,22 +331,18 @@ def _select_candidates(judgement: Judgement) -> list[CandidateEffect]:
     phrases |= {name: part.phrase for name, part in hypotheses.discrepancies.items()}
     fits = {"none": trial.base, **{fit.active[-1]: fit for fit in trial.tried}}
     phrases["none"] = NONE
-    rivals = [
+    names, remaining = list[str](), 1.0
+    for name in sorted(fits, key=lambda name: -by_name.get(name, 0.0))[:MAX_CANDIDATES]:
+        if len(names) < 2 or remaining > CLASS_FROM:
+            names.append(name)
+            remaining -= by_name.get(name, 0.0)
+    has_named = any(name not in hypotheses.discrepancies for name in names)
+    return [
         CandidateEffect(
-            name=name, phrase=phrases[name], fit=fit, probability=by_name.get(name, 0.0)
+            name="unknown" if has_named and name in hypotheses.discrepancies else name,
+            phrase=phrases[name],
+            fit=fits[name],
+            probability=max(by_name.get(name, 0.0), MIN_PROBABILITY),
         )
-        for name, fit in fits.items()
+        for name in names
     ]
-    rivals.sort(key=lambda rival: -rival.probability)
-    count, remaining = 0, 1.0
-    while count < MAX_CANDIDATES and (count < 2 or remaining > CLASS_FROM) and count < len(rivals):
-        remaining -= rivals[count].probability
-        count += 1
-    rivals = [
-        replace(rival, probability=max(rival.probability, MIN_PROBABILITY))
-        for rival in rivals[:count]
-    ]
-    named = [rival for rival in rivals if rival.name not in hypotheses.discrepancies]
-    if not named:
-        return rivals
-    return [rival if rival in named else replace(rival, name="unknown") for rival in rivals]

@@ -11,20 +11,23 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.bounded_least_squares import (
+    AMPLITUDES,
+    PRIOR_WIDTH_FACTOR,
     BoundedRegion,
     Linearisation,
-    MinimizationResult,
+    SharedErrors,
     evidence_against,
     finite_differences,
+    solve_covariance,
 )
 from benchtool.explain.engine.evidence import Evidence
-from benchtool.explain.engine.shared_errors import AMPLITUDES, PRIOR_WIDTH_FACTOR, SharedErrors
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.tasks import run_tasks
 
@@ -159,13 +162,25 @@ class Hypotheses:
         active: tuple[str, ...],
         initial_values: Array,
         amplitudes: Mapping[str, float] = NO_AMPLITUDES,
+        linearisation_point: Array | None = None,
+        **limits: Any,
     ) -> Hypothesis:
-        """Return the best fit of active effects from initial values (n_parameters,)."""
-        region = self.region(active)
-        linearisation = self.errors.linearise(region.clip(initial_values), amplitudes)
+        """Return the best fit of active effects from initial values (n_parameters,).
+
+        `linearisation_point` is by default the best fit; `limits` are those of the search.
+        """
         search = self.errors.search(amplitudes)
-        minimum = search.minimize(initial_values, region, linearisation=linearisation)
-        return _build_hypothesis(active, minimum, amplitudes)
+        minimum = search.minimize(initial_values, self.region(active), **limits)
+        return Hypothesis(
+            active=active,
+            values=minimum.values,
+            linearisation_point=minimum.values
+            if linearisation_point is None
+            else linearisation_point,
+            cost=minimum.cost,
+            converged=minimum.converged,
+            amplitudes=amplitudes,
+        )
 
     def fit_without(self, fit: Hypothesis, name: str) -> Hypothesis:
         """Return the best fit without one effect or discrepancy of a hypothesis."""
@@ -180,7 +195,8 @@ class Hypotheses:
     def estimate_discrepancy(self, fit: Hypothesis, name: str) -> tuple[Array, Array]:
         """Return a discrepancy's posterior mean (n_rows,): in residuals, as a share of readings."""
         discrepancy, amplitude = self.discrepancies[name], fit.amplitudes.get(name, 1.0)
-        weighted_residuals = self.errors.weighted_residuals(fit.values, fit.amplitudes)
+        columns, rows = self.errors.columns(fit.amplitudes), self.errors.rows(fit.values)[:, 0]
+        weighted_residuals = solve_covariance(columns, rows) / self.errors.noise
         coefficients = amplitude**2 * (discrepancy.columns.T @ weighted_residuals)
         return discrepancy.columns @ coefficients, discrepancy.shares @ coefficients
 
@@ -198,29 +214,25 @@ class Hypotheses:
 
     def add_candidates(self, base: Hypothesis) -> list[Hypothesis]:
         """Return the base with each further effect or discrepancy added, best first."""
-        near = self.errors.linearise(base.values, base.amplitudes)
-        search = self.errors.search(base.amplitudes)
+        point, amplitudes = base.values, base.amplitudes
+        near = self.errors.linearise(point, amplitudes)
         candidates = []
         for name in self.effects:
             if name in base.active:
                 continue
             active = (*base.active, name)
-            region = self.region(active)
-            _, predicted_cost = near.step(region)
-            if base.cost - predicted_cost < MIN_PREDICTED_DECREASE:
+            if base.cost - near.step(self.region(active))[1] < MIN_PREDICTED_DECREASE:
                 candidates.append(replace(base, active=active))
                 continue
-            minimum = search.minimize(
-                base.values, region, linearisation=near, max_steps=SCREENING_STEPS
-            )
-            candidates.append(_build_hypothesis(active, minimum, base.amplitudes, base.values))
+            limits = {"linearisation": near, "max_steps": SCREENING_STEPS}
+            candidates.append(self.fit(active, point, amplitudes, point, **limits))
         candidates.sort(key=lambda candidate: candidate.cost)
         max_cost = np.inf
         for index, candidate in enumerate(candidates[:MAX_REFINED]):
             if not candidate.converged:
-                active = candidate.active
-                minimum = search.minimize(candidate.values, self.region(active), max_cost=max_cost)
-                candidates[index] = _build_hypothesis(active, minimum, base.amplitudes, base.values)
+                candidates[index] = self.fit(
+                    candidate.active, candidate.values, amplitudes, point, max_cost=max_cost
+                )
             max_cost = min(max_cost, candidates[index].cost + MAX_COST_GAP)
         names = [name for name in self.discrepancies if name not in base.active]
         candidates += [self._with_discrepancy(base, name) for name in names]
@@ -286,16 +298,12 @@ class Hypotheses:
         An optimum outside the base's bounds is clipped to them. This prevents a local minimum of
         the base from looking like evidence for a candidate.
         """
-        region, search = self.region(base.active), self.errors.search(base.amplitudes)
-        best = base
         max_cost = base.cost + MAX_COST_GAP
-        for candidate in candidates:
-            start = region.clip(candidate.values)
-            near = self.errors.linearise(start, base.amplitudes)
-            minimum = search.minimize(start, region, linearisation=near, max_cost=max_cost)
-            if minimum.cost < best.cost:
-                best = _build_hypothesis(base.active, minimum, base.amplitudes)
-        return best
+        fits = [
+            self.fit(base.active, candidate.values, base.amplitudes, max_cost=max_cost)
+            for candidate in candidates
+        ]
+        return min([base, *fits], key=lambda fit: fit.cost)
 
     def p_value(
         self,
@@ -352,19 +360,3 @@ def _draw_max_gains(
         _, base_cost = sample.step(base_region)
         gains.append(max(base_cost - sample.step(region)[1] for region in regions))
     return gains
-
-
-def _build_hypothesis(
-    active: tuple[str, ...],
-    minimum: MinimizationResult,
-    amplitudes: Mapping[str, float],
-    point: Array | None = None,
-) -> Hypothesis:
-    return Hypothesis(
-        active=active,
-        values=minimum.values,
-        linearisation_point=minimum.values if point is None else point,
-        cost=minimum.cost,
-        converged=minimum.converged,
-        amplitudes=amplitudes,
-    )

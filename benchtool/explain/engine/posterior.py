@@ -15,9 +15,8 @@ from math import exp, log
 import numpy as np
 
 from benchtool.core.errors import EstimationError
-from benchtool.explain.engine.bounded_least_squares import UNDETERMINED_HINT
+from benchtool.explain.engine.bounded_least_squares import AMPLITUDES, UNDETERMINED_HINT
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
-from benchtool.explain.engine.shared_errors import AMPLITUDES
 from benchtool.explain.engine.subject import Subject, ValidationScore
 from benchtool.explain.findings import UnnamedEffect
 from benchtool.explain.result import EXCESS_ERROR, Kind
@@ -196,10 +195,8 @@ def _find_inseparable(search: Posterior) -> tuple[int, Hypothesis, Hypothesis] |
 
     None if there is no such pair.
     """
-    if not search.best.active:
-        return None
     hypotheses, candidates = search.hypotheses, []
-    for index, trial in enumerate(search.trials):
+    for index, trial in enumerate(search.trials if search.best.active else ()):
         by_name = trial.probabilities
         probable = [fit for fit in trial.tried if by_name[fit.active[-1]] > CLASS_PROBABILITY]
         effects = [fit for fit in probable if fit.active[-1] in hypotheses.effects]

@@ -11,10 +11,10 @@ import numpy as np
 
 from benchtool.core.rig import Rig
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import SharedErrors, solve_covariance
 from benchtool.explain.engine.design import Designer
 from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
-from benchtool.explain.engine.shared_errors import solve_covariance
 from benchtool.explain.findings import ChannelGap, Overlay
 from benchtool.explain.law_search import ResidualSummary
 from benchtool.explain.recording_checks import check_bench_kind
@@ -125,59 +125,41 @@ class LearnedDiscrepancies:
     last): a basis of training rows alone is truncated differently, which changes predicted speeds.
     """
 
-    def __init__(self, hypotheses: Hypotheses, evidence: Evidence) -> None:
-        self._errors = hypotheses.errors
-        self._discrepancies = [d for d in evidence.discrepancies() if d.readings is not None]
-        self._n_training = hypotheses.errors.n_rows
+    def __init__(self, errors: SharedErrors, evidence: Evidence, fit: Hypothesis) -> None:
+        self._errors, self._fit, n = errors, fit, errors.n_rows
+        parts = [d for d in evidence.discrepancies() if d.readings is not None]
+        scaled = [fit.amplitudes.get(d.name, float(d.always)) * d.columns[:n] for d in parts]
+        self._unscaled = np.hstack([np.empty((n, 0)), *scaled])
+        self._columns = self._unscaled / errors.noise[:, None]
+        laws = [errors.all_columns[name] for name in fit.amplitudes if ": law" in name]
+        self._with_laws = np.hstack([self._columns, *(law.astype(float) for law in laws)])
+        self._readings = [  # of the validation; 0 for discrepancies beyond tolerance
+            (0.0 if d.name in fit.amplitudes else float(d.always)) * d.readings[n:]
+            for d in parts
+            if d.readings is not None
+        ]
 
-    def mean(self, fit: Hypothesis) -> Array:
+    def mean(self) -> Array:
         """Return the expected changes (n_validation,) of validation readings, within tolerance."""
-        columns, noise = self._columns(fit), self._errors.noise
-        rows = self._errors.rows(fit.values)[:, 0]
-        weighted = solve_covariance(self._with_laws(fit, columns / noise[:, None]), rows) / noise
-        coefficients = columns.T @ weighted
+        rows = self._errors.rows(self._fit.values)[:, 0]
+        weighted = solve_covariance(self._with_laws, rows) / self._errors.noise
+        coefficients = self._unscaled.T @ weighted
         total, first = np.zeros(1), 0
-        for discrepancy in self._discrepancies:
-            assert discrepancy.readings is not None
-            readings = discrepancy.readings[self._n_training :]
+        for readings in self._readings:
             last = first + readings.shape[1]
-            if discrepancy.name not in fit.amplitudes:
-                limit = np.sqrt(np.sum(readings**2, axis=1)) / SMALL
-                total = total + np.clip(readings @ coefficients[first:last], -limit, limit)
+            limit = np.sqrt(np.sum(readings**2, axis=1)) / SMALL
+            total = total + np.clip(readings @ coefficients[first:last], -limit, limit)
             first = last
         return total
 
-    def draw(self, fit: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
+    def draw(self, rng: np.random.Generator, draws: int) -> Array:
         """Return random deviations (n_validation, draws) from the expected changes."""
-        columns = self._columns(fit) / self._errors.noise[:, None]
-        precision = columns.T @ solve_covariance(self._with_laws(fit, columns), columns)
+        precision = self._columns.T @ solve_covariance(self._with_laws, self._columns)
         variances, axes = np.linalg.eigh(np.eye(len(precision)) - precision)
         root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T  # symmetric: robust to rounding
-        readings = (
-            [  # 0 for discrepancies beyond tolerance
-                (0.0 if d.name in fit.amplitudes else float(d.always))
-                * d.readings[self._n_training :]
-                for d in self._discrepancies
-                if d.readings is not None
-            ]
-            or [np.empty((1, 0))]
-        )
-        changes: Array = np.hstack(readings) @ (root @ rng.standard_normal((len(root), draws)))
+        readings = np.hstack(self._readings or [np.empty((1, 0))])
+        changes: Array = readings @ (root @ rng.standard_normal((len(root), draws)))
         return changes
-
-    def _with_laws(self, fit: Hypothesis, columns: Array) -> Array:
-        """Return columns over the noise, with those of effect laws."""
-        every = self._errors.all_columns
-        laws = [every[name].astype(float) for name in fit.amplitudes if ": law" in name]
-        return np.hstack([columns, *laws])
-
-    def _columns(self, fit: Hypothesis) -> Array:
-        """Return columns (n_training, r) scaled by amplitude."""
-        columns = [
-            fit.amplitudes.get(d.name, float(d.always)) * d.columns[: self._n_training]
-            for d in self._discrepancies
-        ]
-        return np.hstack([np.empty((self._n_training, 0)), *columns])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -199,16 +181,17 @@ class ValidationScore:
     ) -> ValidationScore:
         """Return the errors of two fits: without and with the named effects."""
         null, best = fits
-        discrepancies = LearnedDiscrepancies(hypotheses, subject.all_evidence)
+        learned_null, learned = (
+            LearnedDiscrepancies(hypotheses.errors, subject.all_evidence, fit) for fit in fits
+        )
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
-        before = discrepancies.mean(null)
-        changes = np.stack([np.zeros_like(before), before, discrepancies.mean(best)], axis=1)
-
-        drawn, covariance = discrepancies.draw(best, rng, FLOOR_DRAWS), hypotheses.covariance(best)
+        before = learned_null.mean()
+        changes = np.stack([np.zeros_like(before), before, learned.mean()], axis=1)
+        drawn, covariance = learned.draw(rng, FLOOR_DRAWS), hypotheses.covariance(best)
         return cls(
             errors=subject.errors(sets, changes),
             uncertain_floor=subject.floor(best.values, drawn, rng, covariance),
-            floor=subject.floor(best.values, discrepancies.draw(best, rng, draws), rng),
+            floor=subject.floor(best.values, learned.draw(rng, draws), rng),
         )
 
     @property

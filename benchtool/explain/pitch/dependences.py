@@ -7,8 +7,6 @@ by each hat function (`FilteredLog`); products of those columns suffice for the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +40,11 @@ def summarize_residuals(
     errors = hypotheses.errors
     residuals, by_parameter, by_discrepancy = hypotheses.linearise_residuals(values, active)
     logs = evidence.logs
-    nuisance = np.hstack([by_parameter, by_discrepancy])
-    nuisances = _Nuisances(nuisance, by_parameter.shape[1], _fold_masks(logs))
-    noise = [float(errors.variance[part].sum()) for part in nuisances.parts[:-1]]
+    nuisance, parts = np.hstack([by_parameter, by_discrepancy]), _fold_masks(logs)
+    nuisances = [nuisance[part] for part in parts]
+    grams = [part.T @ part for part in nuisances]
+    sizes = nuisance.shape[1], by_parameter.shape[1]
+    noise = [float(errors.variance[part].sum()) for part in parts[:-1]]
     summaries = []
     for variable, ratios in _list_variables(logs):
         if len(variable.values) < 3:
@@ -55,7 +55,11 @@ def summarize_residuals(
                 for log, series in zip(logs, ratios, strict=True)
             ]
             rows = np.column_stack([np.concatenate(columns) / errors.noise[:, None], residuals])
-            (says, *folds), (bare, *bare_folds) = nuisances.summarize(rows)
+            products = [
+                (rows[part].T @ rows[part], rows[part].T @ columns_, gram)
+                for part, columns_, gram in zip(parts, nuisances, grams, strict=True)
+            ]
+            (says, *folds), (bare, *bare_folds) = (_summarize(products, n) for n in sizes)
             triples = zip(folds, bare_folds, noise, strict=True)
             summaries.append(
                 ResidualSummary(
@@ -69,36 +73,15 @@ def summarize_residuals(
     return summaries
 
 
-@dataclass(frozen=True, eq=False)
-class _Nuisances:
-    """Nuisance columns of a law: effect of one prior sd of each parameter and discrepancy."""
+def _summarize(products: Sequence[tuple[Array, Array, Array]], n: int) -> list[QuadraticSummary]:
+    """Return summaries of all rows, then without each fold, with the first n nuisance columns.
 
-    columns: Array  # (n_rows, r), of parameters the first `n_parameters`
-    n_parameters: int
-    parts: list[NDArray[np.bool_]]  # masks (n_rows,); all but the last are validation folds
-
-    @cached_property
-    def grams(self) -> list[Array]:
-        """Gram matrices of the columns (r, r), by part."""
-        return [self.columns[part].T @ self.columns[part] for part in self.parts]
-
-    def summarize(self, rows: Array) -> list[list[QuadraticSummary]]:
-        """Return summaries of law columns and, last, residuals (n_rows, m + 1).
-
-        The first is of all rows, the others each without one fold. Two lists: with all nuisance
-        columns, then with parameters alone.
-        """
-        products = [
-            (rows[part].T @ rows[part], rows[part].T @ self.columns[part], gram)
-            for part, gram in zip(self.parts, self.grams, strict=True)
-        ]
-        summaries = []
-        for n in (self.columns.shape[1], self.n_parameters):
-            parts = [(gram_, cross[:, :n], gram[:n, :n]) for gram_, cross, gram in products]
-            totals = [np.sum(products_, axis=0) for products_ in zip(*parts, strict=True)]
-            training = [[a - b for a, b in zip(totals, part, strict=True)] for part in parts[:-1]]
-            summaries.append([_marginalize(*products_) for products_ in (totals, *training)])
-        return summaries
+    From products of each fold and, last, of the other rows, as in `_marginalize`.
+    """
+    parts = [(law_gram, cross[:, :n], gram[:n, :n]) for law_gram, cross, gram in products]
+    totals = [np.sum(part, axis=0) for part in zip(*parts, strict=True)]
+    training = [[a - b for a, b in zip(totals, part, strict=True)] for part in parts[:-1]]
+    return [_marginalize(*part) for part in (totals, *training)]
 
 
 def _marginalize(law_gram: Array, cross: Array, gram: Array) -> QuadraticSummary:
@@ -214,10 +197,10 @@ def _median(values: Sequence[Array]) -> float:
 def _build_form(name: str, logs: Sequence[FilteredLog], m: int) -> LawForm:
     """Return the form of a law of m knots; its columns are of functions of unit size."""
     rig, limits = logs[0].model.rig, logs[0].model.discrepancy
-    arms_m = np.abs(rig.disc_positions_m[:, 0])
-    torque = _median([arms_m @ log.thrust for log in logs])
     flat = np.ones(m)
     if name == "torque":
+        arms_m = np.abs(rig.disc_positions_m[:, 0])
+        torque = _median([arms_m @ log.thrust for log in logs])
         return LawForm(
             name=name, hook="torque", weights=TYPICAL * torque * flat, formula="{f}", unit="N m",
             code="p.a * p.typical * {f}", tolerance=TORQUE * limits.torque * torque, bench="pitch",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from benchtool.explain.engine.evidence import (
     smooth_root,
     with_every_effect,
 )
-from benchtool.explain.pitch.filter import MAX_BLOCK_SIZE, FilteredLog
+from benchtool.explain.pitch.filter import FilteredLog
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -130,28 +130,18 @@ class PitchEvidence:
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
         """Return torques, speeds and reading errors, each a smooth function of one variable."""
-        return tuple(self._discrepancies())
-
-    def _discrepancies(self) -> Iterator[Discrepancy]:
+        result = []
         for channel, variables in VARIABLES.items():
             for variable in variables:
                 if (bases := smooth(self.logs, variable)) is None:
                     continue
                 name = f"{channel}: {variable}"
-                columns, shares = [], []
-                for log, basis in zip(self.logs, bases, strict=True):
-                    n_blocks = min(basis.shape[1], 1 + basis.size // MAX_BLOCK_SIZE)
-                    blocks = np.array_split(basis, n_blocks, axis=1)
-                    pieces = [log.whitened_rows(name, block) for block in blocks]
-                    columns.append(np.hstack([rows for rows, _ in pieces]))
-                    shares.append(np.hstack([share for _, share in pieces]))
-                rows = np.concatenate(columns)
-                if rows.any():
-                    yield Discrepancy(
-                        name=name,
-                        columns=rows,
-                        shares=np.concatenate(shares),
-                    )
+                pairs = zip(self.logs, bases, strict=True)
+                pieces = [log.whitened_rows(name, basis) for log, basis in pairs]
+                columns, shares = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+                if columns.any():
+                    result.append(Discrepancy(name=name, columns=columns, shares=shares))
+        return tuple(result)
 
     def varied(self, changes: Array) -> Array:
         return changes[:, None] * self._variations
@@ -171,13 +161,13 @@ class PitchEvidence:
         speed_masks: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
-            masks = pitch_regimes(log)
-            n_sensors = 1 + log.has_gyro
-            for is_speed in np.arange(log.n_channels) >= n_sensors:
-                speed_masks.append(np.full(log.n_rows, is_speed))
-                regimes.append(
-                    {name: log.average(m.astype(float)) > 0.5 for name, m in masks.items()}
-                )
+            speed_masks.append(np.repeat(np.arange(log.n_channels) > log.has_gyro, log.n_rows))
+            regimes.append(
+                {
+                    name: np.tile(log.average(mask.astype(float)) > 0.5, log.n_channels)
+                    for name, mask in pitch_regimes(log).items()
+                }
+            )
         return RowGroups.concatenate("hinge", speed_masks, regimes)
 
 

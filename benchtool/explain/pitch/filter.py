@@ -44,6 +44,7 @@ COVERED_DISC = 0  # index of the disc over the plate, as of `PitchBench.from_mod
 MIN_Z_OVER_R = 0.1  # lower limit of z/R; assumed
 STICTION_RAD_S = 0.01  # smaller rates are not resolved: 0.6 deg/s; assumed
 AVERAGING_S = 0.02  # window of angle and rate before a row
+ErrorChannel = Literal["torque", "pitch", "gyro", "speed"]
 RECORDING_GAP = 100.0  # between recordings, in correlation lengths: independent functions
 MAX_BLOCK_SIZE = 1_000_000  # numbers filtered at once: half an hour in 100 MB
 
@@ -197,23 +198,19 @@ class FilteredLog:
         x_m, y_m = self.model.rig.disc_positions_m[COVERED_DISC, :2]
         return np.asarray(height_over(plane, x_m, y_m), float)
 
-    def error_rows(self, channel: Literal["torque", "pitch", "gyro"], errors: Array) -> Array:
-        """Return whitened rows (n_rows, r) of torques in N m or reading errors (n, r)."""
-        parts = []
-        for block in np.array_split(errors, 1 + errors.size // MAX_BLOCK_SIZE, axis=1):
-            innovations = np.zeros((2 + len(self.speed), *block.shape))
-            if channel == "torque":
-                innovations[:2] = self.torque_innovations(block)
-            else:
-                innovations[:2] = self.reading_innovations(int(channel == "gyro"), block)
-            parts.append(np.concatenate(self.whiten(innovations)))
-        return np.hstack(parts)
+    def error_rows(self, channel: ErrorChannel, errors: Array) -> Array:
+        """Return whitened rows (n_rows, r) of errors (n, r).
+
+        Errors of a torque in N m, of a reading, or of the speeds as a share of them.
+        """
+        blocks = np.array_split(errors, 1 + errors.size // MAX_BLOCK_SIZE, axis=1)
+        rows = [self.whiten(self._innovations(channel, block)) for block in blocks]
+        return np.hstack([np.concatenate(channels) for channels in rows])
 
     def whitened_rows(self, name: str, basis: Array) -> tuple[Array, Array]:
         """Return whitened rows and shares of readings (n_rows, r) of smooth functions (n, r)."""
         channel, _, variable = name.partition(": ")
         limits = self.model.discrepancy
-        innovations = np.zeros((2 + len(self.speed), *basis.shape))
         if channel == "torque":
             arms_m, thrust_N = np.abs(self.model.rig.disc_positions_m[:, 0]), self.thrust
             if variable == "distance":
@@ -223,57 +220,54 @@ class FilteredLog:
                 arms_m, thrust_N = arms_m[[COVERED_DISC]], thrust_N[[COVERED_DISC]]
             tolerance = limits.thrust if variable == "distance" else limits.torque
             share = WITHIN * tolerance * basis
-            innovations[:2] = self.torque_innovations((arms_m @ thrust_N)[:, None] * share)
+            rows = self.error_rows("torque", (arms_m @ thrust_N)[:, None] * share)
         elif channel == "speed":
             share = WITHIN * limits.speed * basis
-            rate_Hz = self.logged.rate_Hz
-            decay = np.exp(-1.0 / (self.model.rig.propulsion.lag_s * rate_Hz))
-            lag = [0.0, 1.0 - decay], [1.0, -decay * (1.0 - self.filter.gains[6])]
-            innovations[2:] = lfilter(*lag, self.speed[:, :, None] * share, axis=1)
+            rows = self.error_rows("speed", share)
         else:
-            encoder, gyro = (0, np.std(self.values("angle"))), (1, np.std(self.rate))
-            row, typical = encoder if variable == "angle" else gyro
-            size = limits.encoder_rad if variable == "angle" else limits.gyro * float(typical)
-            error = WITHIN * size * basis
-            share = error / float(typical)
-            innovations[:2] = self.reading_innovations(row, error)
-        rows = np.concatenate(self.whiten(innovations))
+            is_angle = variable == "angle"
+            typical = float(np.std(self.values("angle") if is_angle else self.rate))
+            error = WITHIN * (limits.encoder_rad if is_angle else limits.gyro * typical) * basis
+            share = error / typical
+            rows = self.error_rows("pitch" if is_angle else "gyro", error)
         channels = rows.reshape(-1, self.n_rows, rows.shape[1])
         is_affected = np.asarray(channels.any(axis=(1, 2)))[:, None, None]
         return rows, (is_affected * self.average(share)).reshape(rows.shape)
 
-    def torque_innovations(self, torque: Array) -> Array:
-        """Return innovations (2, n, r) of unmodelled torques (n, r) in N m."""
-        dt = 1.0 / self.logged.rate_Hz
-        torque_input = np.array([[dt**2 / 2.0], [dt], [0.0]]) / self.model.rig.body.inertia_yy_kgm2
-        return self._run(torque_input, np.zeros((2, 1)), torque)
-
-    def reading_innovations(self, row: int, error: Array) -> Array:
-        """Return innovations (2, n, r) of errors (n, r) in a reading: pitch 0, gyro 1."""
-        filter_, feedthrough = self.filter, np.eye(2)[:, row : row + 1]
-        gain = filter_.gains[:6].reshape(3, 2)
-        return self._run(-filter_.step @ gain @ feedthrough, feedthrough, error)
-
-    def _run(self, input_gain: Array, feedthrough: Array, values: Array) -> Array:
-        """Return the filter's response (2, n, r) to an input, restarted in each segment."""
-        filter_, measured = self.filter, np.eye(3)[:2]
-        segments = find_segments(self.logged.mode)
-        closed = filter_.step @ (np.eye(3) - filter_.gains[:6].reshape(3, 2) @ measured)
-        rows, denominator = ss2tf(closed, input_gain, measured, feedthrough)
-        return np.array(
-            [
-                np.concatenate(
-                    [lfilter(row, denominator, values[part], axis=0) for part in segments]
-                )
-                for row in rows
-            ]
+    def _innovations(self, channel: ErrorChannel, errors: Array) -> Array:
+        """Return innovations (2 + n_discs, n, r); those of angle and rate restart in a segment."""
+        innovations = np.zeros((2 + len(self.speed), *errors.shape))
+        dt, step, measured = 1.0 / self.logged.rate_Hz, self.filter.step, np.eye(3)[:2]
+        gain = self.filter.gains[:6].reshape(3, 2)
+        if channel == "speed":
+            decay = np.exp(-1.0 / (self.model.rig.propulsion.lag_s * self.logged.rate_Hz))
+            lag = [0.0, 1.0 - decay], [1.0, -decay * (1.0 - self.filter.gains[6])]
+            innovations[2:] = lfilter(*lag, self.speed[:, :, None] * errors, axis=1)
+            return innovations
+        if channel == "torque":
+            feedthrough = np.zeros((2, 1))
+            input_gain = np.array([[dt**2 / 2.0], [dt], [0.0]])
+            input_gain /= self.model.rig.body.inertia_yy_kgm2
+        else:
+            feedthrough = np.array([[channel == "pitch"], [channel == "gyro"]], float)
+            input_gain = -step @ gain @ feedthrough
+        rows, denominator = ss2tf(
+            step @ (np.eye(3) - gain @ measured), input_gain, measured, feedthrough
         )
+        for part in find_segments(self.logged.mode):
+            for index, row in enumerate(rows):
+                innovations[index, part] = lfilter(row, denominator, errors[part], axis=0)
+        return innovations
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:
     """Return the steady-state filter of a bench at the rate of its log."""
     dt_s = 1.0 / rate_Hz
-    reading_sd = {name: _reading_sd(bench.sensors.get(name, PitchSensor())) for name in CHANNELS}
+    sensors = {name: bench.sensors.get(name, PitchSensor()) for name in CHANNELS}
+    reading_sd = {  # quantum included; at least 1e-6
+        name: float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))
+        for name, sensor in sensors.items()
+    }
     theta_sd, gyro_sd = reading_sd["theta_rad"], reading_sd["gyro_rad_s"]
     rig = bench.model.rig
     arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
@@ -314,8 +308,3 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
             np.linalg.cholesky(0.5 * (updated + updated.T) + 1e-16 * scale @ scale), float
         ),
     )
-
-
-def _reading_sd(sensor: PitchSensor) -> float:
-    """Return the standard deviation of one reading including its quantum; at least 1e-6."""
-    return float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))

@@ -67,23 +67,17 @@ class ReplayInputs:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Replay:
-    """Simulated run of a recording; nan at restarts.
-
-    Attributes:
-        time_s, theta_rad: (m,) of the true attitude.
-        pwm_us: (n_rotors, m) of the simulated controller; empty if driven by logged pulses.
-        warning: warning that the run does not follow the recording and is no result, else "".
-    """
+    """Simulated run of a recording."""
 
     model: str  # names of model and rig
     rig: str
-    time_s: Array
-    theta_rad: Array
-    pwm_us: Array
+    time_s: Array  # (m,)
+    theta_rad: Array  # (m,) true attitude; nan at restarts
+    pwm_us: Array  # (n_rotors, m) of the simulated controller; empty if driven by logged pulses
     disturbance_Nm: Array  # (m,) of the simulated observer; empty likewise
     description: str  # description of the drive for the caption
     driven_by: str  # "controller" or "pulses"
-    warning: str = ""
+    warning: str = ""  # that the run does not follow the recording and is no result
 
 
 def find_controller(provenance: Mapping[str, str], inputs: ReplayInputs) -> PitchControl | None:
@@ -92,18 +86,16 @@ def find_controller(provenance: Mapping[str, str], inputs: ReplayInputs) -> Pitc
     Raises:
         UnknownChoice: the given controller or gain set does not exist.
     """
-    name, gains = inputs.controller, inputs.gains
-    if not name:
-        name, gains = provenance.get("controller", ""), gains or provenance.get("gains", "")
-        try:
-            return build_pitch_controller(name, load_gains(gains)) if name and gains else None
-        except InputError:  # user-defined controller or gains
-            return None
-    if not gains:
-        gains = provenance.get("gains", "")
-    if not gains:
+    gains = inputs.gains or provenance.get("gains", "")
+    if inputs.controller and not gains:
         raise InputError("--controller needs its gains; give --gains s3 or a file")
-    return build_pitch_controller(name, load_gains(gains))
+    if inputs.controller:
+        return build_pitch_controller(inputs.controller, load_gains(gains))
+    name = provenance.get("controller", "")
+    try:
+        return build_pitch_controller(name, load_gains(gains)) if name and gains else None
+    except InputError:  # user-defined controller or gains
+        return None
 
 
 def run_replay(
@@ -216,9 +208,8 @@ def _simulate_controller(
     time_s = track.time_s[0] + np.arange(n_ticks) / rate_Hz
     rows = np.round((time_s - track.time_s[0]) * track.rate_Hz).astype(int)
     rows = np.clip(rows, 0, len(track) - 1)
-    reference = None
-    if np.isfinite(track.reference_rad).any():
-        reference = np.nan_to_num(last_known(track.reference_rad))
+    reference = np.nan_to_num(last_known(track.reference_rad))  # 0 if none is logged
+    has_reference = np.isfinite(track.reference_rad).any()
     enabled = np.ones(n_ticks)
     collective = 1.0  # over hover thrust, as in the recording
     if pulses is not None:
@@ -229,7 +220,7 @@ def _simulate_controller(
     schedule = SampledSchedule(
         rate_Hz=rate_Hz,
         time_s=np.arange(n_ticks) / rate_Hz,
-        reference_rad=np.zeros(n_ticks) if reference is None else reference[rows],
+        reference_rad=reference[rows],
         collective=collective * enabled,
         dither_us=np.zeros(n_ticks),
         plate_z_m=plate_z_m[rows],
@@ -240,8 +231,7 @@ def _simulate_controller(
     run = simulate_pitch(PitchJob(bench, control), schedule)
     discs = bench.model.rig.disc_of_rotor
     gains = control.gains.name if control.gains is not None else "no"
-    reference_text = "logged" if reference is not None else "level (none is logged)"
-    reference_text += " reference"
+    reference_text = "logged reference" if has_reference else "level (none is logged) reference"
     return Replay(
         model=bench.model.name,
         rig=bench.model.rig.name,

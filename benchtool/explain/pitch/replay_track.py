@@ -170,18 +170,12 @@ def _surface(
     recording: Recording, resampler: Resampler, numbers: Sequence[int]
 ) -> tuple[Array, Array, list[str]]:
     """Return plate distance (n,), coverage of each rotor (n_rotors, n), and remarks."""
-    n = len(resampler.clock)
     plate = resampler.hold(_values(recording, "plate_z_m"))
     is_parked = ~(plate < MIN_PARKED_Z_M)
     plate = np.where(is_parked, PARKED_M, plate)
-    count = max(len(numbers), 1)
-    over = np.zeros((count, n))
-    has_coverage = False
-    for index, number in enumerate(numbers or [1]):
-        if f"coverage{number}" in recording:
-            over[index] = np.nan_to_num(resampler.hold(_values(recording, f"coverage{number}")))
-            has_coverage = True
-    if not has_coverage and "plate_z_m" in recording:
+    names = [f"coverage{number}" for number in numbers or [1]]
+    over = np.nan_to_num([resampler.hold(_values(recording, name)) for name in names])
+    if "plate_z_m" in recording and not any(name in recording for name in names):
         over[0] = (~is_parked).astype(float)
         return plate, over, [UNDER_FIRST]
     return plate, over, []

@@ -7,7 +7,7 @@ rows that are even already are unchanged.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -48,10 +48,7 @@ class ResampledRecording:
         mode = np.where(restart, float(t.RESTART), float(t.CORRECT))[good]
         if len(mode):
             mode[0] = t.RESTART
-        return ResampledRecording(
-            recording=self.recording.select(good), mode=mode, rate_Hz=self.rate_Hz,
-            remarks=self.remarks,
-        )  # fmt: skip
+        return replace(self, recording=self.recording.select(good), mode=mode)
 
 
 def resample_evenly(recording: Recording, name: str) -> ResampledRecording:

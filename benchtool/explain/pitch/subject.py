@@ -9,11 +9,9 @@ of the residuals.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.subject import Subject, build_overlay
@@ -64,40 +62,31 @@ def predicted_channels(run: Predictions) -> dict[str, Array]:
     return {"theta_rad": run.theta_rad, "gyro_rad_s": run.gyro_rad_s, "rpm": RPM * run.speed_rad_s}
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Windows:
-    """Windows of a log without dropouts, after the filter has settled."""
+    """Windows of a log without dropouts, after the filter has settled.
 
-    log: FilteredLog  # the recording with its filter
-    starts: NDArray[np.intp]  # (w,) first rows
-    rows: int  # rows of a window
-    block: int  # consecutive windows in a block
+    Each begins after 1/`overlap` of the previous one.
+    """
 
-    @classmethod
-    def of(cls, log: FilteredLog, window_s: float, overlap: int = 1) -> Windows:
-        """Return windows of a length; each begins after 1/`overlap` of the previous one."""
-        logged = log.logged
-        rows = max(2, round(window_s * logged.rate_Hz))
+    def __init__(self, log: FilteredLog, window_s: float, overlap: int = 1) -> None:
+        self.log, rate_Hz = log, log.logged.rate_Hz
+        self.rows = rows = max(2, round(window_s * rate_Hz))
         hop = max(1, rows // overlap)
-        n_settling = round(SETTLING_S * logged.rate_Hz)
+        n_settling = round(SETTLING_S * rate_Hz)
         starts = {
             start
-            for segment in find_segments(logged.mode)
+            for segment in find_segments(log.logged.mode)
             for start in range(segment.start + n_settling, segment.stop - rows + 1, hop)
         }
-        block = max(1, round(BLOCK_S * logged.rate_Hz / hop))
-        return cls(log=log, starts=np.array(sorted(starts), np.intp), rows=rows, block=block)
-
-    def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
-        """Return predictions of each bench (lane) in each window, from its state estimate."""
-        return self._run(benches, slice(None), self._states(benches))
+        self.starts = np.array(sorted(starts), np.intp)  # first rows
+        self.block = max(1, round(BLOCK_S * rate_Hz / hop))  # consecutive windows in a block
 
     def errors(self, benches: Sequence[PitchBench]) -> dict[str, Array]:
         """Return mean squared errors of each block (b, lanes) by channel."""
         errors: dict[str, list[Array]] = {name: [] for name in CHANNELS}
-        readings, states = read_channels(self.log.logged), self._states(benches)
+        readings, states = read_channels(self.log.logged), self.states(benches)
         for part in self._parts(len(benches)):
-            runs = self._run(benches, part, states[part])
+            runs = self.run(benches, part, states[part])
             for start, run in zip(self.starts[part], runs, strict=True):
                 for name, values in predicted_channels(run).items():
                     error = readings[name][start : start + self.rows, ..., None] - values
@@ -119,10 +108,10 @@ class Windows:
         Args:
             truths: true model of each draw: the model itself, or draws of its parameters.
         """
-        states = self._states([bench])
+        states = self.states([bench])
         squares = {name: np.zeros(len(truths)) for name in CHANNELS}
         for part in self._parts(min(len(truths), MAX_LANES)):
-            nominal = self._run([bench], part, states[part])
+            nominal = self.run([bench], part, states[part])
             for first in range(0, len(truths), MAX_LANES):
                 lanes = slice(first, first + MAX_LANES)
                 starts = [np.repeat(state, len(truths[lanes]), axis=1) for state in states[part]]
@@ -130,7 +119,7 @@ class Windows:
                     noise = rng.standard_normal((3, state.shape[1]))
                     state[:3] += self.log.filter.state_root @ noise
                 seed = int(rng.integers(2**31))
-                runs = self._run(truths[lanes], part, starts, seed)
+                runs = self.run(truths[lanes], part, starts, seed)
                 for name, increments in self._squares(runs, nominal, rng).items():
                     squares[name][lanes] += increments
         return {name: np.sqrt(total / len(self.starts)) for name, total in squares.items()}
@@ -154,20 +143,21 @@ class Windows:
         n_windows = max(1, MAX_BLOCK_SIZE // (self.rows * lanes))
         return [slice(first, first + n_windows) for first in range(0, len(self.starts), n_windows)]
 
-    def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
+    def states(self, benches: Sequence[PitchBench]) -> list[Array]:
         """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
         run = filter_log(benches, self.log.logged, self.log.filter.gains)
         rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.deflection)
         speed = run.state_speed_rad_s
         return [np.vstack([*(v[row] for v in rows), speed[row]]) for row in self.starts]
 
-    def _run(
+    def run(
         self,
         benches: Sequence[PitchBench],
         part: slice,
         states: Sequence[Array],
         seed: int | None = None,
     ) -> list[Predictions]:
+        """Return predictions of each bench (lane) in some windows, from states before them."""
         logged = self.log.logged
         lead = round(LEAD_S * logged.rate_Hz)
         windows = dict(zip(map(int, self.starts[part]), states, strict=True))
@@ -197,7 +187,8 @@ class PitchSubject(Subject):
         as_given = np.zeros(len(self.evidence.parameters))
         predictable = WINDOWS_S[0]
         for window_s in WINDOWS_S[1:]:
-            floors = self._floor(window_s, as_given, np.random.default_rng(0), FLOOR_DRAWS)
+            changes, rng = np.empty((0, FLOOR_DRAWS)), np.random.default_rng(0)
+            floors = self.floor(as_given, changes, rng, window_s=window_s)
             relative_sd = max(np.std(roots) / np.mean(roots) for roots in floors.values())
             if ONE_SIDED_95 * relative_sd > MAX_FLOOR_SPREAD:
                 break
@@ -205,32 +196,26 @@ class PitchSubject(Subject):
         return predictable
 
     def errors(self, sets: Array, changes: Array) -> Mapping[str, Array]:
-        """Return errors in each block of the check recordings, by channel."""
         errors: dict[str, list[Array]] = {}
         for log in self.check_evidence.logs:
             benches = [self.check_evidence.bench(scaled, log.logged.rate_Hz) for scaled in sets]
-            windows = Windows.of(log, self.window_s, OVERLAP)
+            windows = Windows(log, self.window_s, OVERLAP)
             for name, squares in windows.errors(benches).items():
                 errors.setdefault(name, []).append(squares)
         return {name: np.concatenate(squares) for name, squares in errors.items()}
 
     def floor(
-        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
-    ) -> Mapping[str, Array]:
-        return self._floor(self.window_s, at, rng, changes.shape[1], spread)
-
-    def _floor(
         self,
-        window_s: float,
         at: Array,
+        changes: Array,
         rng: np.random.Generator,
-        draws: int,
         spread: Array | None = None,
+        window_s: float | None = None,
     ) -> Mapping[str, Array]:
         total: dict[str, Array] = {}
-        count = 0
+        count, draws = 0, changes.shape[1]
         for log in self.check_evidence.logs:
-            windows = Windows.of(log, window_s, OVERLAP)
+            windows = Windows(log, window_s or self.window_s, OVERLAP)
             bench = self.check_evidence.bench(at, log.logged.rate_Hz)
             truths = [bench] * draws
             if spread is not None:
@@ -245,8 +230,9 @@ class PitchSubject(Subject):
         """Return the first check recording with the predictions of each window, by channel."""
         log = self.check_evidence.logs[0]
         rate_Hz = log.logged.rate_Hz
-        windows = Windows.of(log, self.window_s)
-        runs = windows.predicted([self.check_evidence.bench(x, rate_Hz) for x in (before, after)])
+        windows = Windows(log, self.window_s)
+        benches = [self.check_evidence.bench(values, rate_Hz) for values in (before, after)]
+        runs = windows.run(benches, slice(None), windows.states(benches))
         overlays = []
         for name, read in read_channels(log.logged).items():
             values = read if read.ndim == 1 else read[:, 0]

@@ -266,15 +266,14 @@ class SweepEvidence:
         is_speed: list[NDArray[np.bool_]] = []
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
+            rows = np.arange(len(log))
+            if log.power is not None:
+                running = np.flatnonzero(~log.tare)
+                has_voltage = np.isfinite(log.power.voltage_V)
+                rows = np.concatenate([rows, running, running[has_voltage]])
+            is_speed.append(np.arange(len(rows)) >= len(log))
             masks = sweep_regimes(log, self.model)
-            is_speed.append(np.zeros(len(log), bool))
-            regimes.append(masks)
-            power = log.power
-            if power is not None:
-                running = ~log.tare
-                for rows in (np.ones(len(power.time_s), bool), np.isfinite(power.voltage_V)):
-                    is_speed.append(np.ones(int(rows.sum()), bool))
-                    regimes.append({name: mask[running][rows] for name, mask in masks.items()})
+            regimes.append({name: mask[rows] for name, mask in masks.items()})
         return RowGroups.concatenate("rpm_to_thrust", is_speed, regimes)
 
 

@@ -83,15 +83,6 @@ class SupplyModel:
             voltage_V=np.full(len(time_s), np.fmax.reduce(self.voltage_V)),
         )
 
-    def at_supply(self, supply: Array, drive: Array) -> SupplyModel:
-        """Return the model at a relative supply (m,) and relative speeds (n or 1, m)."""
-        return replace(
-            self,
-            speed_rad_s=self.speed_rad_s * drive.mean(axis=0),
-            rotor_rad_s=self.rotor_rad_s * drive,
-            voltage_V=self.voltage_V * supply,
-        )
-
     def loaded_as(self, other: SupplyModel) -> SupplyModel:
         """Return the model with the full load of another sweep, so that one drop fits both."""
         if self.by_current != other.by_current:
@@ -102,9 +93,7 @@ class SupplyModel:
     def supply(self, rate_per_s: Array, curve: Array, drop: Array) -> Array:
         """Return supply over its initial open-circuit voltage (m, n_sets), for sets (n_sets,).
 
-        Args:
-            curve: relative increase of the rate at `CURVE_AT_S`.
-            drop: relative drop at full load.
+        `curve` is the relative increase of the rate at `CURVE_AT_S`, `drop` is at full load.
         """
         time = self.time_s[:, None]
         loss = rate_per_s * time * (1.0 + curve * (time / CURVE_AT_S - 1.0))
@@ -145,14 +134,10 @@ class SupplyModel:
         return whitened
 
     def predicted(self, drive: Array, readings: Array) -> Array:
-        """Return predictions of each visit from the earlier ones of its level.
+        """Return predictions of each visit from the earlier ones of its level, else 0.
 
-        Args:
-            drive: (n or 1, m, n_sets) speed over that at full supply out of ground effect.
-            readings: (n, m, n_sets) speeds of each rotor, or their errors (linear prediction).
-
-        Returns:
-            (n, m, n_sets) in the unit of `readings`; 0 for the first visits.
+        `drive` (n or 1, m, n_sets) is the speed over that at full supply out of ground effect,
+        `readings` (n, m, n_sets) are speeds of each rotor, or their errors (linear prediction).
         """
         predictions = np.zeros(np.broadcast_shapes(readings.shape, drive.shape))
         weights = 1.0 / self.rotor_se[:, :, None] ** 2
@@ -372,12 +357,11 @@ def sweep_regimes(log: SweepLog, model: Model) -> dict[str, Mask]:
     covered = (conditions.coverage > 0.0).any(axis=0)
     at_edge = is_running & (is_partial.any(axis=0) | ~covered)
     is_over = is_running & ~at_edge
+    is_near, is_far = ratio < NEAR_Z_OVER_R, ratio >= FAR_Z_OVER_R
     regimes = {
-        f"z/R below {NEAR_Z_OVER_R:g}": is_over & (ratio < NEAR_Z_OVER_R),
-        f"z/R {NEAR_Z_OVER_R:g} to {FAR_Z_OVER_R:g}": is_over
-        & (ratio >= NEAR_Z_OVER_R)
-        & (ratio < FAR_Z_OVER_R),
-        "plate far away": is_running & (ratio >= FAR_Z_OVER_R),
+        f"z/R below {NEAR_Z_OVER_R:g}": is_over & is_near,
+        f"z/R {NEAR_Z_OVER_R:g} to {FAR_Z_OVER_R:g}": is_over & ~is_near & ~is_far,
+        "plate far away": is_running & is_far,
         "plate aside": is_over & (np.abs(conditions.plate_x_m) > 1e-3),
         "rotors at the plate's edge": at_edge,
         "after a tare, nothing turning": log.tare,

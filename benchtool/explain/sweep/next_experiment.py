@@ -199,7 +199,12 @@ def predict_readings(log: SweepLog, evidence: SweepEvidence, values: Array) -> S
     power = log.power
     if power is not None:
         supply, drive = evidence.supply(log, sets), evidence.drive(log, sets)
-        power = power.at_supply(supply[:, 0], drive[:, :, 0])
+        power = replace(
+            power,
+            speed_rad_s=power.speed_rad_s * drive[:, :, 0].mean(axis=0),
+            rotor_rad_s=power.rotor_rad_s * drive[:, :, 0],
+            voltage_V=power.voltage_V * supply[:, 0],
+        )
     return replace(log, thrust_N=thrust, power=power)
 
 

@@ -14,13 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array
+from benchtool.explain.engine.bounded_least_squares import solve_covariance
+from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.subject import Subject, build_overlay
 from benchtool.explain.findings import Overlay
-from benchtool.explain.sweep.dependences import MAX_Z_OVER_R, summarize_residuals
+from benchtool.explain.law_search import (
+    FOLDS,
+    CrossValidationFold,
+    QuadraticSummary,
+    ResidualSummary,
+)
+from benchtool.explain.laws import DISTANCE, NEAR, LawForm, Variable
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.explain.sweep.next_experiment import SweepDesigner
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.effect import HISTORY_TIME_CONSTANTS_S, Effect
 from benchtool.physics.model import Model
 
 RPM = 30.0 / np.pi
@@ -28,6 +36,157 @@ RPM = 30.0 / np.pi
 STEP = 0.05  # finite difference, in scales of the parameters
 LEVEL_WIDTH = 0.02  # of the squared speed within one level, relative; assumed
 REFERENCE_Z_OVER_R = 5.0  # eq. (2) adds 0.25 % there; assumed
+TOLERANCE = 0.005  # negligible relative discrepancy of thrust; assumed
+MAX_Z_OVER_R = 12.0  # clips larger distances, without ground effect
+
+
+def sweep_variables(
+    logs: tuple[SweepLog, ...], radius_m: float, predicted_N: Array
+) -> list[Variable]:
+    """Return the candidate variables of thrusts (m,) of all sweeps."""
+
+    def join(name: str) -> Array:
+        return np.concatenate([getattr(log.conditions, name) for log in logs], axis=-1)
+
+    is_running = np.concatenate([~log.tare for log in logs])
+    speed = np.sqrt(np.mean(join("speed_rad_s") ** 2, axis=0))
+    median_speed = float(np.median(speed[is_running]))
+    median_N = float(np.median(predicted_N[is_running]))
+    variables = [
+        Variable(
+            "plate distance", "z/R", np.minimum(join("plate_z_m") / radius_m, MAX_Z_OVER_R),
+            DISTANCE, radius_m, "m", scale="distance", forms=("covered",),
+        ),
+        Variable(
+            "rotor speed", "w/w_ref", speed / median_speed, "flow.speed_rad_s[i] / p.reference",
+            median_speed, "rad/s", forms=("factor", "near", "nearer"),
+        ),
+        Variable(
+            "the load on the cell", "T/T_ref", predicted_N / median_N, "reading / p.reference",
+            median_N, "N", forms=("reading",),
+        ),
+        Variable(
+            "which way the load was reached", "direction", join("load_direction"),
+            "flow.load_direction", scale="side",
+        ),
+        Variable(
+            "from where the plate came", "came_from", join("moved_direction"),
+            "flow.moved_direction", scale="side", forms=("near", "nearer"),
+        ),
+        Variable(
+            "lateral position", "x/R", join("plate_x_m") / radius_m,
+            "flow.plate_x_m / p.reference", radius_m, "m", scale="signed",
+        ),
+    ]  # fmt: skip
+    if any(len(np.unique(log.stay)) > len(np.unique(index_positions((log,)))) for log in logs):
+        stays = np.concatenate([1000 * k + log.stay for k, log in enumerate(logs)]).astype(float)
+        forms = ("reading", "near")
+        variables.append(Variable("the visit", "visit", stays, forms=forms, is_categorical=True))
+    for phrase, symbol, name in (
+        ("time since the run began", "t/t_ref", "time_s"),
+        ("time since the tare", "s/t_ref", "elapsed_s"),
+        ("time since the plate moved", "m/t_ref", "moved_s"),
+    ):
+        max_s, code = max(float(join(name).max()), 1.0), f"flow.{name} / p.reference"
+        variables.append(Variable(phrase, symbol, join(name) / max_s, code, max_s, "s", "time"))
+    for name, phrase in (("load", "the rotors' load"), ("wash", "the wash on the plate")):
+        pairs = zip(HISTORY_TIME_CONSTANTS_S, join(f"past_{name}"), strict=True)
+        for k, (time_s, past) in enumerate(pairs):
+            phrase_k, symbol = f"{phrase} over the last {time_s:g} s", f"{name}_{time_s:g}s"
+            code = f"flow.past_{name}[{k}]"
+            variables.append(Variable(phrase_k, symbol, past, code, scale="time"))
+    supply_V, code = join("voltage_V"), "flow.voltage_V / p.reference"
+    median_V = float(np.median(supply_V))
+    return [
+        *variables,
+        Variable("supply voltage", "V/V_ref", supply_V / median_V, code, median_V, "V"),
+    ]
+
+
+def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, predicted_N: Array) -> list[LawForm]:
+    """Return the forms of laws for thrusts (m,) of all sweeps."""
+    rows = [log.conditions for log in logs]
+    is_running = np.concatenate([~log.tare for log in logs])
+    thrust_N = np.where(is_running, predicted_N, 0.0)
+    coverage = np.concatenate([np.mean(v.coverage, axis=0) for v in rows])
+    z = np.concatenate([v.plate_z_m for v in rows]) / radius_m
+    median_N = float(np.median(thrust_N[is_running]))
+    nearer = f"flow.coverage[i] * power({DISTANCE}, -3.0)"
+    table = (  # name, weights, formula, code, phrase of a centred form
+        ("factor", thrust_N, "1 + {f}", "1.0 + p.a * {f}", ""),
+        ("covered", thrust_N * coverage, "1 + {f}", "1.0 + p.a * flow.coverage[i] * {f}", ""),
+        ("near", thrust_N * coverage / (1.0 + z**2), "1 + {f} / (1 + (z/R)^2)",
+         f"1.0 + p.a * {NEAR} * {{f}}", " near the plate"),
+        ("nearer", thrust_N * coverage * z**-3.0, "1 + {f} (z/R)^-3",
+         f"1.0 + p.a * {nearer} * {{f}}", " next to the plate"),
+        ("reading", np.full(len(thrust_N), median_N), "reading + {f}",
+         "reading + p.a * p.typical * {f}", ""),
+    )  # fmt: skip
+    return [
+        LawForm(
+            name=name,
+            hook="thrust_reading" if name == "reading" else "factor",
+            weights=weights,
+            formula=formula,
+            code=code,
+            tolerance=TOLERANCE * median_N,
+            centred=bool(phrase),
+            phrase=phrase,
+        )
+        for name, weights, formula, code, phrase in table
+    ]
+
+
+def summarize_residuals(
+    evidence: SweepEvidence, values: Array, active: Sequence[str]
+) -> list[ResidualSummary]:
+    """Return a summary of the thrust residuals at values (n_parameters,) by variable and form.
+
+    Active effects may exceed their tolerances.
+    """
+    hypotheses = Hypotheses(evidence)
+    errors = hypotheses.errors
+    residuals, by_parameter, by_discrepancy = hypotheses.linearise_residuals(values, active)
+    thrusts_N = [evidence.thrusts(log.conditions, values[None])[:, 0] for log in evidence.logs]
+    predicted_N = np.concatenate(thrusts_N)
+    white = evidence.whiten_thrusts(np.eye(len(predicted_N))) / errors.noise[:, None]
+    rows = np.column_stack([white, residuals])
+    nuisance = np.hstack([by_discrepancy, by_parameter])
+    products = [white.T @ solve_covariance(part, rows) for part in (nuisance, by_parameter)]
+    # Q and Q z (m, m + 1); z Q z is not needed.
+    says, bare = (QuadraticSummary(part[:, :-1], part[:, -1], 0.0) for part in products)
+    radius_m = evidence.model.rig.propulsion.radius_m
+    variables = sweep_variables(evidence.logs, radius_m, predicted_N)
+    forms = sweep_forms(evidence.logs, radius_m, predicted_N)
+    variance = float(np.mean(errors.variance[evidence.thrust_rows]))
+    folds = list(_folds(says, bare, index_positions(evidence.logs), variance))
+    return [
+        ResidualSummary(
+            variable=variable, form=form, quadratic=says, bare_quadratic=bare, folds=folds
+        )
+        for variable in variables
+        for form in forms
+        if form.name in variable.forms
+    ]
+
+
+def _folds(
+    says: QuadraticSummary, bare: QuadraticSummary, positions: NDArray[np.intp], variance: float
+) -> Iterator[CrossValidationFold]:
+    """Yield folds of whole plate positions; readings have this noise variance."""
+    numbers = np.unique(positions)
+    part = np.random.default_rng(0).permutation(len(numbers)) % FOLDS
+    for number in range(min(FOLDS, len(numbers))):
+        mask = np.isin(positions, numbers[part == number])
+        noise = variance * float(mask.sum())
+        yield CrossValidationFold(says.without(mask), bare.without(mask), noise)
+
+
+def index_positions(logs: tuple[SweepLog, ...]) -> NDArray[np.intp]:
+    """Return the index of each thrust's plate position (m,), the same in all sweeps."""
+    rows = [np.stack([log.conditions.plate_z_m, log.conditions.plate_x_m]) for log in logs]
+    positions = np.round(np.concatenate(rows, axis=1), 3)
+    return np.unique(positions, axis=1, return_inverse=True)[1].reshape(-1)
 
 
 class SweepSubject(Subject):

@@ -29,22 +29,15 @@ def rows_of(evidence: PitchEvidence, **moved: float) -> Array:
     return evidence.residuals(at)[:, 0]
 
 
-def white(evidence: PitchEvidence, innovations: Array) -> Array:
-    """Return rows of innovations (2, n, 1) of pitch and gyro."""
-    shown = np.zeros((2 + MODEL.rig.n_discs, *innovations.shape[1:]))
-    shown[:2] = innovations
-    return np.concatenate(evidence.logs[0].whiten(shown))[:, 0]
-
-
 def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence):
     logged = evidence.logs[0].logged
     error = 0.002 * np.sin(np.arange(len(logged)) / 40.0)
-    for row, wrong in (
-        (0, replace(logged, theta_rad=logged.theta_rad + error)),
-        (1, replace(logged, gyro_rad_s=logged.gyro_rad_s + error)),
+    for channel, wrong in (
+        ("pitch", replace(logged, theta_rad=logged.theta_rad + error)),
+        ("gyro", replace(logged, gyro_rad_s=logged.gyro_rad_s + error)),
     ):
         real = rows_of(PitchEvidence(MODEL, [wrong])) - rows_of(evidence)
-        shown = white(evidence, evidence.logs[0].reading_innovations(row, error[:, None]))
+        shown = evidence.logs[0].error_rows(channel, error[:, None])[:, 0]
         assert np.linalg.norm(shown - real) < 0.03 * np.linalg.norm(real)
 
 
@@ -54,7 +47,7 @@ def test_a_torque_runs_through_the_filter_as_it_says(evidence):
     item = next(one for one in evidence.parameters if one.name == "cog_offset.x_m")
     mass_kg = MODEL.rig.body.mass_kg
     weight_Nm = mass_kg * 9.81 * item.scale * np.cos(evidence.logs[0].logged.theta_rad)
-    shown = white(evidence, evidence.logs[0].torque_innovations(weight_Nm[:, None]))
+    shown = evidence.logs[0].error_rows("torque", weight_Nm[:, None])[:, 0]
     assert min(np.linalg.norm(real - shown), np.linalg.norm(real + shown)) < 0.1 * np.linalg.norm(
         real
     )
