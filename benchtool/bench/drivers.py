@@ -228,43 +228,6 @@ class GrblAddress(Address):
             )
 
 
-@dataclass(frozen=True, slots=True)
-class ServedLink:
-    """Link on which a virtual device listens or sends; port 0 means any free port."""
-
-    protocol: str
-    kind: str
-    host: str = LOOPBACK
-    port: int = 0
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Return the link of a `--link` option.
-
-        `mavlink` is UDP to port 14550 of this computer; `mavlink:udpout:HOST:PORT` sends there,
-        `mavlink:udpin:PORT` listens there. The others are `pty`, `tcp:PORT`, `tcp:HOST:PORT`, and
-        the same after `mavlink:`.
-        """
-        protocol, _, after_protocol = text.partition(":")
-        if protocol == "mavlink":
-            kind, _, location = after_protocol.partition(":")
-            kind, location = kind or "udpout", location or str(GROUND_STATION_PORT)
-        else:
-            protocol, kind, location = "bench", protocol, after_protocol
-        if text in ("pty", "mavlink:pty"):
-            return cls(protocol, "pty")
-        host, _, digits = location.rpartition(":")
-        kinds = {"bench": "tcp", "mavlink": "tcp udpin udpout"}[protocol]
-        port = parse_port(digits, min_port=int(kind == "udpout"))
-        if port is None or kind not in kinds.split():
-            raise InputError(
-                f"{text!r:.60} is not a link with a port of 0 (any) to {MAX_PORT}; allowed: pty, "
-                f"tcp:PORT, tcp:HOST:PORT, mavlink, mavlink:pty, mavlink:tcp:PORT, "
-                f"mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
-            )
-        return cls(protocol, kind, host or LOOPBACK, port)
-
-
 def parse_port(digits: str, min_port: int = 1) -> int | None:
     """Return a TCP or UDP port number, or None for invalid text."""
     port = int(digits) if digits.isdecimal() and len(digits) < 10 else -1
@@ -377,16 +340,15 @@ def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
 
 def build_transport(address: Address) -> Transport:
     """Return the link of an address, not opened yet."""
-    if isinstance(address, SerialAddress):
-        return SerialPort(address.port, address.baud)
-    if isinstance(address, TcpAddress):
-        return TcpSocket(address.host, address.port)
-    if not isinstance(address, MavlinkAddress):
-        raise InputError(
-            f"{address.text!r} has no port to check; give a serial port or a network address"
-        )
-    if address.link == "serial":
-        return SerialPort(address.serial_port, address.baud)
-    if address.link == "tcp":
-        return TcpSocket(address.host, address.port)
-    return UdpSocket(address.host, address.port, listen=address.link == "udpin")
+    match address:
+        case SerialAddress():
+            return SerialPort(address.port, address.baud)
+        case MavlinkAddress(link="serial"):
+            return SerialPort(address.serial_port, address.baud)
+        case TcpAddress() | MavlinkAddress(link="tcp"):
+            return TcpSocket(address.host, address.port)
+        case MavlinkAddress():
+            return UdpSocket(address.host, address.port, listen=address.link == "udpin")
+    raise InputError(
+        f"{address.text!r} has no port to check; give a serial port or a network address"
+    )

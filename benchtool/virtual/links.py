@@ -8,12 +8,57 @@ import socket
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
-from benchtool.bench.drivers import TELEMETRY_BAUD, ServedLink
+from benchtool.bench.drivers import (
+    GROUND_STATION_PORT,
+    LOOPBACK,
+    MAX_PORT,
+    TELEMETRY_BAUD,
+    parse_port,
+)
 from benchtool.bench.serial.commands import DeviceEvent
 from benchtool.bench.serial.frames import frame_fields
 from benchtool.core.errors import InputError, NoDevice, PortBusy
+
+
+@dataclass(frozen=True, slots=True)
+class ServedLink:
+    """Link on which a virtual device listens or sends; port 0 means any free port."""
+
+    protocol: str
+    kind: str
+    host: str = LOOPBACK
+    port: int = 0
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the link of a `--link` option.
+
+        `mavlink` is UDP to port 14550 of this computer; `mavlink:udpout:HOST:PORT` sends there,
+        `mavlink:udpin:PORT` listens there. The others are `pty`, `tcp:PORT`, `tcp:HOST:PORT`, and
+        the same after `mavlink:`.
+        """
+        protocol, _, after_protocol = text.partition(":")
+        if protocol == "mavlink":
+            kind, _, location = after_protocol.partition(":")
+            kind, location = kind or "udpout", location or str(GROUND_STATION_PORT)
+        else:
+            protocol, kind, location = "bench", protocol, after_protocol
+        if text in ("pty", "mavlink:pty"):
+            return cls(protocol, "pty")
+        host, _, digits = location.rpartition(":")
+        kinds = {"bench": "tcp", "mavlink": "tcp udpin udpout"}[protocol]
+        port = parse_port(digits, min_port=int(kind == "udpout"))
+        if port is None or kind not in kinds.split():
+            raise InputError(
+                f"{text!r:.60} is not a link with a port of 0 (any) to {MAX_PORT}; allowed: pty, "
+                f"tcp:PORT, tcp:HOST:PORT, mavlink, mavlink:pty, mavlink:tcp:PORT, "
+                f"mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
+            )
+        return cls(protocol, kind, host or LOOPBACK, port)
 
 
 def event_line(event: DeviceEvent) -> bytes:

@@ -21,7 +21,7 @@ from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.visit_order import plan_visits
-from benchtool.bench.drivers import ServedLink, parse_address, parse_stage
+from benchtool.bench.drivers import parse_address, parse_stage
 from benchtool.bench.mavlink.auxiliary_load_cell import LoadCellDecoder
 from benchtool.bench.mavlink.frames import MavlinkFrames, dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
@@ -51,6 +51,7 @@ from benchtool.fit.recipe import FitInputs, read_recipe
 from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.gain_file import parse_gains
 from benchtool.virtual.faults import parse_fault
+from benchtool.virtual.links import ServedLink
 from benchtool.web.access import Access, AccessMiddleware
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.run_of import small_run

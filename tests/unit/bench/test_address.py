@@ -8,12 +8,12 @@ from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
 from benchtool.acquire.session import run_experiment
 from benchtool.bench.drivers import (
+    DRIVERS,
     LOOPBACK,
     GrblAddress,
     MavlinkAddress,
     ReplayAddress,
     SerialAddress,
-    ServedLink,
     SimAddress,
     TcpAddress,
     open_bench,
@@ -23,6 +23,7 @@ from benchtool.bench.drivers import (
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
 from benchtool.core.user_code import check_code_allowed
+from benchtool.virtual.links import ServedLink
 from benchtool.virtual.simulated_bench import SimulatedBench
 
 TRUTH = """
@@ -68,7 +69,7 @@ def test_an_address_is_parsed_into_typed_values(text, address):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("usb:1", "known: mavlink, replay, serial, sim, tcp"),
+        ("usb:1", f"known: {', '.join(sorted(DRIVERS))}"),
         ("/dev/ttyUSB0", "sim:pquad"),
         ("sim:pquad?sede=3", "did you mean 'seed'"),
         ("sim:pquad?seed=x", "seed .* 'x'"),
