@@ -275,7 +275,7 @@ def locate_gap(
         stage: of the named effect; None: from the rows.
     """
     sizes = {name: _rms(before[mask]) for name, mask in groups.stages.items()}
-    location: Subsystem = stage or max(sizes, key=lambda name: sizes[name])
+    location: Subsystem = stage if stage is not None else max(sizes, key=lambda name: sizes[name])
     rows = groups.stages.get(location)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
