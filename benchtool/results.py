@@ -7,24 +7,10 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
+from typing import TYPE_CHECKING
 
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.columns import rows_to_frame, to_frame
-from benchtool.explain.engine.posterior import Progress
-from benchtool.explain.inputs import ExplainInputs
-from benchtool.explain.request import Request, read_request
-from benchtool.explain.result import Explanation
-from benchtool.fit.recipe import FitInputs
-from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.answer.folder import write_folder
-from benchtool.report.answer.page import ANSWER
-from benchtool.report.compare import pooled as pooling
-from benchtool.report.compare.pooled import PooledFits, pool_fits
-from benchtool.report.fit.figures import ratio_rows
-from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
-from benchtool.report.flight import flight as flight_report
-from benchtool.report.flight import pitch_study as pitch_report
-from benchtool.report.page import PAGE
 from benchtool.report.result import (
     Result,
     effects_frame,
@@ -32,12 +18,20 @@ from benchtool.report.result import (
     gap_frame,
     probabilities_frame,
 )
-from benchtool.simulate.controllers.controller import Controllers, split_controllers
-from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
-from benchtool.simulate.flight.setup import flight_setup
-from benchtool.simulate.flight.study import FlownCase, build_recording, controller_label
-from benchtool.simulate.inputs import FlightInputs, PitchInputs
-from benchtool.simulate.pitch.setup import pitch_setup
+
+# Each function imports what it needs: all imports together take longer than most commands run.
+if TYPE_CHECKING:
+    from benchtool.explain.engine.posterior import Progress
+    from benchtool.explain.inputs import ExplainInputs
+    from benchtool.explain.request import Request
+    from benchtool.explain.result import Explanation
+    from benchtool.fit.recipe import FitInputs
+    from benchtool.fit.run_recipe import FitOutput
+    from benchtool.report.compare.pooled import PooledFits
+    from benchtool.report.flight.pitch_study import PitchStudy
+    from benchtool.simulate.controllers.controller import Controllers
+    from benchtool.simulate.flight.study import FlownCase
+    from benchtool.simulate.inputs import FlightInputs, PitchInputs
 
 
 def fit_result(
@@ -56,6 +50,10 @@ def fit_result(
         InputError: the data or the model do not allow the fit.
         EstimationError: no estimate is possible.
     """
+    from benchtool.fit.run_recipe import run_recipe
+    from benchtool.report.fit.figures import ratio_rows
+    from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
+
     if inputs.out is not None:
         refuse_full(inputs.out)
     output = run_recipe(
@@ -78,8 +76,10 @@ def pool_result(
     folders: Sequence[Path], of: Sequence[str] = (), shared: Sequence[str] = (), seed: int = 1
 ) -> Result[PooledFits]:
     """Pool fits of several rigs; see `pool_fits`. Tables: `rigs` and `differences`."""
+    from benchtool.report.compare import pooled as pooling
+
     return Result(
-        found=pool_fits(folders, of, shared, seed=seed),
+        found=pooling.pool_fits(folders, of, shared, seed=seed),
         _page=pooling.POOL,
         _summary=pooling.summary,
         _tables={
@@ -111,6 +111,9 @@ def explain_result(
     Raises:
         InputError: an input is missing or cannot be read.
     """
+    from benchtool.explain.request import read_request
+    from benchtool.report.answer.page import ANSWER
+
     start_s = monotonic()
     request = read_request(inputs, permit) if request is None else request
     answer = request.explain(commands, minutes=minutes, progress=progress)
@@ -124,6 +127,9 @@ def explain_result(
 
 
 def _write_answer(folder: Path, answer: Explanation, _: Sequence[str]) -> list[Path]:
+    from benchtool.report.answer.folder import write_folder
+    from benchtool.report.page import PAGE
+
     written = write_folder(folder, answer)
     return [folder / PAGE, *(Path(path) for kind, path in written.items() if kind == "model")]
 
@@ -132,13 +138,18 @@ def pitch_result(
     inputs: PitchInputs,
     controllers: Controllers | None = None,
     permit: CodePermit = check_code_allowed,
-) -> Result[pitch_report.PitchStudy]:
+) -> Result[PitchStudy]:
     """Simulate the pitch bench with each controller. Tables: one per controller, and `visits`.
 
     Args:
         controllers: names and classes that replace those of the inputs.
         permit: called with each file of user code before it runs.
     """
+    from benchtool.report.flight import pitch_study as pitch_report
+    from benchtool.simulate.controllers.controller import split_controllers
+    from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
+    from benchtool.simulate.pitch.setup import pitch_setup
+
     names, user_controllers = split_controllers(
         inputs.controllers if controllers is None else controllers, PITCH_CONTROLLERS, permit
     )
@@ -173,6 +184,12 @@ def flight_result(
         controllers: names and classes that replace those of the inputs.
         permit: called with each file of user code before it runs.
     """
+    from benchtool.report.flight import flight as flight_report
+    from benchtool.simulate.controllers.controller import split_controllers
+    from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
+    from benchtool.simulate.flight.setup import flight_setup
+    from benchtool.simulate.flight.study import build_recording, controller_label
+
     default = inputs.controllers or ("pid", "observer", "feedforward")
     names, user_controllers = split_controllers(
         default if controllers is None else controllers, FLIGHT_CONTROLLERS, permit

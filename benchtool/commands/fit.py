@@ -108,6 +108,16 @@ def _base_recipe(options: dict[str, Any]) -> Recipe:
 @command_from_inputs(FitArguments, _base_inputs)
 def fit(inputs: FitArguments) -> None:
     """Fit a ground-effect model to runs or CSV files."""
+    from benchtool.core.user_file import read_library_file
+    from benchtool.data.run.read import find_parts
+    from benchtool.fit.nominal import rig_for_data
+
+    # Wrong names are reported before the imports of a fit, which take longer than all of this.
+    recipe = inputs.recipe
+    parts = [part for path in recipe.data for part in find_parts(path)]
+    rig_for_data(parts, recipe.model, recipe.rig)
+    read_library_file("model", "models", recipe.model)
+
     from rich.progress import TextColumn, TimeRemainingColumn
 
     from benchtool.commands.terminal.tables import progress_bar

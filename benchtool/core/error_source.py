@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from benchtool.core.choices import Distribution, EvaluationType
 from benchtool.core.units import Array
@@ -64,21 +63,6 @@ class UncertainValues:
         shared = [np.sum(source.columns**2, axis=1) for source in self.error_sources]
         total: Array = np.sqrt(self.standard_error**2 + sum(shared))
         return total
-
-
-def concatenate_sources(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
-    """Return the sources of concatenated parts, with independent draws for each part.
-
-    Every part has the same sources in the same order.
-    """
-    return tuple(
-        replace(
-            sources[0],
-            sd=float(np.sqrt(np.mean([source.sd**2 for source in sources]))),
-            columns=block_diag(*(source.columns for source in sources)),
-        )
-        for sources in zip(*parts, strict=True)
-    )
 
 
 def effective_dof(contributions: Array, dof: Array, scatters: Sequence[str] = ()) -> float:

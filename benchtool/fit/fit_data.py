@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from benchtool.core.channel import Channel
-from benchtool.core.error_source import ErrorSource, concatenate_sources
+from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, FileFormatError, InputError
 from benchtool.core.parameter import resolve_name
 from benchtool.core.recording import Recording, check_rotor_count
@@ -172,7 +172,14 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         run_ratios = [ratios(part, recipe.basis, model.rig) for part in parts]
         observed = np.concatenate([ratio.value for ratio in run_ratios])
         error = np.concatenate([ratio.standard_error for ratio in run_ratios])
-        sources = concatenate_sources([ratio.error_sources for ratio in run_ratios])
+        sources = tuple(  # independent draws for each run
+            replace(
+                same[0],
+                sd=float(np.sqrt(np.mean([source.sd**2 for source in same]))),
+                columns=block_diag(*(source.columns for source in same)),
+            )
+            for same in zip(*(ratio.error_sources for ratio in run_ratios), strict=True)
+        )
         share = block_diag(*(ratio.reference_weights for ratio in run_ratios))
         by_thrust = block_diag(*(ratio.thrust_jacobian for ratio in run_ratios))
         errors = "within" if np.isfinite(error).any() else "none"

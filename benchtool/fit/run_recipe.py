@@ -18,7 +18,6 @@ from benchtool.data.run.read import find_parts
 from benchtool.fit.compare import Comparison, compare
 from benchtool.fit.compare_laws import LawComparison, compare_laws
 from benchtool.fit.diagnose import with_diagnosis
-from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.fit_data import FitData, read_fit_data, recipe_model
 from benchtool.fit.least_squares import add_profile_intervals, fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
@@ -283,6 +282,8 @@ def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) ->
         result = fit_least_squares(problem, loss=recipe.loss)
         result = add_profile_intervals(problem, result) if profile else result
     else:
+        from benchtool.fit.ensemble import fit_ensemble  # emcee imports scipy.stats: 1 s
+
         result = fit_ensemble(
             problem,
             walkers=recipe.walkers,

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, ndtr, ndtri, stdtr, stdtrit
-from scipy.stats import spearmanr
 
 from benchtool.core.choices import Loss
 from benchtool.core.fit_result import Estimate
@@ -223,7 +222,17 @@ def trend_along(order: Array, rows: Array) -> Pattern:
     """Return Spearman's rank correlation of weighted residuals (m,) with a column (m,)."""
     if len(rows) < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
         return Pattern(0.0, 1.0)
-    return Pattern(*(float(number) for number in spearmanr(order, rows)))
+    ranks = np.column_stack((_ranks(order), _ranks(rows)))
+    size, dof = np.corrcoef(ranks, rowvar=False)[1, 0], len(rows) - 2
+    with np.errstate(divide="ignore"):  # a correlation of 1 has t = inf
+        t = size * np.sqrt(max(dof / ((1.0 + size) * (1.0 - size)), 0.0))
+    return Pattern(float(size), float(2.0 * stdtr(dof, -abs(t))))
+
+
+def _ranks(values: Array) -> Array:
+    """Return the rank (m,) of each value, equal values with their mean rank."""
+    _, position, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(counts) - 0.5 * (counts - 1.0))[position]
 
 
 def outliers(rows: Array) -> NDArray[np.intp]:

@@ -14,15 +14,17 @@ from pathlib import Path
 from pkgutil import iter_modules
 from textwrap import wrap
 from threading import RLock
-from typing import Any, Literal, TypeVar
-
-import matplotlib as mpl
-from matplotlib import rc_context
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from benchtool.core.errors import UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import make_folder, replace_bytes
 from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
+
+# matplotlib takes longer to import than most commands run: functions that draw import it.
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 WIDTH_IN = 7.0  # width of every figure: the text width of a printed A4 page, inches
 TITLE_CHARACTERS = 69  # characters of a title per line at the full figure width
@@ -68,24 +70,45 @@ _NOT_LOOK = (
     "backend", "interactive", "toolbar", "keymap", "webagg", "tk.", "macosx", "docstring",
     "figure.hooks", "date.epoch", "savefig.directory", "timezone",
 )  # fmt: skip
-_LOOK: Any = {
-    key: value for key, value in mpl.rcParamsDefault.items() if not key.startswith(_NOT_LOOK)
-} | _OURS
 _DRAWING = RLock()
 
 
 @contextmanager
 def look() -> Iterator[None]:
     """Apply the style over any matplotlibrc, then restore it; a lock admits one thread."""
-    with _DRAWING, rc_context(_LOOK):
+    import matplotlib as mpl
+
+    defaults: Any = mpl.rcParamsDefault
+    style = {key: value for key, value in defaults.items() if not key.startswith(_NOT_LOOK)}
+    with _DRAWING, mpl.rc_context(style | _OURS):
         yield
 
 
-class NotebookFigure(Figure):
-    """Figure with a notebook display that does not need pyplot."""
+@cache
+def _figure_class() -> type[Figure]:
+    from matplotlib.figure import Figure
 
-    def _repr_png_(self) -> bytes:
-        return figure_bytes(self, "png")
+    class NotebookFigure(Figure):
+        """Figure with a notebook display that does not need pyplot."""
+
+        def _repr_png_(self) -> bytes:
+            return figure_bytes(self, "png")
+
+    return NotebookFigure
+
+
+def legend_line(**style: Any) -> Line2D:
+    """Return a line as handle of a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], **style)
+
+
+def legend_patch(**style: Any) -> Patch:
+    """Return a filled box as handle of a legend."""
+    from matplotlib.patches import Patch
+
+    return Patch(**style)
 
 
 def new_figure(
@@ -97,7 +120,7 @@ def new_figure(
     layout: Literal["constrained"] | None = "constrained",
 ) -> Figure:
     """Return an empty figure with its title line, and a stamp if the data is simulated."""
-    figure = NotebookFigure(figsize=(width_in, height_in), layout=layout)
+    figure = _figure_class()(figsize=(width_in, height_in), layout=layout)
     line_length = int(TITLE_CHARACTERS * width_in / WIDTH_IN) - (len(SIMULATED) + 2) * simulated
     text = figure.suptitle(
         "\n".join(wrap(title, line_length)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import hypot, isfinite, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from benchtool.core.fit_result import Estimate
 from benchtool.core.text import pluralize
@@ -18,6 +17,11 @@ from benchtool.report.numbers import align_columns, display_unit, format_number,
 from benchtool.report.page import Page, Table
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
 from benchtool.report.panels import points, stack_panels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 PANELS = {"speed [rpm]": "rpm", "power [W]": "power_W"}  # over throttle: labels and values
 PANELS_OVER_TIME = {

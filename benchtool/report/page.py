@@ -7,11 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
-
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from benchtool import __version__
 from benchtool.core.errors import InputError, show_controls
@@ -26,6 +22,9 @@ from benchtool.report.figure import (
     save_figures,
     write_whole,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +182,9 @@ _REFERENCES = re.compile(r'(\bid="|url\(#|href="#)')
 
 def render_report(report: Report) -> str:
     """Return the page; the text is reproducible for equal reports."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
     texts = files("benchtool.report") / "templates"
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

@@ -6,21 +6,23 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
 from math import ceil, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array, from_si
 from benchtool.data.derived import QuantityValues
 from benchtool.data.quantities import Quantity
+from benchtool.report.figure import legend_line
 from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
 from benchtool.report.palette import CYCLE, GREY, OVER, PALE
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def stack_panels(
@@ -119,7 +121,7 @@ def rotor_color(rotor: int) -> str:
 def rotor_legend(axes: Axes, rotors: int) -> None:
     """Add a legend of rotor colours above a panel; none for one rotor."""
     labels = ["rotor 1", *map(str, range(2, rotors + 1))] if rotors > 1 else []
-    lines = [Line2D([], [], color=rotor_color(k), label=label) for k, label in enumerate(labels)]
+    lines = [legend_line(color=rotor_color(k), label=label) for k, label in enumerate(labels)]
     legend_over(axes, lines)
 
 

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.container import ErrorbarContainer
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchtool.core.rig import Rig
@@ -21,8 +17,14 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
 from benchtool.physics.model import Model
+from benchtool.report.figure import legend_patch
 from benchtool.report.palette import DASHED, GREY, SERIES_STYLES, Role
 from benchtool.report.panels import points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
 BASES: dict[str, str] = {  # quantity that is equal for both thrusts of a ratio
@@ -231,10 +233,12 @@ LINE_SHARE = 0.006  # line width over axes height, approximately
 
 def _legend(axes: Axes, curves: Sequence[Curve]) -> None:
     """Add a legend: measured series, then curves, then band levels."""
+    from matplotlib.container import ErrorbarContainer
+
     entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: not isinstance(entry[0], ErrorbarContainer))
     for level in sorted({band.level for curve in curves for band in curve.bands}):
-        patch = Patch(facecolor=GREY, alpha=2.0 * _BAND_ALPHA[level], linewidth=0.0)
+        patch = legend_patch(facecolor=GREY, alpha=2.0 * _BAND_ALPHA[level], linewidth=0.0)
         widest = max(
             float(np.nanmax((band.upper - band.lower)[curve.valid], initial=0.0))
             for curve in curves

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate
 from benchtool.data.columns import rows_to_frame
-from benchtool.explain.result import Explanation
-from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import render_figures
 from benchtool.report.page import PAGE, Page, inline_svg, write_report
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from benchtool.explain.result import Explanation
+    from benchtool.fit.run_recipe import FitOutput
 
 Found = TypeVar("Found")
 

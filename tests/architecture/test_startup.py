@@ -26,24 +26,25 @@ except SystemExit as leaving:
 """
 
 
-def ask_for_help(words: list[str]) -> tuple[str, int, set[str]]:
-    """Run ``benchtool WORDS --help``; give what it printed, its exit code, the loaded modules."""
+def run_and_list_modules(words: list[str], folder: Path | None = None) -> tuple[str, int, set[str]]:
+    """Run ``benchtool WORDS``; give what it printed, its exit code, the loaded modules."""
     answer = subprocess.run(
-        [sys.executable, "-c", PROBE, *words, "--help"],
+        [sys.executable, "-c", PROBE, *words],
         capture_output=True,
         text=True,
         check=True,
+        cwd=folder,
     )
-    assert answer.stderr == ""
     printed, _, rest = answer.stdout.partition("\0\n")
     code, *modules = rest.split()
+    assert (answer.stderr == "") == (code == "0")
     return printed, int(code), set(modules)
 
 
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_help_imports_nothing_heavy(command):
     words = command.split()
-    printed, code, modules = ask_for_help(words)
+    printed, code, modules = run_and_list_modules([*words, "--help"])
     assert code == 0
     assert printed.startswith(" ".join(["Usage: benchtool", *words]))
     assert modules.isdisjoint(HEAVY)
@@ -51,6 +52,31 @@ def test_help_imports_nothing_heavy(command):
     others = {command_module(name) for name, (where, _) in COMMANDS.items() if where} - {own}
     others |= set() if command else {"benchtool.core.inputs"}
     assert modules.isdisjoint(others)
+
+
+UNUSED = {  # by a fit without report; `corner`, `jinja2` and matplotlib draw, emcee samples
+    "corner", "emcee", "jinja2", "matplotlib", "numba", "pandas", "pymavlink",
+    "scipy.ndimage", "scipy.signal", "scipy.stats",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "more"),
+    [
+        ("fit t.csv --model single --rig pquad_single", 0, {"benchtool.explain.request"}),
+        ("fit t.csv --model nothing", 2, {"scipy.optimize", "benchtool.results"}),
+        ("fit", 2, {"numpy"}),
+        ("fit t.csv --nothing", 2, {"numpy"}),
+        ("simulate flight --case nothing", 2, {"scipy.optimize"}),
+        ("library models", 0, {"scipy"}),
+        ("sweep sim:nothing", 2, {"scipy"}),
+    ],
+)
+def test_a_command_imports_only_what_it_uses(line, code, more, tmp_path):
+    rows = "".join(f"{z},{3.2 + 0.01 / z**2},6000\n" for z in (0.08, 0.1, 0.13, 0.2, 0.4, 0.8))
+    (tmp_path / "t.csv").write_text(f"plate_z_m,thrust_N,rpm1\n{rows}", "utf-8")
+    _, found, modules = run_and_list_modules(line.split(), tmp_path)
+    assert (found, modules & (UNUSED | more)) == (code, set())
 
 
 def test_no_extra_is_imported_to_drive_a_bench():

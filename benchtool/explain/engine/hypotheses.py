@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from benchtool.core.units import Array
 from benchtool.explain.engine.bounded_least_squares import (
@@ -324,7 +324,7 @@ class Hypotheses:
         if n <= 0:
             name = candidate.active[-1]
             dof = sum(parameter.effect == name for parameter in self.evidence.parameters)
-            return float(min(1.0, len(self.effects) * chi2.sf(max(gain, 0.0), dof)))
+            return float(min(1.0, len(self.effects) * chdtrc(dof, max(gain, 0.0))))
         curvature = self.errors.linearise(base.values, base.amplitudes).curvature
         regions = [self.region((*base.active, e)) for e in self.effects if e not in base.active]
         draw = partial(_draw_max_gains, base.values, curvature, self.region(base.active), regions)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.parameter import Parameter, Parameters, Prior
@@ -102,7 +102,7 @@ def pool_calibrations(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping
     others = (dof @ scatter**2 - dof * scatter**2) / (dof.sum() - dof)
     if (scatter <= 0.0).any() or (others <= 0.0).any():
         return list(calibrations)
-    is_alike = fisher.sf(scatter**2 / others, dof, dof.sum() - dof) > MAX_CALIBRATION_DIFFERENCE
+    is_alike = fdtrc(dof, dof.sum() - dof, scatter**2 / others) > MAX_CALIBRATION_DIFFERENCE
     if is_alike.sum() < 2:
         return list(calibrations)
     pooled_scatter = float(np.sqrt(dof[is_alike] @ scatter[is_alike] ** 2 / dof[is_alike].sum()))

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import degrees
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from benchtool.explain.findings import AlternativeEffects, ChannelGap, Disagreement, FoundParameter
 from benchtool.explain.result import Explanation
@@ -17,6 +15,11 @@ from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
 from benchtool.report.panels import named_rows, stack_panels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 BEFORE, AFTER = ORANGE, BLUE  # colours of the model before and after an effect was added
 LOGARITHMIC_FROM = 12.0  # multiple of the noise above which an axis is logarithmic

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from benchtool.core.units import Array
 from benchtool.explain.findings import Overlay
@@ -16,6 +14,11 @@ from benchtool.report.answer.figures import AFTER, BEFORE, find_channel_label
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
 from benchtool.report.panels import legend_below, spread, stack_panels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}  # labels of x axes
 

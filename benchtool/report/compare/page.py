@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import cycle
 from math import hypot, nan
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from benchtool.core.channel import error_channel_name
 from benchtool.core.choices import Over
@@ -31,12 +29,17 @@ from benchtool.report.compare.runs import (
     ranked,
     read_compared,
 )
-from benchtool.report.figure import figure
+from benchtool.report.figure import figure, legend_line
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Heading, Page, Table
 from benchtool.report.palette import CYCLE
 from benchtool.report.panels import origins_table, panels_height, points, quantity_panels
 from benchtool.report.sweep.figures import MARKERS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 THRUST = Quantity(
     name="thrust_N", symbol="T", title="thrust", formula="", of=lambda thrust_N: thrust_N
@@ -148,7 +151,7 @@ def curves(figure: Figure, comparison: RunComparison) -> None:
         axes.set_xlim(left=0.0 if comparison.over != "throttle" else None)
         _limit(axes, comparison, quantity.name)
     handles = [
-        Line2D([], [], ls="", marker=marker, color=color, label=run.name)
+        legend_line(ls="", marker=marker, color=color, label=run.name)
         for run, color, marker in runs
     ]
     longest_name = max(len(run.name) for run in comparison.runs)

@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass
 from itertools import combinations
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.special import ndtri
 
 from benchtool import __version__
@@ -29,6 +28,10 @@ from benchtool.report.fit.tables import name_with_unit
 from benchtool.report.numbers import format_number, value_with_sd
 from benchtool.report.page import Page, Table
 from benchtool.report.palette import BLUE, GREY, PALE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 ONE_QUANTITY = 1.0 - 1e-9  # correlation of two names of one quantity: R_m, R_m over radius
 

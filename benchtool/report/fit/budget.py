@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 from textwrap import fill
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from benchtool.core.text import pluralize
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget
-from benchtool.report.figure import figure
+from benchtool.report.figure import figure, legend_line, legend_patch
 from benchtool.report.fit.tables import MAIN_PARAMETERS, wanted_rank
 from benchtool.report.numbers import display_unit, format_number, with_unit
 from benchtool.report.page import Block, Table
 from benchtool.report.palette import BLACK, BLUE, ORANGE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 SMALL = 0.03  # share of combined; omitted if smaller: ten such sources change it by 0.5 %
 INTERVAL = f"{100.0 * COVERAGE:.0f} %"
@@ -171,9 +172,9 @@ def budget(figure: Figure, subject: Any) -> None:
     panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
     panels[0].invert_yaxis()
     handles = [
-        Patch(color=BLUE, label="included in the fit's standard error"),
-        Patch(color=ORANGE, label="not included (* in the table)"),
-        Line2D([], [], color=BLACK, linestyle="--", linewidth=1.0, label="combined"),
+        legend_patch(color=BLUE, label="included in the fit's standard error"),
+        legend_patch(color=ORANGE, label="not included (* in the table)"),
+        legend_line(color=BLACK, linestyle="--", linewidth=1.0, label="combined"),
     ]
     figure.legend(handles=handles, loc="outside lower right", ncols=3)
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from itertools import groupby
 from math import pi, sqrt
 
-import corner as corner_plot  # type: ignore[import-untyped]
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.units import Array
-from benchtool.fit.ensemble import RHAT_LIMIT, check_convergence
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.fit.statistics import expected_runs
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
@@ -170,6 +168,8 @@ def _labels(result: FitResult) -> list[str]:
 )
 def corner(figure: Figure, fit: FitOutput) -> None:
     """Draw posterior draws pairwise with the least-squares estimate."""
+    import corner as corner_plot  # type: ignore[import-untyped]
+
     result = sampled(fit)[-1]
     n = len(result.estimates)
     marks = [other.values for other in fit.results if other.method == "least_squares"][-1:]
@@ -236,6 +236,8 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
 )
 def chains(figure: Figure, fit: FitOutput) -> None:
     """Draw one trace per parameter with R-hat and autocorrelation time."""
+    from benchtool.fit.ensemble import RHAT_LIMIT, check_convergence
+
     result = sampled(fit)[-1]
     labels, facts = _labels(result), result.facts
     ensembles, walkers = int(facts["ensembles"] or 1), int(facts["walkers"] or 1)

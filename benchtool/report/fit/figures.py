@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import isfinite, nan
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array, from_si
@@ -30,6 +29,10 @@ from benchtool.report.ratio import (
     formula_curves,
     model_curve,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 LINE_POINTS = 120
 SHOWN_DRAWS = 400  # parameter draws behind a curve's band
@@ -171,6 +174,8 @@ def thrust(figure: Figure, fit: FitOutput) -> None:
 
 def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
     """Yield label, rows by increasing speed, colour and marker of each plate distance."""
+    import matplotlib as mpl
+
     data = fit.data
     distance = np.where(
         data.conditions.plate_z_m >= OUT_OF_GROUND_EFFECT_M, np.inf, data.z_over_R.round(2)

@@ -8,17 +8,14 @@ from functools import partial
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from benchtool.core.errors import InputError
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
-from benchtool.report.figure import figure
+from benchtool.report.figure import figure, legend_line, legend_patch
 from benchtool.report.flight.pitch_study import write_simulation
 from benchtool.report.numbers import align_columns
 from benchtool.report.page import Page
@@ -37,6 +34,10 @@ from benchtool.simulate.flight.study import (
     measure,
 )
 from benchtool.simulate.loop import results_in_order
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
 
 
 def summarize_flight(flown: FlownCase) -> str:
@@ -110,15 +111,15 @@ def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
         lower.set_xlim(0.0, last_s)
     axes[0][0].set_ylabel("position $x$ [m]")
     axes[1][0].set_ylabel("pitch, nose down [deg]")
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLUE, label="flight"),
-        Line2D([], [], color=GREY, linewidth=1.3, label="PID out of ground effect"),
-        Line2D([], [], color=VERMILION, linewidth=1.0, label="pitch command"),
-        Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
+    handles: list[Artist] = [
+        legend_line(color=BLUE, label="flight"),
+        legend_line(color=GREY, linewidth=1.3, label="PID out of ground effect"),
+        legend_line(color=VERMILION, linewidth=1.0, label="pitch command"),
+        legend_line(color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
     ]
     if obstacle_m is not None:
-        handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle edges"))
-    handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
+        handles.append(legend_line(color=GREEN, linestyle=DOTTED, label="obstacle edges"))
+    handles.append(legend_patch(color=OVER, label="a rotor is over the obstacle"))
     one_row = len(handles) <= 5 and figure.get_figwidth() > 7.5
     figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
 

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from benchtool.core.schedule import PARKED_M
 from benchtool.core.text import pluralize
@@ -19,7 +15,7 @@ from benchtool.core.units import Array
 from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, pitch_track, resample_to_log
 from benchtool.fit.nominal import rig_for_data
-from benchtool.report.figure import figure
+from benchtool.report.figure import figure, legend_line, legend_patch
 from benchtool.report.numbers import format_number
 from benchtool.report.page import Page, Report, Table, Warnings
 from benchtool.report.palette import BLACK, BLUE, GREY, OVER, VERMILION
@@ -36,6 +32,12 @@ from benchtool.report.replay.replay_source import (
     read_recorded,
     sections_behind,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 CLOSER_S = 5.0  # time shown before and after a surface interval
 MARGIN = 0.75  # of the recorded range, above and below it
@@ -97,7 +99,7 @@ def _has_values(values: Array) -> bool:
 
 
 PITCH_LABEL = "pitch [deg]\n(nose down +)"
-Panel = Callable[[Axes, ReplayedLog], None]
+Panel: TypeAlias = "Callable[[Axes, ReplayedLog], None]"
 
 
 def _panels(log: ReplayedLog) -> dict[str, Panel]:
@@ -206,15 +208,15 @@ def _height(axes: Axes, log: ReplayedLog) -> None:
 
 
 def _legend(figure: Figure, log: ReplayedLog) -> None:
-    handles: list[Patch | Line2D] = [Line2D([], [], color=VERMILION, lw=1.4, label="recorded")]
+    handles: list[Artist] = [legend_line(color=VERMILION, lw=1.4, label="recorded")]
     if _has_values(log.track.reference_rad):
-        handles.append(Line2D([], [], color=GREY, lw=1.2, ls="--", label="reference"))
+        handles.append(legend_line(color=GREY, lw=1.2, ls="--", label="reference"))
     if log.replay is not None and _has_values(log.replay.theta_rad):
         source = "closed loop" if log.replay.driven_by == "controller" else "logged pulses"
         label = f"simulated, {'deviates from the log' if log.replay.warning else source}"
-        handles.append(Line2D([], [], color=BLUE, lw=1.4, label=label))
+        handles.append(legend_line(color=BLUE, lw=1.4, label=label))
     if log.intervals:
-        handles.append(Patch(facecolor=OVER, lw=0.0, label="rotor over a surface"))
+        handles.append(legend_patch(facecolor=OVER, lw=0.0, label="rotor over a surface"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 

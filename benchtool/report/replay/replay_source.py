@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchtool import __version__
@@ -37,6 +36,10 @@ from benchtool.report.run_facts import (
     version_facts,
 )
 from benchtool.report.sweep.samples import draw_samples, samples_height
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 PLAN = "Plan of the experiment (plan.toml)."
 MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchtool.core.units import Array, from_si
@@ -18,7 +14,7 @@ from benchtool.fit.nominal import NominalModel
 from benchtool.physics.bases import thrust_per_power_N_W
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
-from benchtool.report.figure import figure
+from benchtool.report.figure import figure, legend_line, legend_patch
 from benchtool.report.fit.budget import budget, chart_height
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
 from benchtool.report.panels import panels_height, points, quantity_panels, stack_panels
@@ -36,6 +32,12 @@ from benchtool.report.ratio import (
     uncertainty_band,
 )
 from benchtool.report.sweep.run import ERRORS, SweepRun
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -227,11 +229,11 @@ def _draw_levels(
     levels, near = run.level_us(), run.measured() & plain(run)
     z = run.z_over_R(run.settings)
     near = near if near.any() else run.measured()
-    handles: list[Line2D | Patch] = []
+    handles: list[Artist] = []
     if (~run.measured() & np.isin(levels, levels[near])).any():
-        handles.append(Line2D([], [], color=GREY, lw=1.0, ls=DOTTED, label="plate parked (OGE)"))
+        handles.append(legend_line(color=GREY, lw=1.0, ls=DOTTED, label="plate parked (OGE)"))
     if run.model is not None:
-        handles.append(Line2D([], [], color=GREY, lw=1.2, label=run.model.model.name))
+        handles.append(legend_line(color=GREY, lw=1.2, label=run.model.model.name))
     for index, level in enumerate(np.unique(levels[near])):
         color = CYCLE[index % len(CYCLE)]
         rows = np.flatnonzero(near & (levels == level))
@@ -240,7 +242,7 @@ def _draw_levels(
             has_band = _model_line(axes, run, run.model, rows, color, predict)
             if has_band and not index:
                 band = "95 % band of the model"
-                handles.append(Patch(facecolor=GREY, alpha=0.3, lw=0.0, label=band))
+                handles.append(legend_patch(facecolor=GREY, alpha=0.3, lw=0.0, label=band))
         points(
             axes, z[rows], values[rows], error[rows], color,
             MARKERS[index % len(MARKERS)], capsize=3.5, label=f"{level:g} µs", zorder=3,

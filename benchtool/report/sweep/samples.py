@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
@@ -15,7 +13,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.toml_text import parse_toml
 from benchtool.core.units import Array, from_si
 from benchtool.data.columns import speed_columns, word_to_code
-from benchtool.report.figure import figure
+from benchtool.report.figure import figure, legend_line, legend_patch
 from benchtool.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILION
 from benchtool.report.panels import (
     envelope,
@@ -29,6 +27,10 @@ from benchtool.report.panels import (
     stack_panels,
 )
 from benchtool.report.sweep.run import SweepRun
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
 MINUTES_FROM_S = 600.0  # runs longer than this have their time axis in minutes
@@ -93,7 +95,10 @@ def draw_samples(
     panels[-1].set_xlim(0.0, last_s / per_unit_s or 1.0)
     legend_over(
         panel_by_signal["thrust"],
-        [Patch(color=color, alpha=0.3, linewidth=0.0, label=kind) for kind, color in kinds.items()],
+        [
+            legend_patch(color=color, alpha=0.3, linewidth=0.0, label=kind)
+            for kind, color in kinds.items()
+        ],
     )
     rotors = max(len(signals.get("speed", ())), len(signals.get("pwm", ())))
     name = next((name for name in ("speed", "pwm") if name in signals), "thrust")
@@ -191,7 +196,7 @@ def visits(figure: Figure, run: SweepRun) -> None:
             number, np.zeros(len(number)), yerr=half, fmt="none", color=color, elinewidth=width,
             capsize=cap, label=label,
         )  # fmt: skip
-    dot = Line2D([], [], color=GREY, marker=".", ls="none", ms=6.0)
+    dot = legend_line(color=GREY, marker=".", ls="none", ms=6.0)
     legend_below(figure, [top, bottom], 3, raw_samples=dot)
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from benchtool import results
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import resolve_name
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.recipe import Recipe
+from benchtool.fit.run_recipe import run_recipe
 
 QUAD = str(Path(__file__).parents[3] / "datasets" / "quad" / "run")
 
@@ -51,8 +51,8 @@ def test_a_parameter_is_not_named_twice(named):
 
 
 def test_noise_that_is_named_by_itself_is_heeded():
-    held = results.run_recipe(quad(fix={"noise.scale": 2.0}))
+    held = run_recipe(quad(fix={"noise.scale": 2.0}))
     assert held.problem.noise_name is None
     assert held.problem.sigma() == pytest.approx(2.0 * held.problem.standard_error)
-    freed = results.run_recipe(quad(noise="stated", free=("noise.scale",)))
+    freed = run_recipe(quad(noise="stated", free=("noise.scale",)))
     assert freed.problem.noise_name == "noise.scale"
