@@ -2,8 +2,8 @@
 
 Derivatives are by complex step (exact), with central differences as fallback. f(x + ih) has the
 imaginary part h f'(x) without a subtraction, so h can be so small that only the rounding of f
-itself is left (Squire and Trapp, SIAM Review 40, 1998, p. 110). The minimum is by scipy's optimiser
-with Gauss-Newton polish.
+itself is left (Squire and Trapp, SIAM Review 40, 1998, p. 110). The minimum is by Gauss-Newton
+steps while they shrink; where they do not, by scipy's optimiser with Gauss-Newton polish.
 """
 
 from __future__ import annotations
@@ -200,8 +200,7 @@ def solve(
     """Return the minimum of a problem.
 
     Args:
-        start: (n_shape,) initial values near a minimum, tried with Gauss-Newton steps first; None
-            means those of the problem.
+        start: (n_shape,) initial values; None means those of the problem.
         loss: of the points, not of priors. Under a robust loss each shared error is a parameter
             with the prior N(0, 1), so that an outlier does not change rows of other points.
         method: method of derivatives; selected by default.
@@ -218,12 +217,12 @@ def solve(
             )
         if method is None:
             method = derivative_method(problem, initial)
-        if start is not None and loss == "linear":
-            slopes_0 = row_jacobian(problem, method, initial, whitening)
-            near = Solution(initial, first, slopes_0, np.inf, False, 2, method)
-            near = _polish(problem, whitening, near)
-            if near.finished:
-                return near
+        if loss == "linear":
+            slopes_0, cost_0 = row_jacobian(problem, method, initial, whitening), first @ first / 2
+            solution = Solution(initial, first, slopes_0, float(cost_0), False, 2, method)
+            solution = _polish(problem, whitening, solution)
+            if solution.finished:
+                return solution
         n, draws = len(initial), np.zeros(0 if loss == "linear" else whitening.shared.shape[1])
         independent = whitening if loss == "linear" else whitening.independent
         shared = np.zeros((len(first) + len(draws), len(draws)))
@@ -282,17 +281,16 @@ def _polish(problem: Problem, whitening: Whitening, solution: Solution) -> Solut
     dof = max(len(solution.rows) - len(solution.shape), 1)
     for _ in range(POLISH_STEPS):
         norms = np.linalg.norm(solution.jacobian, axis=0)
-        if not np.all(norms > 0.0):
+        if not np.all((norms > 0.0) & np.isfinite(norms)):
             break
         u, singular, v = np.linalg.svd(solution.jacobian / norms, full_matrices=False)
         if len(singular) < len(norms) or singular[-1] <= RANK_LIMIT[solution.method] * singular[0]:
             break
         step = -(v.T @ ((u.T @ solution.rows) / singular)) / norms
         sd = np.sqrt(np.sum((v.T / singular) ** 2, axis=1)) / norms
-        sd *= np.sqrt(solution.chi2 / dof)
-        size = float(np.max(np.abs(step) / np.where(sd > 0.0, sd, np.inf)))
+        size = float(np.max(np.abs(step) / sd))
         shape = solution.shape + step
-        if size < POLISH:
+        if size <= POLISH * np.sqrt(solution.chi2 / dof):
             return replace(solution, finished=True)
         if size > 0.9 * previous_size or np.any((shape <= lower) | (shape >= upper)):
             break
