@@ -308,7 +308,7 @@ class Request:
 
         effects = [effect for effect in self.user_effects if self.kind in effect.benches]
         learn, check = ([self._log(source) for source in part] for part in (self.learn, self.check))
-        subject_class = SweepSubject if self.kind == "sweep" else PitchSubject
+        subject_class: type[Subject] = SweepSubject if self.kind == "sweep" else PitchSubject
         return subject_class(self.loaded.model, learn, check, effects)
 
     def _log(self, source: RecordingSource) -> Log:
