@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import hypot, inf, log, nan, pi, sqrt
 
 import numpy as np
+from numpy import fft  # NumPy would load it in the first average, while motors turn
 
 from benchtool.bench.bench import Bench
 from benchtool.core.channel import channel_family
@@ -142,8 +143,8 @@ def statistical_inefficiency(values: Array) -> float:
     if n < 4 or variance <= 0.0:
         return 1.0
     size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.fft.rfft(centred, size)
-    correlation = np.fft.irfft(spectrum * spectrum.conj(), size)[:n] / variance
+    spectrum = fft.rfft(centred, size)
+    correlation = fft.irfft(spectrum * spectrum.conj(), size)[:n] / variance
     pairs = correlation[0 : n - n % 2 : 2] + correlation[1::2]
     ends = np.flatnonzero(pairs <= 0.0)
     positive = pairs[: ends[0]] if len(ends) else pairs
@@ -166,7 +167,7 @@ def remove_spectral_lines(values: Array) -> tuple[Array, float]:
     n = len(values)
     if n < 4 * NOISE_BINS:
         return values, 0.0
-    spectrum = np.fft.rfft(values - values.mean())
+    spectrum = fft.rfft(values - values.mean())
     power = np.abs(spectrum) ** 2
     padded = np.pad(power[1:], NOISE_BINS, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NOISE_BINS + 1)
@@ -179,7 +180,7 @@ def remove_spectral_lines(values: Array) -> tuple[Array, float]:
     cycles = np.maximum(np.arange(len(power)), 1)
     share = np.where(has_line, (power - level) / (pi * n * cycles) ** 2, 0.0)
     spectrum[has_line] *= np.sqrt(level[has_line] / power[has_line])
-    return np.fft.irfft(spectrum, n), sqrt(float(share.sum()))
+    return fft.irfft(spectrum, n), sqrt(float(share.sum()))
 
 
 MIN_SLOPE_SAMPLES = 8  # fewer samples do not determine a slope; assumed

@@ -79,7 +79,6 @@ def explain(inputs: ExplainArguments) -> None:
     until the verdict reaches the probability --until.
     """
     from benchtool.explain.request import read_request
-    from benchtool.report.answer.folder import check_not_existing
 
     if inputs.cluster is not None and not inputs.each and not inputs.bootstrap:
         raise InputError("--cluster needs --each or --bootstrap; add one, or remove --cluster")
@@ -91,6 +90,8 @@ def explain(inputs: ExplainArguments) -> None:
     if inputs.bench is not None:
         rig = _check_bench(inputs.bench, request, inputs.out)
     if not inputs.overwrite:
+        from benchtool.report.answer.folder import check_not_existing  # after all input errors
+
         check_not_existing(inputs.out, inputs.json)
     remaining_min, n_recorded = inputs.most_minutes, 0
     answer = _explain(inputs, request, remaining_min)

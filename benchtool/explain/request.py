@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,19 +22,16 @@ from benchtool.data.run.entry import detect_kind
 from benchtool.data.run.read import changed_points, is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import metadata_path, read_recording
 from benchtool.data.table import read_table
-from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.subject import Log, Subject
 from benchtool.explain.inputs import ExplainInputs
-from benchtool.explain.pitch.log import pitch_log
-from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.result import Explanation
-from benchtool.explain.sweep.log import sweep_log
-from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.nominal import rig_for_data
-from benchtool.fit.uncertainty.load_cell import run_zero_noise
 from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
+
+# The methods of a request import the engine, which takes longer than a check of the inputs.
+if TYPE_CHECKING:
+    from benchtool.explain.engine.subject import Log, Subject
 
 # Channel that identifies a bench, in order of precedence
 IDENTIFIED_BY: dict[BenchKind, str] = {"pitch": "theta_rad", "sweep": "thrust_N"}
@@ -116,6 +113,8 @@ def _read_source(path: str, name: str, digest: str, loaded: LoadedModel) -> Reco
         if IDENTIFIED_BY["pitch"] in sample_names(path):
             recording = read_pitch(path)
         else:
+            from benchtool.fit.uncertainty.load_cell import run_zero_noise
+
             recording, zero = read_points(path, VALID_KINDS), run_zero_noise(path, loaded.model.rig)
     elif metadata.is_file():
         recording = read_recording(path)
@@ -258,9 +257,6 @@ def _describe_folder(folder: Path) -> str:
     return f"this folder is not a run; use recordings in it: {names}{omitted}"
 
 
-SUBJECTS: dict[BenchKind, type[Subject]] = {"sweep": SweepSubject, "pitch": PitchSubject}
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Request:
     """Recordings, model and user-defined effects, all read."""
@@ -296,11 +292,18 @@ class Request:
 
     def subject(self) -> Subject:
         """Return the recordings with the model; InputError if they are insufficient."""
+        from benchtool.explain.pitch.subject import PitchSubject
+        from benchtool.explain.sweep.subject import SweepSubject
+
         effects = [effect for effect in self.user_effects if self.kind in effect.benches]
         learn, check = ([self._log(source) for source in part] for part in (self.learn, self.check))
-        return SUBJECTS[self.kind](self.loaded.model, learn, check, effects)
+        subject_class: type[Subject] = SweepSubject if self.kind == "sweep" else PitchSubject
+        return subject_class(self.loaded.model, learn, check, effects)
 
     def _log(self, source: RecordingSource) -> Log:
+        from benchtool.explain.pitch.log import pitch_log
+        from benchtool.explain.sweep.log import sweep_log
+
         rig = self.loaded.model.rig
         if self.kind == "sweep":
             return sweep_log(source.recording, rig, zero=source.zero)
@@ -308,6 +311,8 @@ class Request:
 
     def explain(self, commands: Sequence[str] = (), **options: Any) -> Explanation:
         """Explain the recordings; options as of the engine's `explain`."""
+        from benchtool.explain.engine.explain import explain
+
         found = explain(self.subject(), self.inputs, **options)
         remarks = [line for source in self.sources for line in source.remarks]
         return replace(

@@ -223,7 +223,7 @@ def trend_along(order: Array, rows: Array) -> Pattern:
     if len(rows) < 5 or np.ptp(order) == 0.0 or np.ptp(rows) == 0.0:
         return Pattern(0.0, 1.0)
     ranks = np.column_stack((_ranks(order), _ranks(rows)))
-    size, dof = np.corrcoef(ranks, rowvar=False)[1, 0], len(rows) - 2
+    size, dof = np.asarray(np.corrcoef(ranks, rowvar=False))[1, 0], len(rows) - 2
     with np.errstate(divide="ignore"):  # a correlation of 1 has t = inf
         t = size * np.sqrt(max(dof / ((1.0 + size) * (1.0 - size)), 0.0))
     return Pattern(float(size), float(2.0 * stdtr(dof, -abs(t))))
