@@ -36,7 +36,7 @@ MIN_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
 # them over tens of milliseconds.
 MAX_ROWS = 40000
 
-LANES = 8  # parameter sets run at once; memory is proportional to it
+LANES = 16  # parameter sets run at once; memory is proportional to it
 LENGTH = 0.3  # correlation length of a discrepancy, in shares of its variable's range
 RESOLUTION = 0.05  # of positions, in correlation lengths
 
