@@ -182,10 +182,7 @@ class ValidationScore:
         rng: np.random.Generator,
         draws: int,
     ) -> ValidationScore:
-        """Return the errors of two fits: without and with the named effects.
-
-        `held_out` has the evidence of training and validation recordings together.
-        """
+        """Return the errors of two fits: without and with the named effects."""
         null, best = fits
         learned_null, learned = (
             LearnedDiscrepancies(hypotheses.errors, held_out.discrepancies.values(), fit)

@@ -118,13 +118,10 @@ class PitchEvidence:
             for part, start_s in log.pieces():
                 logged = part.logged
                 run = filter_log(benches, logged, log.filter.gains, start_s=start_s)
-                pairs = zip(logged.speed_rad_s, run.speed_rad_s.swapaxes(0, 1), strict=True)
-                errors = [
-                    logged.theta_rad[:, None] - run.theta_rad,
-                    logged.gyro_rad_s[:, None] - run.gyro_rad_s,
-                    *(read[:, None] - speed for read, speed in pairs),
-                ]
-                pieces.append(part.whiten(errors))
+                readings = [logged.theta_rad, logged.gyro_rad_s, *logged.speed_rad_s]
+                predictions = [run.theta_rad, run.gyro_rad_s, *run.speed_rad_s.swapaxes(0, 1)]
+                pairs = zip(readings, predictions, strict=True)
+                pieces.append(part.whiten([read[:, None] - value for read, value in pairs]))
             rows += [np.concatenate(channel) for channel in zip(*pieces, strict=True)]
         return np.concatenate(rows)
 
