@@ -151,8 +151,10 @@ def finite_differences(residuals: Residuals, at: Array, upper: Array) -> tuple[A
     """Return residuals (n_rows,) and their Jacobian (n_rows, n); no step exceeds `upper`."""
     steps = np.where(at + STEP <= upper, STEP, -STEP)
     rows = residuals(np.vstack([at, at + np.diag(steps)]))
-    jacobian = (rows[:, 1:] - rows[:, :1]) / steps
-    return rows[:, 0], np.where(np.isfinite(jacobian), jacobian, 0.0)  # not finite: slope 0
+    jacobian = rows[:, 1:] - rows[:, :1]
+    jacobian /= steps
+    jacobian[~np.isfinite(jacobian)] = 0.0
+    return rows[:, 0], jacobian
 
 
 UNDETERMINED_HINT = 25.0  # mean ratio below which two effects form a class: a draw may be 10
@@ -199,8 +201,7 @@ class SharedErrors:
         self._upper = np.array([parameter.most for parameter in evidence.parameters])
         self.discrepancies = {part.name: part for part in evidence.discrepancies()}
         self._products: dict[bytes, _Products] = {}
-        # Over the noise, by discrepancy or law; single precision to save memory.
-        self.all_columns: dict[str, NDArray[np.float32]] = {}
+        self.all_columns: dict[str, Array] = {}  # (r, n_rows) over the noise, by discrepancy or law
         self._inner = np.empty((0, 0))  # products of all columns
         self._kernels: dict[tuple[tuple[str, float], ...], _Kernel] = {}
 
@@ -238,18 +239,16 @@ class SharedErrors:
         return sigma, share
 
     def add(self, name: str, columns: Array) -> None:
-        """Add columns (n_rows, r) over the noise; clear cached products."""
-        single = columns.astype(np.float32)
-        columns = single.astype(float)
+        """Add columns (n_rows, r) over the noise."""
+        columns = columns.astype(np.float32).astype(float)
         cross_terms = self._project(columns)
         self._inner = np.block([[self._inner, cross_terms], [cross_terms.T, columns.T @ columns]])
-        self.all_columns[name] = single
+        self.all_columns[name] = np.ascontiguousarray(columns.T)
         self._kernels.clear()
-        self._products.clear()
 
     def _project(self, rows: Array) -> Array:
         """Return products of all columns with rows (n_rows, n)."""
-        products = [columns.T @ rows for columns in self.all_columns.values()]
+        products = [columns @ rows for columns in self.all_columns.values()]
         return np.vstack([np.empty((0, rows.shape[1])), *products])
 
     @property
@@ -270,9 +269,8 @@ class SharedErrors:
     def columns(self, amplitudes: Mapping[str, float]) -> Array:
         """Return the active columns (n_rows, r), scaled by amplitude, over the noise."""
         self._noise  # noqa: B018  # computes the columns
-        parts = [
-            factor * self.all_columns[name] for name, factor in self.factors(amplitudes).items()
-        ]
+        factors = self.factors(amplitudes)
+        parts = [factors[name] * self.all_columns[name].T.astype(np.float32) for name in factors]
         return np.hstack([np.empty((self.n_rows, 0)), *parts])
 
     def rows(self, sets: Array) -> Array:
@@ -287,7 +285,7 @@ class SharedErrors:
             factors, first = self.factors(amplitudes), 0
             indices, sizes = list[int](), list[float]()
             for name, columns in self.all_columns.items():
-                last = first + columns.shape[1]
+                last = first + len(columns)
                 if name in factors:
                     indices += range(first, last)
                     sizes += [factors[name]] * (last - first)
@@ -303,15 +301,14 @@ class SharedErrors:
 
     def linearise(self, at: Array, amplitudes: Mapping[str, float]) -> Linearisation:
         """Return the linearisation at a point, cached."""
-        key = at.tobytes()
-        noise = self.noise
-        if key not in self._products:
-            rows, jacobian = finite_differences(self._evidence.residuals, at, self._upper)
-            both = np.column_stack([rows, jacobian]) / noise[:, None]
-            stacked = self._project(both)
-            self._products[key] = both.T @ both, stacked
-        residual, columns = self._products[key]
+        key, noise = at.tobytes(), self.noise
         indices, half, _ = self.kernel(amplitudes)
+        residual, columns = self._products.get(key, (np.empty((0, 0)), np.empty((0, 0))))
+        if not len(residual) or indices.max(initial=-1) >= len(columns):  # new, or new columns
+            rows, jacobian = finite_differences(self._evidence.residuals, at, self._upper)
+            both = np.column_stack([rows, jacobian])
+            both /= noise[:, None]
+            residual, columns = self._products[key] = both.T @ both, self._project(both)
         explained = half @ columns[indices]
         reduced = residual - explained.T @ explained
         cost, gradient, curvature = float(reduced[0, 0]), reduced[1:, 0], reduced[1:, 1:]

@@ -67,8 +67,8 @@ def parameters_at(
     Adjusted parameters that are not in the model belong to the bench and are ignored.
     """
     values = {
-        item.name: float(np.clip(item.value(z), item.lower, item.upper))
-        for item, z in zip(moved, scaled, strict=True)
+        item.name: min(max(item.value(z), item.lower), item.upper)
+        for item, z in zip(moved, scaled.tolist(), strict=True)
     }
     return Parameters(
         (name, item.with_value(values[name]) if name in values else item)

@@ -99,8 +99,8 @@ class Judgement:
 
 def judge(subject: Subject, rng: np.random.Generator, draws: int, progress: Progress) -> Judgement:
     """Return the missing effects by marginal likelihood."""
-    hypotheses = Hypotheses(subject.evidence)
-    search = search_models(hypotheses, Hypotheses(subject.all_evidence), progress)
+    hypotheses, held_out = Hypotheses(subject.evidence), Hypotheses(subject.all_evidence)
+    search = search_models(hypotheses, held_out, progress)
     trials = [_add_other_law(subject, hypotheses, trial) for trial in search.trials]
     search = replace(search, trials=tuple(trials))
     unnamed = _find_unnamed(search)
@@ -118,7 +118,7 @@ def judge(subject: Subject, rng: np.random.Generator, draws: int, progress: Prog
     nearest = _find_nearest(search, unnamed) if kind == "unknown" else None
     fit = search.best if members else nearest or search.null
     progress("predicting validation recordings", 0.8)
-    score = ValidationScore.of(subject, hypotheses, (search.null, fit), rng, draws)
+    score = ValidationScore.of(subject, hypotheses, held_out, (search.null, fit), rng, draws)
     weights = [_candidate_probabilities(hypotheses, trial) for trial in search.trials]
     error, unclosed = score.remaining_errors
     if (members and unclosed > UNEXPLAINED_ERROR) or (kind == "none" and error > UNEXPLAINED_ERROR):

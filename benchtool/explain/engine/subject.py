@@ -13,7 +13,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.explain.engine.bounded_least_squares import SharedErrors, solve_covariance
 from benchtool.explain.engine.design import Designer
-from benchtool.explain.engine.evidence import Evidence
+from benchtool.explain.engine.evidence import Discrepancy, Evidence
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.findings import ChannelGap, Overlay
 from benchtool.explain.law_search import ResidualSummary
@@ -121,18 +121,20 @@ FLOOR_DRAWS = 64  # draws of a floor with uncertain parameters
 class LearnedDiscrepancies:
     """Prediction of discrepancies within tolerance on the validation recordings.
 
-    Uses the basis of training and validation recordings together (`evidence`, validation rows
-    last): a basis of training rows alone is truncated differently, which changes predicted speeds.
+    Uses the basis of training and validation recordings together, validation rows last: a basis of
+    training rows alone is truncated differently, which changes predicted speeds.
     """
 
-    def __init__(self, errors: SharedErrors, evidence: Evidence, fit: Hypothesis) -> None:
+    def __init__(
+        self, errors: SharedErrors, discrepancies: Iterable[Discrepancy], fit: Hypothesis
+    ) -> None:
         self._errors, self._fit, n = errors, fit, errors.n_rows
-        parts = [d for d in evidence.discrepancies() if d.readings is not None]
+        parts = [d for d in discrepancies if d.readings is not None]
         scaled = [fit.amplitudes.get(d.name, float(d.always)) * d.columns[:n] for d in parts]
         self._unscaled = np.hstack([np.empty((n, 0)), *scaled])
         self._columns = self._unscaled / errors.noise[:, None]
-        laws = [errors.all_columns[name] for name in fit.amplitudes if ": law" in name]
-        self._with_laws = np.hstack([self._columns, *(law.astype(float) for law in laws)])
+        laws = [errors.all_columns[name].T for name in fit.amplitudes if ": law" in name]
+        self._with_laws = np.hstack([self._columns, *laws])
         self._readings = [  # of the validation; 0 for discrepancies beyond tolerance
             (0.0 if d.name in fit.amplitudes else float(d.always)) * d.readings[n:]
             for d in parts
@@ -175,6 +177,7 @@ class ValidationScore:
         cls,
         subject: Subject,
         hypotheses: Hypotheses,
+        held_out: Hypotheses,
         fits: tuple[Hypothesis, Hypothesis],
         rng: np.random.Generator,
         draws: int,
@@ -182,7 +185,8 @@ class ValidationScore:
         """Return the errors of two fits: without and with the named effects."""
         null, best = fits
         learned_null, learned = (
-            LearnedDiscrepancies(hypotheses.errors, subject.all_evidence, fit) for fit in fits
+            LearnedDiscrepancies(hypotheses.errors, held_out.discrepancies.values(), fit)
+            for fit in fits
         )
         sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
         before = learned_null.mean()

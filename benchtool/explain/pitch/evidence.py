@@ -36,7 +36,7 @@ MIN_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
 # them over tens of milliseconds.
 MAX_ROWS = 40000
 
-LANES = 8  # parameter sets run at once; memory is proportional to it
+LANES = 16  # parameter sets run at once; memory is proportional to it
 LENGTH = 0.3  # correlation length of a discrepancy, in shares of its variable's range
 RESOLUTION = 0.05  # of positions, in correlation lengths
 
@@ -118,13 +118,10 @@ class PitchEvidence:
             for part, start_s in log.pieces():
                 logged = part.logged
                 run = filter_log(benches, logged, log.filter.gains, start_s=start_s)
-                pairs = zip(logged.speed_rad_s, run.speed_rad_s.swapaxes(0, 1), strict=True)
-                errors = [
-                    logged.theta_rad[:, None] - run.theta_rad,
-                    logged.gyro_rad_s[:, None] - run.gyro_rad_s,
-                    *(read[:, None] - speed for read, speed in pairs),
-                ]
-                pieces.append(part.whiten(errors))
+                readings = [logged.theta_rad, logged.gyro_rad_s, *logged.speed_rad_s]
+                predictions = [run.theta_rad, run.gyro_rad_s, *run.speed_rad_s.swapaxes(0, 1)]
+                pairs = zip(readings, predictions, strict=True)
+                pieces.append(part.whiten([read[:, None] - value for read, value in pairs]))
             rows += [np.concatenate(channel) for channel in zip(*pieces, strict=True)]
         return np.concatenate(rows)
 

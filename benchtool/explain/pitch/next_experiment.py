@@ -132,7 +132,8 @@ class PitchDesigner(Designer[PitchDesign]):
     def simulate(self, design: PitchDesign) -> tuple[PitchEvidence, PitchEvidence]:
         rig, evidence = design.rig, self.evidence
         sampled = design.schedule.sampled(RATE_HZ, rig.propulsion.radius_m)
-        recording = simulate_pitch(self._job, sampled, self._seed).recording(rig)
+        run = simulate_pitch(self._job, sampled, self._seed, neutral_too=True)
+        recording = run.recording(rig)
         log = pitch_log(recording, rig, checked=False).logged
         new, both = (evidence.of(logs, self._n_averaged) for logs in ([log], [*self._logs, log]))
         return new, both

@@ -24,7 +24,7 @@ from benchtool.simulate.pitch.loops import LoggedTick
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 MIN_PARKED_Z_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
-LANES = (1, 8, 32)  # compiled numbers of lanes; a loop has the next larger one
+LANES = (1, 4, 16)  # compiled numbers of lanes; a loop has the next larger one
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -172,7 +172,7 @@ def _filter_windows(
     table, parts = np.array(flat_values(ticks), float), []
     for k in range(0, len(benches), LANES[-1]):
         group = benches[k : k + LANES[-1]]
-        loop = _build_loop(group, logged, lag_s, None if seed is None else seed + k)
+        loop = _build_loop(group, logged, lag_s, seed, k)
         rows, run, predictions = loop.layout.row_numbers(FILTERED), loop.loops.filter, []
         log = np.empty((len(logged), len(rows), loop.lanes))
         arrays = loop.arrays._replace(log=log, logged=rows, schedule=table, gains=gains)
@@ -200,9 +200,9 @@ def _filter_windows(
 
 
 def _build_loop(
-    benches: Sequence[PitchBench], logged: LoggedPitch, lag_s: float, seed: int | None
+    benches: Sequence[PitchBench], logged: LoggedPitch, lag_s: float, seed: int | None, first: int
 ) -> PitchLoop:
-    """Return a loop for a log; extra lanes repeat the last bench.
+    """Return a loop for a log from lane `first`; extra lanes repeat the last bench.
 
     With a lag the benches lose all other effects of the subsystem pwm_to_rpm: every rotor has its
     measured speeds.
@@ -213,13 +213,15 @@ def _build_loop(
     job_by_bench = {}
     for bench in benches:
         if id(bench) not in job_by_bench:
-            model = _with_lag_alone(bench.model, lag_s) if lag_s else bench.model
-            job_by_bench[id(bench)] = PitchJob(replace(bench, model=model, sensors={}), control)
+            job_bench = replace(bench, sensors={}) if bench.sensors else bench
+            if lag_s:
+                job_bench = replace(job_bench, model=_with_lag_alone(bench.model, lag_s))
+            job_by_bench[id(bench)] = PitchJob(job_bench, control)
     jobs = [job_by_bench[id(bench)] for bench in benches]
     jobs += [jobs[-1]] * (lanes - len(jobs))
     tick = Schedule(name="log", title="", duration_s=1.0 / logged.rate_Hz)
     start = tick.sampled(logged.rate_Hz, p.radius_m)
-    loop = PitchLoop(jobs, start, seed or 0, list(range(lanes)), neutral_too=True)
+    loop = PitchLoop(jobs, start, seed or 0, list(range(first, first + lanes)), neutral_too=True)
     if seed is None:
         loop.view("motion.wake_innovation_Nm")[:] = 0.0
     pulse_us = np.maximum(logged.pwm_us[:, 0] - p.pwm_start_us, 0.0)

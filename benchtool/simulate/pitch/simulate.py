@@ -104,10 +104,18 @@ class PitchRun:
 
 
 def simulate_pitch(
-    job: PitchJob, schedule: SampledSchedule, seed: int = 0, run: int = 0
+    job: PitchJob,
+    schedule: SampledSchedule,
+    seed: int = 0,
+    run: int = 0,
+    *,
+    neutral_too: bool = False,
 ) -> PitchRun:
-    """Return one run with a built-in controller; run 3 of seed 7 is the same in any batch."""
-    loop = PitchLoop([job], schedule, seed, [run])
+    """Return one run with a built-in controller; run 3 of seed 7 is the same in any batch.
+
+    With `neutral_too` one compilation serves all parameter values, see `loop_effects`.
+    """
+    loop = PitchLoop([job], schedule, seed, [run], neutral_too=neutral_too)
     loop.run()
     return extract_run(loop, 0, job.control.name)
 
