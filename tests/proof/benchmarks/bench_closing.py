@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from tests.proof.benchmarks.rows import Row, alone
+from tests.unit.data.run_of import point
 
 CHANNELS = (
     *(f"pwm{i}_us" for i in (1, 2, 3, 4)),
@@ -49,7 +51,6 @@ def make_run(path: Path, rows: int) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    from benchtool.data.run.points import Point
     from benchtool.data.run.run import Run
 
     rig = {"name": "bench"}
@@ -73,24 +74,8 @@ def make_run(path: Path, rows: int) -> None:
     points = run.point_writer(4)
     four = (1500.0,) * 4
     for number in range(1, VISITS):
-        points.append(
-            Point(
-                point=number,
-                kind="measure",
-                setting=1,
-                repeat=number,
-                time_s=float(number),
-                elapsed_s=1.0,
-                pwm_us=four,
-                rpm=four,
-                rpm_se=four,
-                thrust_N=10.0,
-                thrust_sd_N=0.1,
-                thrust_se_N=0.01,
-                n_samples=100,
-                plate_z_m=0.1,
-            )
-        )
+        visit = point(number, "measure", 1, number, 10.0)
+        points.append(replace(visit, pwm_us=four, rpm=four, rpm_se=four))
     points.close()
 
 

@@ -6,15 +6,19 @@ Real logs are read where BENCHTOOL_REFERENCE_DATA names some; the others are mad
 from __future__ import annotations
 
 import os
-import struct
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from benchtool.core.recording import Recording
+from benchtool.data.columns import find_channel
 from benchtool.data.formats.formats import import_file
+from benchtool.data.parquet import read_parquet, write_parquet
+from benchtool.data.run.recording_file import read_mcap, write_mcap, write_recording
 from tests.proof.benchmarks.rows import Row, cpu_s, in_turns
+from tests.unit.data.flight_logs import LAYOUTS, Record, dataflash
 
 
 def write_stand_log(path: Path, rows: int) -> None:
@@ -44,8 +48,6 @@ def csv_rows(folder: Path, count: int) -> Iterator[Row]:
     """Yield a long CSV, read and written."""
     import pandas as pd
 
-    from benchtool.data.run.recording_file import write_recording
-
     path = folder / "stand.csv"
     write_stand_log(path, count)
     ours, plain = in_turns(1, lambda: import_file(path), lambda: pd.read_csv(path))
@@ -59,44 +61,24 @@ def csv_rows(folder: Path, count: int) -> Iterator[Row]:
 
 
 def write_dataflash(path: Path, seconds: float) -> None:
-    """Write a DataFlash log as a copter at 400 Hz does: IMUs, rates, attitude, outputs, others."""
+    """Write a DataFlash log as a copter at 400 Hz does: IMU, rates, attitude, outputs, ESCs."""
     rng = np.random.default_rng(2)
-    kinds = {
-        "IMU": ("QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"),
-        "RATE": ("Qffffffffffff", "TimeUS,RDes,R,ROut,PDes,P,POut,YDes,Y,YOut,ADes,A,AOut"),
-        "ATT": ("QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF"),
-        "RCOU": ("QHHHHHHHHHHHHHH", "TimeUS," + ",".join(f"C{i}" for i in range(1, 15))),
-        "XKF1": ("QBccCfffffffccce", "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD,GX,GY,GZ,OH"),
-    }
-    codes = {"Q": "Q", "B": "B", "f": "f", "I": "I", "H": "H", "c": "h", "C": "H", "e": "i"}
-    parts = [_fmt(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
-    packers = {}
-    for number, (name, (letters, columns)) in enumerate(kinds.items(), 130):
-        packer = struct.Struct("<" + "".join(codes[letter] for letter in letters))
-        packers[name] = (bytes((0xA3, 0x95, number)), packer, letters)
-        parts.append(_fmt(number, 3 + packer.size, name, letters, columns))
 
-    def record(name: str, time_us: int) -> bytes:
-        head, packer, letters = packers[name]
-        numbers = [
+    def record(name: str, tick: int) -> Record:
+        letters = LAYOUTS[name][0][1:]
+        values = [
             float(value) if letter == "f" else int(abs(value) * 60) + 1
-            for letter, value in zip(letters[1:], rng.normal(size=len(letters) - 1), strict=True)
+            for letter, value in zip(letters, rng.normal(size=len(letters)), strict=True)
         ]
-        return head + packer.pack(time_us, *numbers)
+        return name, (2500 * tick, *values)
 
-    second = []
-    for tick in range(400):
-        names = ["IMU", "RATE", *(["ATT", "RCOU"] if tick % 4 == 0 else []), "XKF1"]
-        second += [(name, record(name, 0)[11:], tick * 2500) for name in names]
-    for whole in range(int(seconds)):
-        for name, rest, at_us in second:
-            parts.append(packers[name][0] + struct.pack("<Q", whole * 1_000_000 + at_us) + rest)
-    path.write_bytes(b"".join(parts))
-
-
-def _fmt(kind: int, length: int, name: str, letters: str, columns: str) -> bytes:
-    texts = (name.encode(), letters.encode(), columns.encode())
-    return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, *texts)
+    often, seldom = ("IMU", "RATE"), ("IMU", "RATE", "ATT", "RCOU", "ESC", "RFND")
+    records = [
+        record(name, tick)
+        for tick in range(int(400 * seconds))
+        for name in (often if tick % 4 else seldom)
+    ]
+    path.write_bytes(dataflash(records))
 
 
 def dataflash_rows(folder: Path, seconds: float) -> Iterator[Row]:
@@ -141,10 +123,28 @@ def log_rows(folder: Path, quick: bool) -> Iterator[Row]:
             yield Row(f"import of {path.name}", ours, "s", plain, peer_name, limit, of_peer=True)
 
 
+def mcap_rows(folder: Path, count: int) -> Iterator[Row]:
+    """Yield MCAP written and read beside Parquet; what comes back is compared."""
+    names = ("time_s", "thrust_N", "rpm1", "voltage_V")
+    values = np.round(np.random.default_rng(1).normal(size=(count, len(names))), 4)
+    values[:, 0] = np.arange(count) / 1000.0
+    recording = Recording(tuple(map(find_channel, names)), values)
+    mcap, parquet = folder / "samples.mcap", folder / "samples.parquet"
+    ours, peer = in_turns(
+        1, lambda: write_mcap(mcap, recording), lambda: write_parquet(parquet, recording),
+        warm=False,
+    )  # fmt: skip
+    yield Row(f"MCAP, write {count:,} rows", ours, "s", peer, "Parquet")
+    ours, peer = in_turns(1, lambda: read_mcap(mcap), lambda: read_parquet(parquet))
+    yield Row(f"MCAP, read {count:,} rows", ours, "s", peer, "Parquet")
+    assert read_mcap(mcap).values.tobytes() == values.tobytes()
+
+
 def rows(quick: bool) -> Iterator[Row]:
     """Yield the rows of every format."""
     with tempfile.TemporaryDirectory() as name:
         yield from csv_rows(Path(name), 10_000 if quick else 1_000_000)
+        yield from mcap_rows(Path(name), 1000 if quick else 1_000_000)
         yield from dataflash_rows(Path(name), 1.0 if quick else 120.0)
     if reference := os.environ.get("BENCHTOOL_REFERENCE_DATA"):
         yield from log_rows(Path(reference) / "logs", quick)

@@ -18,8 +18,9 @@ from benchtool.bench.limit_check import LimitCheck
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import find_channel
 from benchtool.data.run.append import SampleWriter
-from benchtool.data.run.points import Point, PointWriter
+from benchtool.data.run.points import PointWriter
 from tests.proof.benchmarks.rows import Row
+from tests.unit.data.run_of import point
 
 RIG = load_rig_by_name("pquad_single")
 NAMES = (
@@ -67,26 +68,11 @@ def plain_csv(folder: Path, count: int) -> float:
 
 def one_point(folder: Path) -> tuple[float, float]:
     """Return the time of a point with its fsync, and of a bare fsync of as many bytes: us."""
-    point = Point(
-        point=1,
-        kind="measure",
-        setting=1,
-        repeat=1,
-        time_s=1.0,
-        elapsed_s=1.0,
-        pwm_us=(1500.0,),
-        rpm=(5000.0,),
-        rpm_se=(1.5,),
-        thrust_N=2.2,
-        thrust_sd_N=0.1,
-        thrust_se_N=0.01,
-        n_samples=160,
-        plate_z_m=0.12,
-    )
+    a_point = point(1, "measure", 1, 1, 2.2)
     writer = PointWriter(folder / "points.csv", 1)
     begun = perf_counter()
     for _ in range(300):
-        writer.append(point)
+        writer.append(a_point)
     cost = perf_counter() - begun
     writer.close()
     with open(folder / "bare", "wb", buffering=0) as file:

@@ -9,7 +9,7 @@ import pytest
 from tests.browser.conftest import CHROMIUM
 from tests.proof.benchmarks.table import NAMES, measure
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = pytest.mark.timeout(600)
 
 
 @pytest.mark.parametrize("name", NAMES)
