@@ -46,10 +46,11 @@ lint: $(TESTING)
 docs: $(SITE)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
-# Ratios measured side by side, printed; nothing here passes or fails.
+# One table of all benchmarks, medians of five; nothing here passes or fails. ONLY="fit link": some.
+# BESIDE=COMMIT: the same rows of another commit in turns. PAGE=1: write the page, measure nothing.
 bench: $(TESTING)
-	@for script in tests/proof/benchmarks/bench_*.py; do \
-	  echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+	$(BIN)/python -m tests.proof.benchmarks.table $(ONLY) \
+	  $(if $(BESIDE),--beside $(BESIDE)) $(if $(PAGE),--page)
 
 # STOP on the page, PRESSES times in every way while motors turn; goes on where it was cut short.
 PRESSES ?= 1000

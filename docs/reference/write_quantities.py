@@ -39,7 +39,7 @@ STATED = (
     (
         "measured air",
         "uniform within 1 degC, 2 hPa and 20 % of humidity, as in the "
-        "[uncertainty budget](../explanation/uncertainty.md)",
+        "[uncertainty budget](../explanation/estimation.md#uncertainty-budget)",
     ),
     (
         "unmeasured air",

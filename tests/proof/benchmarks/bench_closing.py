@@ -1,18 +1,17 @@
-"""What closing, resuming and reading a long run cost: processor time and memory.
+"""Closing, resuming and reading a run of an hour at 1 kHz with 17 channels.
 
-    python tests/proof/benchmarks/bench_closing.py [ROWS]
-
-ROWS samples of 17 channels; 3,600,000 (an hour at 1 kHz) when left out. Goals for that hour: at
-most 30 s of one core and 300 MB to close it; under 1 GB to read some channels of 10,000,000 rows.
-Each measurement is a process of its own; memory is all of it, interpreter and libraries included.
+Each measurement is a process of its own.
 """
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+
+from tests.proof.benchmarks.rows import Row, alone
+from tests.unit.data.run_of import point
 
 CHANNELS = (
     *(f"pwm{i}_us" for i in (1, 2, 3, 4)),
@@ -23,34 +22,25 @@ CHANNELS = (
 VISITS = 100
 AT_ONCE = 100_000
 
-MEASURED = """
-import sys, time
-from pathlib import Path
-run = Path(sys.argv[1])
-begun = time.process_time()
-{statement}
-spent = time.process_time() - begun
-status = dict(line.split(":", 1) for line in open("/proc/self/status"))
-print(spent, int(status["VmHWM"].split()[0]) / 1024)
-"""
-
-STATEMENTS = {
-    "nothing but imports": "from benchtool.data.run.run import Run"
-    "; from benchtool.data.run.read import read_samples",
-    "close": "from benchtool.data.run.run import Run; Run.open(run).close()",
+WORKS = {  # name: statements, and the limit in s
+    "import": ("import benchtool.data.run.run, benchtool.data.run.read", None),
+    "close": ("from benchtool.data.run.run import Run; Run.open(run).close()", 30.0),
     "read for --resume": (
         "from benchtool.data.run.append import install_marked_samples\n"
         "from benchtool.data.run.run import Run\n"
         "Run(run).prepare_samples(frozenset(range(1, 100)))\n"
-        "install_marked_samples(run / 'samples.csv')"
+        "install_marked_samples(run / 'samples.csv')",
+        None,
     ),
-    "mean thrust of closed samples": (
+    "mean of closed samples": (
         "from benchtool.data.run.read import read_samples\n"
-        "read_samples(run, ['time_s', 'phase', 'thrust_N']).column('thrust_N').mean()"
+        "read_samples(run, ['time_s', 'phase', 'thrust_N']).column('thrust_N').mean()",
+        None,
     ),
-    "mean thrust of samples.csv": (
+    "mean of samples.csv": (
         "from benchtool.data.run.read import read_samples\n"
-        "read_samples(run / 'samples.csv', ['time_s', 'phase', 'thrust_N']).values.mean(0)"
+        "read_samples(run / 'samples.csv', ['time_s', 'phase', 'thrust_N']).values.mean(0)",
+        None,
     ),
 }
 
@@ -61,7 +51,6 @@ def make_run(path: Path, rows: int) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
-    from benchtool.data.run.points import Point
     from benchtool.data.run.run import Run
 
     rig = {"name": "bench"}
@@ -85,42 +74,19 @@ def make_run(path: Path, rows: int) -> None:
     points = run.point_writer(4)
     four = (1500.0,) * 4
     for number in range(1, VISITS):
-        points.append(
-            Point(
-                point=number,
-                kind="measure",
-                setting=1,
-                repeat=number,
-                time_s=float(number),
-                elapsed_s=1.0,
-                pwm_us=four,
-                rpm=four,
-                rpm_se=four,
-                thrust_N=10.0,
-                thrust_sd_N=0.1,
-                thrust_se_N=0.01,
-                n_samples=100,
-                plate_z_m=0.1,
-            )
-        )
+        visit = point(number, "measure", 1, number, 10.0)
+        points.append(replace(visit, pwm_us=four, rpm=four, rpm_se=four))
     points.close()
 
 
-def measured(run: Path, statement: str) -> tuple[float, float]:
-    """Return processor time in s and the most memory in MB of a process that does this."""
-    code = MEASURED.format(statement=statement)
-    words = [sys.executable, "-c", code, str(run)]
-    told = subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
-    return float(told[0]), float(told[1])
-
-
-if __name__ == "__main__":
-    rows = int(sys.argv[1]) if len(sys.argv) > 1 else 3_600_000
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield one row for each work."""
+    count = 20_000 if quick else 3_600_000
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "run"
-        make_run(run, rows)
-        size = (run / "samples.csv").stat().st_size / 2**20
-        print(f"{rows:,} rows of {len(CHANNELS)} channels, samples.csv {size:.0f} MB")
-        for name, statement in STATEMENTS.items():
-            spent_s, most_MB = measured(run, statement)
-            print(f"{name:32} {spent_s:6.1f} s {most_MB:6.0f} MB", flush=True)
+        make_run(run, count)
+        for name, (statements, limit_s) in WORKS.items():
+            setup = "from pathlib import Path; run = Path(arguments[0])"
+            _, used_s, memory_MB = alone(setup, statements, run)
+            work = f"a run of {count:,} rows: {name}"
+            yield Row(work, used_s, "s", wanted=limit_s, memory_MB=memory_MB)

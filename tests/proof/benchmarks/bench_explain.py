@@ -1,39 +1,50 @@
-"""Print what an explanation of a pitch recording costs; the aim: 10 s for 60 s at 250 Hz.
+"""Explanations: processor time of a verdict with the whole library tried.
 
-The recordings are blind ones (`tests/proof/blind`), 60 s to learn from and 60 s to check on, with
-the whole library tried, on one core; the next experiment is not worked out. Compiled loops are made
-beforehand, as on every run but the first.
+The pitch recordings are blind ones (`tests/proof/blind`), 60 s for training and 60 s for validation
+at 250 Hz, without a next experiment; the sweep has one. Loops are compiled beforehand.
 """
 
 from __future__ import annotations
 
-import time
+from collections.abc import Iterator
 
 from benchtool.explain.engine.explain import explain
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.physics.model_file import load_model
+from tests.proof.benchmarks.rows import Row, cpu_s
+from tests.proof.blind import score_sweep
 from tests.proof.blind.pitch.records import make_record
 from tests.proof.blind.score_pitch import MODEL, recording_of
+from tests.proof.blind.sweep import records
 
-FAMILIES = ("none", "coulomb_friction", "plate_offset", "arm_flexure", "cog_offset+motor_lag")
+FAMILIES = {  # family: kind, and the limit in s
+    "none": ("no effect", 3.0),
+    "coulomb_friction": ("one effect", 6.0),
+    "plate_offset": ("one effect", 6.0),
+    "cog_offset+motor_lag": ("a pair", 8.0),
+    "arm_flexure": ("an unknown effect", 20.0),
+}
 
 
-def seconds(family: str, blocks: int) -> tuple[float, str]:
-    """Return a core's time for the verdict on one record, in s, and the verdict."""
+def pitch_subject(family: str, blocks: int) -> PitchSubject:
+    """Return a blind record with parts of so many blocks of 30 s."""
     record = make_record(7000, family, excitation="rich", blocks=blocks)
     model = load_model(MODEL).model
     learn, check = (
         pitch_log(recording_of(table, name), model.rig, name)
         for table, name in ((record.learn, "learn"), (record.check, "check"))
     )
-    began = time.process_time()
-    verdict = explain(PitchSubject(model, [learn], [check]), propose=False)
-    return time.process_time() - began, " and ".join((verdict.kind, *verdict.names))
+    return PitchSubject(model, [learn], [check])
 
 
-if __name__ == "__main__":
-    seconds("none", 1)
-    for family in FAMILIES:
-        spent, verdict = seconds(family, 2)
-        print(f"{family:22s} 60 s at 250 Hz: {spent:5.1f} s  ({verdict})")
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield one row for each family, and one for a sweep."""
+    explain(pitch_subject("none", 1), propose=False)
+    for family, (kind, limit_s) in list(FAMILIES.items())[: 1 if quick else None]:
+        subject = pitch_subject(family, 1 if quick else 2)
+        used_s = cpu_s(lambda: explain(subject, propose=False))  # noqa: B023
+        yield Row(f"explain 60 s, {kind}: {family}", used_s, "s", wanted=limit_s)
+    record = records.make_record(7000, "body_lift", excitation="rich")
+    used_s = cpu_s(lambda: score_sweep.verdict_on(record))
+    yield Row("explain a sweep, with its next experiment", used_s, "s", wanted=2.0)

@@ -1,17 +1,15 @@
-"""Print what a fit costs beside the bare library doing the same fit; the aims: 1.3 and 3.
+"""Fits beside the bare library doing the same fit.
 
-Both sides fit 100 settled points of a quadrotor with thrust k w^2 / (1 - D), D of eq. (4), and
-are run in turns, so that what else the machine does falls on both alike. The bare side has its
-formula written out by hand with everything constant folded; ours goes through rig, model and
-effects. emcee: 64 walkers by 5000 steps, bare with its own stretch move and vectorize=True. Least
-squares: scipy's defaults on the bare side; ours adds the covariance, intervals and outcome.
+Both sides fit 100 settled points of a quadrotor with thrust k w^2 / (1 - D), D of eq. (4). The bare
+side has its formula written out by hand with everything constant folded; ours goes through rig,
+model and effects. emcee: 64 walkers by 5000 steps, bare with its own stretch move and
+vectorize=True. Least squares: scipy's defaults on the bare side; ours adds the covariance,
+intervals and outcome.
 """
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import emcee
@@ -27,9 +25,10 @@ from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import IslandDifference, log_probability
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
+from tests.proof.benchmarks.rows import Row, cpu_s, in_turns
 
 Array = NDArray[np.float64]
-WALKERS, STEPS, ROUNDS, REPEATS = 64, 5000, 3, 200
+WALKERS = 64
 SIGMA_N = 0.02
 
 
@@ -95,21 +94,9 @@ def bare_log_probability(stated: Problem, predict: Callable[[Any], Any]) -> Any:
     return log_prob
 
 
-def in_turns(rounds: int, *calls: Callable[[], object]) -> list[float]:
-    """Time each call in turn and return the medians: s."""
-    for call in calls:
-        call()
-    times: list[list[float]] = [[] for _ in calls]
-    for _ in range(rounds):
-        for call, own in zip(calls, times, strict=True):
-            start_s = time.perf_counter()
-            call()
-            own.append(time.perf_counter() - start_s)
-    return [statistics.median(own) for own in times]
-
-
-def bench(name: str, *free: str) -> None:
-    """Print one model's lines."""
+def model_rows(name: str, quick: bool, *free: str) -> Iterator[Row]:
+    """Yield the rows of one model."""
+    steps = 100 if quick else 5000
     stated = problem(*free)
     predict = bare_model(stated, moving="plate_offset.dz_m" in free)
     n = len(free)
@@ -120,19 +107,17 @@ def bench(name: str, *free: str) -> None:
 
     def bare_emcee() -> None:
         sampler = emcee.EnsembleSampler(WALKERS, n, by_hand, vectorize=True)
-        sampler.run_mcmc(start, STEPS)
+        sampler.run_mcmc(start, steps)
 
     def our_emcee() -> None:
         sampler = emcee.EnsembleSampler(
             WALKERS, n, log_probability(stated), moves=IslandDifference(1), vectorize=True
         )
-        sampler.run_mcmc(start, STEPS, skip_initial_state_check=True)
+        sampler.run_mcmc(start, steps, skip_initial_state_check=True)
 
-    bare_s, ours_s = in_turns(ROUNDS, bare_emcee, our_emcee)
-    print(
-        f"{name}: emcee {WALKERS} x {STEPS}: ours {ours_s:.3f} s, bare {bare_s:.3f} s, "
-        f"ratio {ours_s / bare_s:.2f}"
-    )
+    ours, bare = in_turns(1, our_emcee, bare_emcee)
+    work = f"emcee {WALKERS} x {steps}: {name}"
+    yield Row(work, ours, "s", bare, "bare emcee", 0.7, of_peer=True)
     lower, upper = stated.shape_bounds
     begin = 1.05 * stated.start + (0.001 if n > 3 else 0.0)
     moved = stated.at(begin)
@@ -145,24 +130,16 @@ def bench(name: str, *free: str) -> None:
             x_scale="jac",
         )
 
-    bare_s, ours_s = in_turns(REPEATS, bare_least_squares, lambda: fit_least_squares(moved))
-    print(
-        f"{name}: least squares: ours {ours_s * 1e3:.2f} ms, bare {bare_s * 1e3:.2f} ms, "
-        f"ratio {ours_s / bare_s:.2f}"
-    )
-    (whole_s,) = in_turns(1, lambda: fit_ensemble(stated))
-    facts = fit_ensemble(stated).facts
-    print(
-        f"{name}: whole emcee fit to convergence, 4 ensembles of {facts['walkers']} walkers, "
-        f"{facts['steps']} steps: {whole_s:.2f} s"
-    )
+    rounds = 2 if quick else 200
+    ours, bare = in_turns(rounds, lambda: fit_least_squares(moved), bare_least_squares)
+    yield Row(f"least squares: {name}", ours, "s", bare, "bare scipy", 1.2, of_peer=True)
+    if not quick:
+        whole_s = cpu_s(lambda: fit_ensemble(stated))
+        yield Row(f"emcee to convergence, 4 ensembles: {name}", whole_s, "s")
 
 
-def main() -> None:
-    """Time a fit with the geometry known and one with the plate's distance free."""
-    bench("k, R, K_b", "k", "R_m", "body_lift.K_b")
-    bench("k, R, K_b, plate offset", "k", "R_m", "body_lift.K_b", "plate_offset.dz_m")
-
-
-if __name__ == "__main__":
-    main()
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield a fit with the geometry known and one with the plate's distance free."""
+    yield from model_rows("k, R, K_b", quick, "k", "R_m", "body_lift.K_b")
+    free = ("k", "R_m", "body_lift.K_b", "plate_offset.dz_m")
+    yield from model_rows("k, R, K_b, plate offset", quick, *free)

@@ -1,17 +1,14 @@
-"""Print how fast flights run beside rotorpy; the aims: 1500 times real time, 300 times rotorpy.
+"""Flights beside rotorpy, in times real time.
 
 Ours: the PQUAD with six degrees of freedom, motor lag, observer or map feedforward, gyro noise,
-plant at 1 kHz, control at 250 Hz, logging at 250 Hz, float64, after warm-up; over a box with exact
-areas, and over a height grid. rotorpy: its Hummingbird under its own SE(3) controller over nothing
-(it has no map and no ground effect): vehicle and controller alone, stepped at 100 Hz, its own
-default, and at our 250 Hz; and its `Environment` as its users run it, at 250 Hz, with sensors. Runs
-are taken in turns, and the best of each counts. rotorpy comes with the benchmark extra.
+plant at 1 kHz, control and logging at 250 Hz; over a box with exact areas, and over a height grid.
+rotorpy: its Hummingbird under its own SE(3) controller over nothing (it has no map and no ground
+effect), vehicle and controller alone, stepped at 100 Hz, its default.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import cos
 from typing import Any
@@ -29,8 +26,7 @@ from benchtool.simulate.flight.environment import Environment, HeightGrid
 from benchtool.simulate.flight.flight import fly, fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import load_gains
-
-ROUNDS, OURS_S, THEIRS_S = 5, 60.0, 2.0
+from tests.proof.benchmarks.rows import Row, cpu_s, in_turns
 
 
 def grid() -> Environment:
@@ -40,11 +36,16 @@ def grid() -> Environment:
     return Environment(grid=HeightGrid(x, y, rise))
 
 
-def cases() -> dict[str, FlightCase]:
+def cases(duration_s: float) -> dict[str, FlightCase]:
     """Return the flights by name."""
     vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"), lag_s=0.02)
     base = flight_case(
-        "over", vehicle, load_gains("s3"), duration_s=OURS_S, gyro_noise_rad_s=0.015, log_Hz=250.0
+        "over",
+        vehicle,
+        load_gains("s3"),
+        duration_s=duration_s,
+        gyro_noise_rad_s=0.015,
+        log_Hz=250.0,
     )
     out = {
         f"{control} over a box": replace(base, control=control)
@@ -53,8 +54,8 @@ def cases() -> dict[str, FlightCase]:
     return out | {"observer over a grid": replace(base, control="observer", below=grid())}
 
 
-def rotorpy_at(rate_Hz: float, whole: bool = False) -> Callable[[], None] | None:
-    """Return one rotorpy flight of `THEIRS_S`, or None where it is not installed."""
+def rotorpy_rate() -> float | None:
+    """Return the speed of a rotorpy flight in times real time, or None where it is missing."""
     try:
         from rotorpy.controllers.quadrotor_control import SE3Control
         from rotorpy.trajectories.hover_traj import HoverTraj
@@ -62,16 +63,6 @@ def rotorpy_at(rate_Hz: float, whole: bool = False) -> Callable[[], None] | None
         from rotorpy.vehicles.multirotor import Multirotor
     except ImportError:
         return None
-    if whole:
-        from rotorpy.environments import Environment as Sandbox
-
-        sandbox: Any = Sandbox(
-            vehicle=Multirotor(quad_params),
-            controller=SE3Control(quad_params),
-            trajectory=HoverTraj(x0=np.array([1.0, 0.0, 0.0])),
-            sim_rate=rate_Hz,
-        )
-        return lambda: sandbox.run(t_final=THEIRS_S, plot=False)
     vehicle: Any = Multirotor(quad_params)
     controller: Any = SE3Control(quad_params)
     target: Any = HoverTraj(x0=np.array([1.0, 0.0, 0.0]))
@@ -79,85 +70,52 @@ def rotorpy_at(rate_Hz: float, whole: bool = False) -> Callable[[], None] | None
     def run() -> None:
         state = {key: np.array(value, float) for key, value in vehicle.initial_state.items()}
         log = []
-        for k in range(round(THEIRS_S * rate_Hz)):
-            at = k / rate_Hz
-            command = controller.update(at, state, target.update(at))
-            state = vehicle.step(state, command, 1.0 / rate_Hz)
+        for tick in range(200):
+            time_s = 0.01 * tick
+            command = controller.update(time_s, state, target.update(time_s))
+            state = vehicle.step(state, command, 0.01)
             log.append(state["x"])
         assert np.isfinite(log[-1]).all()
 
-    return run
+    return 2.0 / cpu_s(run)
 
 
-class OwnCascade:
-    """A cascade over position, velocity and attitude, as a user would write it."""
-
-    def __init__(self) -> None:
-        self.speed, self.climb = [0.0, 0.0], 0.0
+class OwnFlight:
+    """A controller as a user would write it."""
 
     def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> FlightCommand:
         """Return thrust and torques."""
-        tilts = []
-        for axis, (error, velocity) in enumerate(
-            ((want.x_m - seen.x_m, seen.vx_m_s), (want.y_m - seen.y_m, seen.vy_m_s))
-        ):
-            ask = max(-want.speed_m_s, min(want.speed_m_s, 1.1 * error))
-            slew = 0.65 * dt_s
-            self.speed[axis] += max(-slew, min(slew, ask - self.speed[axis]))
-            tilts.append(1.5 * (self.speed[axis] - velocity) / 9.81)
-        self.climb += (want.z_m - seen.z_m) * dt_s
-        up = 4.0 * (want.z_m - seen.z_m) + self.climb - 3.2 * seen.vz_m_s
+        speed = min(want.speed_m_s, want.x_m - seen.x_m)
+        pitch_rad = 0.15 * (speed - seen.vx_m_s)
+        bank_rad = 0.1 * (seen.y_m - want.y_m) + 0.2 * seen.vy_m_s
+        climb = 4.0 * (want.z_m - seen.z_m) - 3.2 * seen.vz_m_s
         return FlightCommand(
-            want.hover_N * (1.0 + up / 9.81) / (cos(seen.pitch_rad) * cos(seen.roll_rad)),
-            0.13 * (2.9 * (-tilts[1] - seen.roll_rad) - seen.p_rad_s),
-            0.13 * (2.9 * (tilts[0] - seen.pitch_rad) - seen.q_rad_s),
-            0.06 * (1.5 * (want.yaw_rad - seen.yaw_rad) - seen.r_rad_s),
+            want.hover_N * (1.0 + climb / 9.81) / cos(seen.pitch_rad),
+            0.13 * (2.9 * (bank_rad - seen.roll_rad) - seen.p_rad_s),
+            0.13 * (2.9 * (pitch_rad - seen.pitch_rad) - seen.q_rad_s),
+            0.2 * (want.yaw_rad - seen.yaw_rad - seen.r_rad_s),
         )
 
 
-def seconds(run: Callable[[], object]) -> float:
-    """Return how long a run takes."""
-    began = time.perf_counter()
-    run()
-    return time.perf_counter() - began
-
-
-def main() -> None:
-    """Take runs in turns and print the best of each."""
-    flights = cases()
-    fastest = {name: float("inf") for name in flights}
-    theirs = {
-        "rotorpy bare, 100 Hz": rotorpy_at(100.0),
-        "rotorpy bare, 250 Hz": rotorpy_at(250.0),
-        "rotorpy whole, 250 Hz": rotorpy_at(250.0, whole=True),
-    }
-    rotorpy = {rate: float("inf") for rate in theirs}
-    for case in flights.values():
-        fly(replace(case, duration_s=1.0))
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield flights of every controller; and one of 2 s with a new vehicle."""
+    duration_s = 2.0 if quick else 60.0
+    flights = cases(duration_s)
+    peer = rotorpy_rate()
     own = next(iter(flights.values()))
-    own_s = float("inf")
-    fly_user_controller(replace(own, duration_s=1.0), OwnCascade(), "own")
-    for _ in range(ROUNDS):
-        own_s = min(own_s, seconds(lambda: fly_user_controller(own, OwnCascade(), "own")))
-        for name, case in flights.items():
-            fastest[name] = min(fastest[name], seconds(lambda case=case: fly(case)))  # type: ignore[misc]
-        for rate, run in theirs.items():
-            if run is not None:
-                rotorpy[rate] = min(rotorpy[rate], seconds(run))
-    for name, took in fastest.items():
-        print(f"{name:<24} {OURS_S / took:>8.0f} times real time")
-    print(f"{'a Python class over a box':<24} {OURS_S / own_s:>8.0f} times real time")
-    slowest = min(OURS_S / each for each in fastest.values())
-    for name, took in rotorpy.items():
-        if not np.isfinite(took):
-            print("rotorpy is not installed: pip install benchtool[benchmark]")
-            break
-        theirs_x = THEIRS_S / took
-        print(
-            f"{name:<24} {theirs_x:>8.2f} times real time; our slowest is {slowest / theirs_x:.0f} "
-            f"times that"
-        )
-
-
-if __name__ == "__main__":
-    main()
+    works: dict[str, Callable[[], object]] = {
+        name: lambda flight=flight: fly(flight)  # type: ignore[misc]
+        for name, flight in flights.items()
+    }
+    works["a Python class over a box"] = lambda: fly_user_controller(own, OwnFlight(), "own")
+    times_s = in_turns(1 if quick else 3, *works.values())
+    for name, used_s in zip(works, times_s, strict=True):
+        wanted = 6000.0 if name.endswith("over a box") and "Python" not in name else None
+        rate = duration_s / used_s
+        yield Row(f"flight, {name}", rate, "times real time", peer, "rotorpy", wanted)
+    short = replace(own, duration_s=2.0)
+    vehicle = load_rig_by_name("pquad")
+    (used_s,) = in_turns(
+        2 if quick else 50, lambda: fly(replace(short, vehicle=FlightVehicle.of_rig(vehicle)))
+    )
+    yield Row("flight of 2 s with a new vehicle", 2.0 / used_s, "times real time")

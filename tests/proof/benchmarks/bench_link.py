@@ -1,29 +1,24 @@
-"""Print what the wire costs: frames per second on one core, and the share of a core at 1 kHz.
-
-The aims: 120,000 frames of 12 channels per second; 8 % of a core at 1 kHz with no frame lost, also
-while emcee runs beside it. `--seconds 60` gives the long run.
-"""
+"""The wire: frames decoded per second, and the share of a core that a reader takes at 1 kHz."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import time
+from collections.abc import Iterator
 from contextlib import nullcontext
 
 import numpy as np
-from link_load import (
-    Load,
+
+from benchtool.bench.serial.frames import Decoder, SampleFramer, crc16
+from tests.proof.benchmarks.link_load import (
     device,
     emcee_beside,
     measure,
+    read_bare,
     read_with_ours,
     read_with_readline,
 )
-
-from benchtool.bench.serial.frames import Decoder, SampleFramer, crc16
-
-FRAMES = 50_000
+from tests.proof.benchmarks.rows import Row
 
 
 def decode_by_line(data: bytes) -> int:
@@ -36,61 +31,48 @@ def decode_by_line(data: bytes) -> int:
     return count
 
 
-def frames_per_second(data: bytes, chunk: int) -> float:
+def frames_per_second(data: bytes, count: int, chunk: int) -> float:
     """Decode everything in chunks of that many bytes."""
     decoder, rows = Decoder(12), 0
     start_s = time.process_time()
     for at in range(0, len(data), chunk):
         rows += len(decoder.feed(data[at : at + chunk]).values)
     taken_s = time.process_time() - start_s
-    assert rows == FRAMES
+    assert rows == count
     return rows / taken_s
 
 
-def decoding() -> None:
-    """Print frames per second."""
+def decoder_rows(count: int) -> Iterator[Row]:
+    """Yield the decoder for small and large chunks, without and with empty fields."""
     rng = np.random.default_rng(1)
-    values = np.round(rng.uniform(900.0, 20000.0, (FRAMES, 12)), 1)
+    values = np.round(rng.uniform(900.0, 20000.0, (count, 12)), 1)
     for empty in (0.0, 0.3):
         values[rng.random(values.shape) < empty] = np.nan
-        data = b"".join(SampleFramer(12).frames(1000 * np.arange(FRAMES), values))
+        data = b"".join(SampleFramer(12).frames(1000 * np.arange(count), values))
         start_s = time.process_time()
-        assert decode_by_line(data) == FRAMES
-        plain = FRAMES / (time.process_time() - start_s)
+        assert decode_by_line(data) == count
+        plain = count / (time.process_time() - start_s)
         for chunk in (550, 4096, 65536):
-            ours = frames_per_second(data, chunk)
-            print(
-                f"decode, {empty:3.0%} empty, chunks of {chunk:5d} bytes: {ours:9,.0f} frames/s; "
-                f"line by line {plain:9,.0f}; ratio {ours / plain:.2f}"
-            )
+            ours = frames_per_second(data, count, chunk)
+            work = f"decoder, chunks of {chunk} bytes, {empty:.0%} of fields empty"
+            wanted = 0.6 if chunk == 550 else None
+            yield Row(work, ours, "frames/s", plain, "splitting lines", wanted, of_peer=True)
 
 
-def show(name: str, load: Load) -> None:
-    """Print one reader's load."""
-    print(
-        f"{name:28s} {load.rows:7d} rows in {load.wall_s:5.1f} s, {load.lost} lost, "
-        f"{load.corrupt} corrupt, {load.core_share:6.2%} of a core",
-        flush=True,
-    )
-
-
-def main() -> None:
-    """Print decoding, then the readers in turns."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=5.0, help="for each reader")
-    seconds = parser.parse_args().seconds
-    decoding()
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield decoding, then readers of a device in turns, alone and beside emcee."""
+    yield from decoder_rows(1000 if quick else 50_000)
     if os.name != "posix":
-        print("no pseudo-terminals on this system: 1 kHz not measured")
-        return
-    for name, beside in (("alone", nullcontext), ("beside emcee", emcee_beside)):
+        return  # there are no pseudo-terminals
+    seconds = 0.5 if quick else 5.0
+    for where, beside, peer_name, peer, wanted in (
+        ("alone", nullcontext, "bare pyserial", read_bare, 2.5),
+        ("beside emcee", emcee_beside, "readline", read_with_readline, None),
+    ):
         with device() as port, beside():
             ours = measure(read_with_ours, port, seconds)
-            show(f"ours, {name}", ours)
-            plain = measure(read_with_readline, port, seconds)
-            show(f"readline, {name}", plain)
-            print(f"ratio of processor time, {name}: {ours.core_share / plain.core_share:.3f}")
-
-
-if __name__ == "__main__":
-    main()
+            plain = measure(peer, port, seconds)
+        assert quick or (ours.lost, ours.corrupt) == (0, 0), ours
+        share, peer_share = 100.0 * ours.core_share, 100.0 * plain.core_share
+        work = f"reader, 1 kHz x 12 channels, {where}"
+        yield Row(work, share, "% of a core", peer_share, peer_name, wanted)

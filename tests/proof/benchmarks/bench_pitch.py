@@ -1,22 +1,19 @@
-"""Print how fast the pitch bench runs beside MuJoCo; the aims: 5000, 500, 10 times, 3000 runs/s.
+"""Pitch bench beside MuJoCo and beside a bare loop under numba, in times real time.
 
 The scenario: the two-rotor beam for 10 s with lag, friction, wake torque, all sensor noise and
 quantisation on, plant at 1 kHz, control at 500 Hz, float64, logging on, after warm-up. MuJoCo runs
-the same hinge, controller and noise through its Python interface, once with the ground-effect
-torque from a Python callback and once without ground effect. Single runs are taken in turns, and
-the best of each counts, so that what else the machine does falls on all alike.
+the same hinge, controller and noise through its Python interface, with the ground-effect torque
+from a Python callback. The bare loop is the same law without options, checks or a library.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import Any
 
+import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
 from benchtool.physics.model_file import load_model
@@ -25,8 +22,9 @@ from benchtool.simulate.controllers.pitch import PitchControl, PulseLaw
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_many, simulate_pitch
+from tests.proof.benchmarks.rows import Row, cpu_s, in_turns, wall_s
 
-DURATION_S, ROUNDS, RUNS = 10.0, 7, 3000
+DURATION_S = 10.0
 KP, KI, KD = 350.0, 350.0, 65.0
 ARM, RADIUS, GAP, J, K, TAU = 0.25, 0.127, 0.254, 0.03, 1.0030797180591442e-5, 0.02
 SLOPE, START, BASE_N = 1.2566370614359172, 1000.0, 1.2 * 9.81 / 2.0
@@ -68,10 +66,10 @@ BEAM = f"""<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body>
 class MujocoBeam:
     """The scenario through MuJoCo's Python interface."""
 
-    def __init__(self, schedule: SampledSchedule, ground_effect: bool) -> None:
+    def __init__(self, schedule: SampledSchedule) -> None:
         import mujoco
 
-        self.mujoco, self.ground_effect = mujoco, ground_effect
+        self.mujoco = mujoco
         self.model = mujoco.MjModel.from_xml_string(BEAM)
         self.reference = schedule.reference_rad.tolist()
         self.share = schedule.plate_share.tolist()
@@ -89,14 +87,11 @@ class MujocoBeam:
 
         def push(_model: Any, data: Any) -> None:
             one, two = state["w"]
-            factor = 1.0
-            if self.ground_effect:
-                ratio = RADIUS / (4.0 * (GAP + ARM * np.sin(data.qpos[0])))
-                factor = 1.0 + state["share"] * (1.0 / (1.0 - ratio * ratio) - 1.0)
+            ratio = RADIUS / (4.0 * (GAP + ARM * np.sin(data.qpos[0])))
+            factor = 1.0 + state["share"] * (1.0 / (1.0 - ratio * ratio) - 1.0)
             force[0] = ARM * K * (one * one * factor - two * two) + state["wake"]
 
-        if self.ground_effect:
-            mujoco.set_mjcb_passive(push)
+        mujoco.set_mjcb_passive(push)
         log = np.empty((len(self.reference), 8))
         total = 0.0
         try:
@@ -119,21 +114,44 @@ class MujocoBeam:
                         for pwm, w in zip(pulses, state["w"], strict=True)
                     ]
                     state["wake"] = kept * state["wake"] + kick * rng.standard_normal()
-                    if not self.ground_effect:
-                        push(model, data)
                     mujoco.mj_step(model, data)
         finally:
             mujoco.set_mjcb_passive(None)
 
 
-def best_s(run: Callable[[], object], rounds: int = 1) -> float:
-    """Return the least duration of some rounds."""
-    out = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        run()
-        out.append(time.perf_counter() - start)
-    return min(out)
+@numba.njit(cache=True)
+def bare_loop(
+    reference: NDArray[np.float64], share: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return the log of the scenario, written for it alone."""
+    lag, base = np.exp(-0.001 / TAU), START + np.sqrt(BASE_N / K) / SLOPE
+    kept, kick = np.exp(-0.001 / 0.1), 0.004 * np.sqrt(1.0 - np.exp(-0.02))
+    one = two = np.sqrt(BASE_N / K)
+    angle = velocity = total = wake = 0.0
+    log = np.empty((len(reference), 9))
+    for tick in range(len(reference)):
+        theta = round((angle + 3.5e-4 * rng.standard_normal()) / 3.83e-4) * 3.83e-4
+        rate = round((velocity + 1.75e-3 * rng.standard_normal()) / 1.06e-3) * 1.06e-3
+        error = reference[tick] - theta
+        total = min(max(total + 0.002 * error, -0.5), 0.5)
+        pulse = KP * error + KI * total - KD * rate
+        pwm1 = round(min(max(base + pulse, 1100.0), 1950.0))
+        pwm2 = round(min(max(base - pulse, 1100.0), 1950.0))
+        rpm1 = one * 9.549 + 15.0 * rng.standard_normal()
+        rpm2 = two * 9.549 + 15.0 * rng.standard_normal()
+        gap = GAP + 0.001 * rng.standard_normal()
+        log[tick] = np.array((reference[tick], theta, rate, pwm1, pwm2, rpm1, rpm2, gap, angle))
+        for _ in range(2):
+            one = SLOPE * (pwm1 - START) * (1.0 - lag) + lag * one
+            two = SLOPE * (pwm2 - START) * (1.0 - lag) + lag * two
+            wake = kept * wake + kick * rng.standard_normal()
+            ratio = RADIUS / (4.0 * (GAP + ARM * np.sin(angle)))
+            factor = 1.0 + share[tick] * (1.0 / (1.0 - ratio * ratio) - 1.0)
+            torque = ARM * K * (one * one * factor - two * two) + wake
+            friction = 0.001 * np.tanh(velocity / 1e-3)
+            velocity += 0.001 * (torque - friction) / J
+            angle += 0.001 * velocity
+    return log
 
 
 def squared(loop: PitchLoop, lane: int, run: int) -> float:
@@ -141,46 +159,29 @@ def squared(loop: PitchLoop, lane: int, run: int) -> float:
     return float(np.mean((loop.log[:, 8, lane] - loop.log[:, 0, lane]) ** 2))
 
 
-def main() -> None:
-    """Measure and print."""
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield single runs of both controllers beside each peer, and batches."""
     job, schedule = scenario()
-    contestants: dict[str, Callable[[], object]] = {
-        "benchtool, built-in controller": lambda: simulate_pitch(job, schedule),
-        "benchtool, controller in Python": lambda: simulate_controller(OwnPid(), job, schedule),
-    }
+    rng = np.random.default_rng(1)
+    ours_s, python_s, bare_s = in_turns(
+        2 if quick else 15,
+        lambda: simulate_pitch(job, schedule),
+        lambda: simulate_controller(OwnPid(), job, schedule),
+        lambda: bare_loop(schedule.reference_rad, schedule.plate_share, rng),
+    )
+    ours, unit, bare = DURATION_S / ours_s, "times real time", DURATION_S / bare_s
+    yield Row("pitch bench, one core", ours, unit, bare, "bare numba loop", 10_000)
+    yield Row("pitch bench, Python controller", DURATION_S / python_s, unit, wanted=1500)
     try:
-        for label, effect in (("without ground effect", False), ("with a callback", True)):
-            contestants[f"MuJoCo, {label}"] = MujocoBeam(schedule, effect).run
+        mujoco = DURATION_S / cpu_s(MujocoBeam(schedule).run)
     except ImportError:
-        print("MuJoCo is not installed: pip install benchtool[benchmark]")
-    best = dict.fromkeys(contestants, float("inf"))
-    for run in contestants.values():
-        run()
-    for _ in range(ROUNDS):
-        for label, run in contestants.items():
-            best[label] = min(best[label], best_s(run))
-    for label, seconds in best.items():
-        print(f"{label:<34} {DURATION_S / seconds:>8.0f} times real time")
-    if "MuJoCo, with a callback" in best:
-        ratio = best["MuJoCo, with a callback"] / best["benchtool, built-in controller"]
-        print(f"{'benchtool over MuJoCo, callback':<34} {ratio:>8.1f} times (aim 10)")
+        mujoco = None  # pip install benchtool[benchmark]
+    yield Row("pitch bench beside MuJoCo", ours, unit, mujoco, "MuJoCo", 10.0, mujoco is not None)
+    count = 64 if quick else 6000
     list(simulate_many([(job, k) for k in range(64)], schedule, squared))
-    for threads in (1, os.cpu_count() or 1):
-        for count in (RUNS, 2 * RUNS):
-            seconds = best_s(
-                lambda n=count, t=threads: list(  # type: ignore[misc]
-                    simulate_many(((job, k) for k in range(n)), schedule, squared, threads=t)
-                )
-            )
-            print(
-                f"batch of {count} runs of {DURATION_S:g} s on {threads} threads: "
-                f"{count / seconds:.0f} runs/s"
-            )
-    command = [sys.executable, "-m", "benchtool", "simulate", "pitch"]
-    subprocess.run(command, check=True, capture_output=True)
-    seconds = best_s(lambda: subprocess.run(command, check=True, capture_output=True), 5)
-    print(f"benchtool simulate pitch, warm: {seconds:.2f} s (aim 2.5)")
-
-
-if __name__ == "__main__":
-    main()
+    for threads, wanted in ((1, None), (2, 10_000)):
+        batch = simulate_many(((job, k) for k in range(count)), schedule, squared, threads=threads)
+        rate = count / wall_s(lambda: list(batch))  # noqa: B023
+        yield Row(
+            f"batch of 10 s runs, {threads} threads (wall time)", rate, "runs/s", wanted=wanted
+        )

@@ -1,7 +1,6 @@
-"""What a sample costs from parsed frame to the disk's buffer, limits included, and a point.
+"""A sample from parsed frame to the disk's buffer, limits included, and a point.
 
-Budget: 20 us for a row of 12 channels, one row at a time (a reader at 1 kHz sees one to five at
-once). Measured elsewhere on this kind of machine: a csv row with a flush 6 us, an fsync 145 us.
+A reader at 1 kHz gets one to five rows of 12 channels at once.
 """
 
 from __future__ import annotations
@@ -9,8 +8,9 @@ from __future__ import annotations
 import csv
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -18,75 +18,61 @@ from benchtool.bench.limit_check import LimitCheck
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.columns import find_channel
 from benchtool.data.run.append import SampleWriter
-from benchtool.data.run.points import Point, PointWriter
+from benchtool.data.run.points import PointWriter
+from tests.proof.benchmarks.rows import Row
+from tests.unit.data.run_of import point
 
 RIG = load_rig_by_name("pquad_single")
 NAMES = (
     *("pwm1_us", "rpm1", "thrust_N", "thrust_raw", "torque_Nm", "plate_z_m", "plate_x_m"),
     *("plate_tilt_deg", "voltage_V", "current_A", "temperature_degC", "vibration"),
 )
-ROWS = 40_000
 
 
-def sample_rows() -> tuple[np.ndarray, np.ndarray]:
+def sample_rows(count: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)
     typical = np.array([1500, 4500, 2.2, 8123, 0.05, 0.12, 0.001, 0.5, 11.1, 3.4, 40, 0.2], float)
-    values = np.round(typical * (1.0 + 0.01 * rng.normal(size=(ROWS, 12))), 4)
+    values = np.round(typical * (1.0 + 0.01 * rng.normal(size=(count, 12))), 4)
     values[rng.random(values.shape) < 0.2] = np.nan
-    return np.arange(ROWS) / 1000.0, values
+    return np.arange(count) / 1000.0, values
 
 
-def ours(folder: Path, at_once: int, *, limits: bool) -> float:
+def ours(folder: Path, count: int, at_once: int, *, limits: bool) -> float:
     """Return the cost of one row: us."""
     channels = tuple(find_channel(name) for name in NAMES)
     writer = SampleWriter(folder / f"samples-{at_once}-{limits}.csv", channels)
     check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
-    time_s, values = sample_rows()
-    begun = perf_counter()
-    for i in range(0, ROWS, at_once):
+    time_s, values = sample_rows(count)
+    begun = process_time()
+    for i in range(0, count, at_once):
         block, at = values[i : i + at_once], time_s[i : i + at_once]
         if limits and (breach := check.find_violation(at, block)) is not None:
             raise breach
         writer.append(1, "sample", at, 1e6 * at, block)
-    spent = perf_counter() - begun
+    spent = process_time() - begun
     writer.close()
-    return 1e6 * spent / ROWS
+    return 1e6 * spent / count
 
 
-def plain_csv(folder: Path) -> float:
+def plain_csv(folder: Path, count: int) -> float:
     """Return the cost of one row through the csv module with a flush: us."""
-    time_s, values = sample_rows()
+    time_s, values = sample_rows(count)
     with open(folder / "plain.csv", "w", newline="") as file:
         writer = csv.writer(file)
-        begun = perf_counter()
+        begun = process_time()
         for at, row in zip(time_s.tolist(), values.tolist(), strict=True):
             writer.writerow([at, 1e6 * at, 1, "sample", *row])
             file.flush()
-        return 1e6 * (perf_counter() - begun) / ROWS
+        return 1e6 * (process_time() - begun) / count
 
 
 def one_point(folder: Path) -> tuple[float, float]:
-    """Return the cost of a point with its fsync, and of a bare fsync of as many bytes: us."""
-    point = Point(
-        point=1,
-        kind="measure",
-        setting=1,
-        repeat=1,
-        time_s=1.0,
-        elapsed_s=1.0,
-        pwm_us=(1500.0,),
-        rpm=(5000.0,),
-        rpm_se=(1.5,),
-        thrust_N=2.2,
-        thrust_sd_N=0.1,
-        thrust_se_N=0.01,
-        n_samples=160,
-        plate_z_m=0.12,
-    )
+    """Return the time of a point with its fsync, and of a bare fsync of as many bytes: us."""
+    a_point = point(1, "measure", 1, 1, 2.2)
     writer = PointWriter(folder / "points.csv", 1)
     begun = perf_counter()
     for _ in range(300):
-        writer.append(point)
+        writer.append(a_point)
     cost = perf_counter() - begun
     writer.close()
     with open(folder / "bare", "wb", buffering=0) as file:
@@ -98,25 +84,17 @@ def one_point(folder: Path) -> tuple[float, float]:
     return 1e6 * cost / 300, 1e6 * bare / 300
 
 
-def main() -> None:
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield rows written alone and with limits, one and five at once, and a point."""
+    count = 500 if quick else 40_000
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        plain = plain_csv(folder)
-        print(f"csv module with a flush per row      {plain:6.1f} us a row")
+        plain_us = plain_csv(folder, count)
         for at_once in (1, 5):
-            alone = ours(folder, at_once, limits=False)
-            whole = ours(folder, at_once, limits=True)
-            print(
-                f"rows of {at_once} at once: written         {alone:6.1f} us a row, "
-                f"{alone / plain:.2f} of the csv module"
-            )
-            print(
-                f"rows of {at_once} at once: limits, written {whole:6.1f} us a row, "
-                f"{whole / 20.0:.2f} of the budget of 20 us"
-            )
-        point, bare = one_point(folder)
-        print(f"a point with its fsync {point:.0f} us, {point / bare:.2f} of a bare fsync")
-
-
-if __name__ == "__main__":
-    main()
+            for limits in (False, True):
+                row_us = ours(folder, count, at_once, limits=limits)
+                work = f"rows, {at_once} at once, {'limits and ' * limits}file"
+                wanted = 15.0 if limits and at_once == 1 else None
+                yield Row(work, row_us, "us", plain_us, "csv module with flush", wanted)
+        point_us, bare_us = one_point(folder)
+        yield Row("a point with its fsync", point_us, "us", bare_us, "fsync alone")

@@ -1,45 +1,52 @@
-"""Print the CPU time of every help as a ratio to ``import typer`` alone; the aim is at most 1.3.
-
-All are run in turns, so that what else the machine does falls on each alike. ``import benchtool``
-is to take at most 50 ms.
-"""
+"""Commands as whole processes: help, errors, a small fit, and the first call after an install."""
 
 from __future__ import annotations
 
-import os
-import sys
-from statistics import median
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
 
 from benchtool.commands.app import COMMANDS
-
-ROUNDS = 15
-BASE = "import typer"
+from tests.proof.benchmarks.rows import Row, command_cpu_s
 
 
-def cpu_ms(arguments: list[str]) -> float:
-    """Time one fresh interpreter, user and system."""
-    discarded = [(os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)]
-    command = [sys.executable, *arguments]
-    pid = os.posix_spawn(sys.executable, command, os.environ, file_actions=discarded)
-    _, status, usage = os.wait4(pid, 0)
-    assert status == 0
-    return 1e3 * (usage.ru_utime + usage.ru_stime)
+def write_points(path: Path, count: int) -> list[str]:
+    """Write points of one rotor near a plate; return the arguments that fit them."""
+    radius_m = 0.127
+    z_m = radius_m * np.geomspace(0.6, 4.0, count)
+    noise = 1.0 + 0.001 * np.random.default_rng(1).standard_normal(count)
+    thrust_N = 3.2 / (1.0 - (radius_m / 4.0 / z_m) ** 2) * noise
+    table = np.column_stack((z_m, thrust_N, np.full(count, 6000.0)))
+    np.savetxt(path, table, "%.6f", ",", header="plate_z_m,thrust_N,rpm1", comments="")
+    return ["fit", str(path), "--model", "single", "--rig", "pquad_single"]
 
 
-def main() -> None:
-    """Time every command's help beside the bare import; the first round fills the caches."""
-    programs = {text: ["-c", text] for text in (BASE, "import benchtool")}
-    for command in ("", *COMMANDS):
-        words = ["benchtool", *command.split(), "--help"]
-        programs[" ".join(words)] = ["-m", *words]
-    rounds = [{name: cpu_ms(program) for name, program in programs.items()}
-              for _ in range(ROUNDS + 1)][1:]  # fmt: skip
-    for name in programs:
-        times = [one[name] for one in rounds]
-        ratio = median(one[name] / one[BASE] for one in rounds)
-        print(f"{name:32s} median {median(times):6.1f} ms, least {min(times):6.1f} ms, "
-              f"ratio {ratio:.2f}")  # fmt: skip
+def rows(quick: bool) -> Iterator[Row]:
+    """Yield one row for each kind of command."""
 
+    def call(*arguments: str, code: int = 0, **environment: str) -> float:
+        words = ("-m", "benchtool", *arguments)
+        return command_cpu_s(*words, code=code, environment=environment)
 
-if __name__ == "__main__":
-    main()
+    command_cpu_s("-c", "import typer")
+    typer_s = command_cpu_s("-c", "import typer")
+    used_s = command_cpu_s("-c", "import benchtool")
+    yield Row("import benchtool", used_s, "s", typer_s, "import typer", 0.05)
+    used_s = call("--help")
+    yield Row("benchtool --help", used_s, "s", typer_s, "import typer", 1.5, of_peer=True)
+    names = list(COMMANDS)[: 2 if quick else None]
+    times_s = [call(*name.split(), "--help") for name in names]
+    median_s = float(np.median(times_s))
+    work = "median of the help of all commands"
+    yield Row(work, median_s, "s", typer_s, "import typer", 1.5, of_peer=True)
+    yield Row("usage error", call("fit", "--nope", code=2), "s", wanted=0.4)
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = write_points(Path(folder) / "points.csv", 40)
+        call(*arguments)
+        yield Row("fit of 40 points, no report", call(*arguments), "s", wanted=1.0)
+        simulate = ("simulate", "pitch")
+        first_s = call(*simulate, NUMBA_CACHE_DIR=folder)
+        yield Row("first call after an install: simulate pitch", first_s, "s", wanted=8.0)
+        yield Row("simulate pitch, compiled", call(*simulate), "s", wanted=2.5)
