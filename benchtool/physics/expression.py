@@ -21,6 +21,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
+import numpy as np
+
 from benchtool.core.errors import MissingLibrary
 from benchtool.core.user_file import user_folder
 
@@ -100,6 +102,25 @@ def shared_view(table: Any, like: Any) -> Any:
             axis.
     """
     return table
+
+
+def at_least(value: Quantity, limit: Quantity) -> Quantity:
+    """Return the larger one; in a compiled loop one instruction, for a limit that is not nan."""
+    return np.maximum(value, limit)
+
+
+def at_most(value: Quantity, limit: Quantity) -> Quantity:
+    """Return the smaller one; in a compiled loop one instruction, for a limit that is not nan."""
+    return np.minimum(value, limit)
+
+
+def unless_zero(weight: Quantity, term: Quantity) -> Quantity:
+    """Return a term that is 0 where its weight is 0.
+
+    A compiled loop of one lane does not wait for the term of an absent effect, which would
+    otherwise delay the next plant step.
+    """
+    return term
 
 
 def with_fields(values: Any, i: int, value: Any) -> Any:
@@ -218,12 +239,42 @@ def _register_records() -> None:
 
         return build(signature.return_type)
 
+    def select_limit(operator: str) -> Any:
+        def select(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            value, limit = (
+                context.cast(builder, number, kind, types.float64)
+                for number, kind in zip(values, signature.args, strict=True)
+            )
+            return builder.select(builder.fcmp_ordered(operator, value, limit), limit, value)
+
+        return select
+
+    def skip_zero(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        weight, term = (
+            context.cast(builder, number, kind, types.float64)
+            for number, kind in zip(values, signature.args, strict=True)
+        )
+        zero, start = weight.type(0.0), builder.block
+        with tools.if_unlikely(builder, builder.fcmp_unordered("!=", weight, zero)):
+            within = builder.block
+        result = builder.phi(weight.type)
+        result.add_incoming(zero, start)
+        result.add_incoming(term, within)
+        return result
+
     set_type: Any = type_callable
     lower: Any = lower_builtin
     set_type(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
     set_type(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
     set_type(shared_view)(lambda context: lambda table, like: array_types(like))
     set_type(with_fields)(lambda context: lambda values, i, value: values)
+    for function, lowering in (
+        (at_least, select_limit("<")),
+        (at_most, select_limit(">")),
+        (unless_zero, skip_zero),
+    ):
+        set_type(function)(lambda context: lambda first, second: types.float64)
+        lower(function, types.Any, types.Any)(lowering)
     lower(shared_view, types.Array, types.Any)(build_view)
     lower(with_fields, types.UniTuple, types.Any, types.Any)(replace)
     lower(read_record, types.Array, *[types.Any] * 3)(read)
