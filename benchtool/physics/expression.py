@@ -35,6 +35,11 @@ _loop_parts: list[Callable[..., Any]] = []
 _registered: set[int | str] = set()
 _is_compiling: bool = False
 
+# Of the parts of a loop: they allocate nothing, so that no references need to be counted.
+PART_OPTIONS = {
+    "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, "_nrt": False,
+}  # fmt: skip
+
 
 def expression(function: Function) -> Function:
     """Register a branch-free function for `compile_expressions` and return it unchanged."""
@@ -59,7 +64,7 @@ def compile_expressions() -> None:
     _is_compiling = True
     for function in (*_expressions, *_loop_parts):
         if id(function) not in _registered:
-            register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
+            register_jitable(**PART_OPTIONS)(function)
             _registered.add(id(function))
     if "records" not in _registered:
         _register_records()
