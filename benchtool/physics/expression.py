@@ -101,8 +101,8 @@ def shared_view(table: Any, like: Any) -> Any:
     plant step, because each part of a loop counts every array of its records.
 
     Args:
-        table: one row per array: address and lengths of three axes (`simulate.layout.lend_rows`).
-            In Python it is the record itself.
+        table: one row per array: address and lengths of three axes (`simulate.layout.lend_rows`);
+            or its address, which takes less time per call. In Python it is the record itself.
         like: record of the same type, with a number in nested tuples for an array, one tuple per
             axis.
     """
@@ -224,7 +224,11 @@ def _register_records() -> None:
         return types.Array(kind, axes, "C")
 
     def build_view(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        table = context.make_array(signature.args[0])(context, builder, values[0]).data
+        table = values[0]
+        if isinstance(signature.args[0], types.Integer):
+            table = builder.inttoptr(table, tools.intp_t.as_pointer())
+        else:
+            table = context.make_array(signature.args[0])(context, builder, table).data
         row = count()
 
         def next_number() -> Any:
@@ -280,7 +284,7 @@ def _register_records() -> None:
     ):
         set_type(function)(lambda context: lambda first, second: types.float64)
         lower(function, types.Any, types.Any)(lowering)
-    lower(shared_view, types.Array, types.Any)(build_view)
+    lower(shared_view, types.Any, types.Any)(build_view)
     lower(with_fields, types.UniTuple, types.Any, types.Any)(replace)
     lower(read_record, types.Array, *[types.Any] * 3)(read)
     lower(write_record, types.Array, *[types.Any] * 4)(write)

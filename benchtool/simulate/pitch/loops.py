@@ -87,6 +87,7 @@ class PitchArrays(NamedTuple):
         fresh: (n_sensors, n_ticks + 1), 1 for a new reading at a tick.
         geometry: a `Geometry` (n_numbers,).
         gains: `FilterGains` of a filter (n_gains,).
+        plan: a `LoopPlan` (n_settings,).
     """
 
     w: Array = LINE
@@ -99,6 +100,7 @@ class PitchArrays(NamedTuple):
     fresh: Array = PLANE
     geometry: Array = LINE
     gains: Array = LINE
+    plan: NDArray[np.int64] = COUNTS
 
 
 def tick_slot(n_discs: int) -> Slot:
