@@ -15,6 +15,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import count
@@ -34,6 +35,8 @@ _expressions: list[Callable[..., Any]] = []
 _loop_parts: list[Callable[..., Any]] = []
 _registered: set[int | str] = set()
 _is_compiling: bool = False
+
+PARTS_OF_LOOP = 150  # compiled functions of a loop: 136 of a pitch bench, 170 of a flight
 
 # Of the parts of a loop: they allocate nothing, so that no references need to be counted.
 PART_OPTIONS = {
@@ -321,6 +324,31 @@ def compiled_closure(function: Function, key: str) -> Function:
     except (ImportError, AttributeError, TypeError, OSError, RuntimeError, IndexError):
         pass  # no writable folder, or an incompatible numba: compile in every process
     return machine_code  # type: ignore[no-any-return]
+
+
+@contextmanager
+def watch_compilation(report: Callable[[float], None]) -> Iterator[None]:
+    """Call `report` with the compiled share, 0 to 1, while loops are compiled.
+
+    A loop is compiled at its first run after an installation; afterwards `report` is not called.
+    """
+    if not can_compile():
+        yield
+        return
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        parts = 0
+
+        def on_start(self, _event: Any) -> None:
+            pass
+
+        def on_end(self, _event: Any) -> None:
+            self.parts += 1
+            report(min(self.parts / PARTS_OF_LOOP, 1.0))
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
 
 
 def _build_cache_class(key: str) -> Any:
