@@ -337,7 +337,7 @@ def watch_compilation(report: Callable[[float], None]) -> Iterator[None]:
         return
     from numba.core import event
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         parts = 0
 
         def on_start(self, _event: Any) -> None:

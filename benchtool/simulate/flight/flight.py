@@ -181,9 +181,8 @@ class FlightLoop(Loop):
         )  # fmt: skip
         self.use(arrays)
         self.ended = self.n_ticks
-        self._read_measured = memoryview(self.view("measured")[:, 0]).tolist
-        command = self.view("command")[:, 0]
-        self._wrench, self._factors = memoryview(command[:4]), command[4:]
+        self._read_measured = self.numbers("measured").tolist
+        self._wrench, self._factors = self.numbers("command"), self.view("command")[4:, 0]
         self._n_discs = rig.n_discs
         self._has_factors = False
 

@@ -238,11 +238,11 @@ class PitchLoop(Loop):
 
     @cached_property
     def _read(self) -> Callable[[], list[float]]:
-        return memoryview(self.view("readings")[:, 0]).tolist
+        return self.numbers("readings").tolist  # type: ignore[no-any-return]
 
     @cached_property
-    def _command(self) -> memoryview:  # writes a number in half the time of an array
-        return memoryview(self.view("command")[:, 0])
+    def _command(self) -> Any:
+        return self.numbers("command")
 
     def measure(self, time_s: float) -> PitchMeasurement:
         numbers = self._read()
