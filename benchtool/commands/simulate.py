@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,19 +76,16 @@ def _compile_bar() -> Iterator[None]:
     """Show a bar on a terminal while loops are compiled, once per installation."""
     from benchtool.physics.expression import watch_compilation
 
-    updates: list[Callable[..., None]] = []
     with ExitStack() as stack:
 
-        def show(share: float) -> None:
+        @cache
+        def update() -> Callable[..., None]:
             from benchtool.commands.terminal.tables import progress_bar
 
-            if not updates:
-                bar = stack.enter_context(progress_bar())
-                task = bar.add_task("compiling, once per installation", total=1.0)
-                updates.append(partial(bar.update, task))
-            updates[0](completed=share)
+            bar = stack.enter_context(progress_bar())
+            return partial(bar.update, bar.add_task("compiling, once per installation", total=1.0))
 
-        stack.enter_context(watch_compilation(show))
+        stack.enter_context(watch_compilation(lambda share: update()(completed=share)))
         yield
 
 
