@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +34,9 @@ def pitch(inputs: PitchInputs) -> None:
         return
     from benchtool.results import pitch_result
 
-    _print_study(pitch_result(inputs, permit=announce_code), inputs.study.out)
+    with _compile_bar():
+        result = pitch_result(inputs, permit=announce_code)
+    _print_study(result, inputs.study.out)
 
 
 @command_from_inputs(FlightInputs)
@@ -50,7 +54,9 @@ def flight(inputs: FlightInputs) -> None:
         return
     from benchtool.results import flight_result
 
-    _print_study(flight_result(inputs, permit=announce_code), inputs.study.out)
+    with _compile_bar():
+        result = flight_result(inputs, permit=announce_code)
+    _print_study(result, inputs.study.out)
 
 
 def _warn_if_slow() -> None:
@@ -63,6 +69,24 @@ def _warn_if_slow() -> None:
             "pip install benchtool[fast]",
             file=sys.stderr,
         )
+
+
+@contextmanager
+def _compile_bar() -> Iterator[None]:
+    """Show a bar on a terminal while loops are compiled, once per installation."""
+    from benchtool.physics.expression import watch_compilation
+
+    with ExitStack() as stack:
+
+        @cache
+        def update() -> Callable[..., None]:
+            from benchtool.commands.terminal.tables import progress_bar
+
+            bar = stack.enter_context(progress_bar())
+            return partial(bar.update, bar.add_task("compiling, once per installation", total=1.0))
+
+        stack.enter_context(watch_compilation(lambda share: update()(completed=share)))
+        yield
 
 
 def _print_study(result: Result[Any], out: Path | None) -> None:
@@ -98,6 +122,7 @@ def _run_campaign(
 
     from benchtool.commands.terminal.tables import progress_bar
     from benchtool.data.parquet import campaign_means
+    from benchtool.physics.expression import watch_compilation
     from benchtool.simulate.campaign import Design, build_campaign, run_campaign
 
     _check_names(inputs, controllers)
@@ -136,11 +161,16 @@ def _run_campaign(
     start_s = monotonic()
     with progress_bar(MofNCompleteColumn(), TimeRemainingColumn(), transient=False) as progress:
         task = progress.add_task("runs", total=total)
+
+        def show_compiled(share: float) -> None:
+            progress.update(task, description=f"runs, compiling once ({share:.0%})")
+
         try:
-            count = run_campaign(
-                campaign, inputs, design, table, metadata,
-                lambda done: progress.update(task, completed=done),
-            )  # fmt: skip
+            with watch_compilation(show_compiled):
+                count = run_campaign(
+                    campaign, inputs, design, table, metadata,
+                    lambda done: progress.update(task, completed=done, description="runs"),
+                )  # fmt: skip
         except KeyboardInterrupt:
             rows = table.with_name("runs.jsonl")
             print(f"stopped; results are in {rows}; the same command resumes", file=sys.stderr)

@@ -18,7 +18,7 @@ from benchtool.core.errors import InputError
 from benchtool.physics.body_lift import BodyImages, wake_rule
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import N_BEFORE_RATE, N_CONSTANT, NO_FLOW, Effect, Flow
-from benchtool.physics.expression import expression
+from benchtool.physics.expression import expression, unless_zero
 from benchtool.physics.fold import (
     BoundHook,
     Hook,
@@ -216,7 +216,9 @@ def _disc_neighbours(i: int, n: int, image: Hook) -> Hook:
 def _neighbour(i: int, j: int, image: Hook) -> Hook:
     low, high = min(i, j), max(i, j)  # same operands in both directions: half the roots if compiled
     return expression(
-        lambda source, z, distances: source[j] * image(z[i], z[j], distances[low][high])
+        lambda source, z, distances: unless_zero(
+            source[j], source[j] * image(z[i], z[j], distances[low][high])
+        )
     )
 
 

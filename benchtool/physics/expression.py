@@ -15,11 +15,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
 
 from benchtool.core.errors import MissingLibrary
 from benchtool.core.user_file import user_folder
@@ -32,6 +35,13 @@ _expressions: list[Callable[..., Any]] = []
 _loop_parts: list[Callable[..., Any]] = []
 _registered: set[int | str] = set()
 _is_compiling: bool = False
+
+PARTS_OF_LOOP = 150  # compiled functions of a loop: 136 of a pitch bench, 170 of a flight
+
+# Of the parts of a loop: they allocate nothing, so that no references need to be counted.
+PART_OPTIONS = {
+    "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, "_nrt": False,
+}  # fmt: skip
 
 
 def expression(function: Function) -> Function:
@@ -57,7 +67,7 @@ def compile_expressions() -> None:
     _is_compiling = True
     for function in (*_expressions, *_loop_parts):
         if id(function) not in _registered:
-            register_jitable(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
+            register_jitable(**PART_OPTIONS)(function)
             _registered.add(id(function))
     if "records" not in _registered:
         _register_records()
@@ -94,12 +104,31 @@ def shared_view(table: Any, like: Any) -> Any:
     plant step, because each part of a loop counts every array of its records.
 
     Args:
-        table: one row per array: address and lengths of three axes (`simulate.layout.lend_rows`).
-            In Python it is the record itself.
+        table: one row per array: address and lengths of three axes (`simulate.layout.lend_rows`);
+            or its address, which takes less time per call. In Python it is the record itself.
         like: record of the same type, with a number in nested tuples for an array, one tuple per
             axis.
     """
     return table
+
+
+def at_least(value: Quantity, limit: Quantity) -> Quantity:
+    """Return the larger one; in a compiled loop one instruction, for a limit that is not nan."""
+    return np.maximum(value, limit)
+
+
+def at_most(value: Quantity, limit: Quantity) -> Quantity:
+    """Return the smaller one; in a compiled loop one instruction, for a limit that is not nan."""
+    return np.minimum(value, limit)
+
+
+def unless_zero(weight: Quantity, term: Quantity) -> Quantity:
+    """Return a term that is 0 where its weight is 0.
+
+    A compiled loop of one lane does not wait for the term of an absent effect, which would
+    otherwise delay the next plant step.
+    """
+    return term
 
 
 def with_fields(values: Any, i: int, value: Any) -> Any:
@@ -198,7 +227,11 @@ def _register_records() -> None:
         return types.Array(kind, axes, "C")
 
     def build_view(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        table = context.make_array(signature.args[0])(context, builder, values[0]).data
+        table = values[0]
+        if isinstance(signature.args[0], types.Integer):
+            table = builder.inttoptr(table, tools.intp_t.as_pointer())
+        else:
+            table = context.make_array(signature.args[0])(context, builder, table).data
         row = count()
 
         def next_number() -> Any:
@@ -218,13 +251,43 @@ def _register_records() -> None:
 
         return build(signature.return_type)
 
+    def select_limit(operator: str) -> Any:
+        def select(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            value, limit = (
+                context.cast(builder, number, kind, types.float64)
+                for number, kind in zip(values, signature.args, strict=True)
+            )
+            return builder.select(builder.fcmp_ordered(operator, value, limit), limit, value)
+
+        return select
+
+    def skip_zero(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        weight, term = (
+            context.cast(builder, number, kind, types.float64)
+            for number, kind in zip(values, signature.args, strict=True)
+        )
+        zero, start = weight.type(0.0), builder.block
+        with tools.if_unlikely(builder, builder.fcmp_unordered("!=", weight, zero)):
+            within = builder.block
+        result = builder.phi(weight.type)
+        result.add_incoming(zero, start)
+        result.add_incoming(term, within)
+        return result
+
     set_type: Any = type_callable
     lower: Any = lower_builtin
     set_type(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
     set_type(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
     set_type(shared_view)(lambda context: lambda table, like: array_types(like))
     set_type(with_fields)(lambda context: lambda values, i, value: values)
-    lower(shared_view, types.Array, types.Any)(build_view)
+    for function, lowering in (
+        (at_least, select_limit("<")),
+        (at_most, select_limit(">")),
+        (unless_zero, skip_zero),
+    ):
+        set_type(function)(lambda context: lambda first, second: types.float64)
+        lower(function, types.Any, types.Any)(lowering)
+    lower(shared_view, types.Any, types.Any)(build_view)
     lower(with_fields, types.UniTuple, types.Any, types.Any)(replace)
     lower(read_record, types.Array, *[types.Any] * 3)(read)
     lower(write_record, types.Array, *[types.Any] * 4)(write)
@@ -261,6 +324,31 @@ def compiled_closure(function: Function, key: str) -> Function:
     except (ImportError, AttributeError, TypeError, OSError, RuntimeError, IndexError):
         pass  # no writable folder, or an incompatible numba: compile in every process
     return machine_code  # type: ignore[no-any-return]
+
+
+@contextmanager
+def watch_compilation(report: Callable[[float], None]) -> Iterator[None]:
+    """Call `report` with the compiled share, 0 to 1, while loops are compiled.
+
+    A loop is compiled at its first run after an installation; afterwards `report` is not called.
+    """
+    if not can_compile():
+        yield
+        return
+    from numba.core import event
+
+    class Listener(event.Listener):
+        parts = 0
+
+        def on_start(self, _event: Any) -> None:
+            pass
+
+        def on_end(self, _event: Any) -> None:
+            self.parts += 1
+            report(min(self.parts / PARTS_OF_LOOP, 1.0))
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
 
 
 def _build_cache_class(key: str) -> Any:

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchtool.core.errors import UnknownChoice
-from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.expression import Quantity, at_least, at_most, expression, unless_zero
 
 
 @expression
@@ -63,7 +63,7 @@ def partial_factor(factor: Quantity, area: Quantity) -> Quantity:
 
     Source: section 3.1 of the paper, after measurements on a helicopter rotor (its reference 36).
     """
-    return 1.0 + area * (factor - 1.0)
+    return 1.0 + unless_zero(area, area * (factor - 1.0))
 
 
 @expression
@@ -73,7 +73,7 @@ def clamped_height(z_m: Quantity, min_m: Quantity) -> Quantity:
     For simulators only, which count the clipped steps. A fit never clips: by default it excludes
     such points and reports their number.
     """
-    return np.maximum(z_m, min_m)
+    return at_least(z_m, min_m)
 
 
 class Plane(NamedTuple):
@@ -184,7 +184,7 @@ def half_plane_coverage(inside_m: Quantity, radius_m: Quantity) -> Quantity:
 
     The area is R^2 (pi - arccos(s/R)) + s sqrt(R^2 - s^2), s clipped to -R to R.
     """
-    u = np.minimum(np.maximum(inside_m / radius_m, -1.0), 1.0)
+    u = at_most(at_least(inside_m / radius_m, -1.0), 1.0)
     return 1.0 + (u * np.sqrt((1.0 - u) * (1.0 + u)) - np.arccos(u)) / np.pi
 
 
@@ -202,8 +202,8 @@ def corner_integral(u: Quantity, v: Quantity) -> Quantity:
     is v clip(u, -c, c) plus the half disc beyond c with the sign of v; odd in u and v.
     """
     c = np.sqrt((1.0 - v) * (1.0 + v))
-    beyond = half_disc_integral(np.maximum(u, c)) + half_disc_integral(np.minimum(u, -c))
-    return v * np.minimum(np.maximum(u, -c), c) + np.sign(np.real(v)) * beyond
+    beyond = half_disc_integral(at_least(u, c)) + half_disc_integral(at_most(u, -c))
+    return v * at_most(at_least(u, -c), c) + np.sign(np.real(v)) * beyond
 
 
 @expression
@@ -221,14 +221,14 @@ def rectangle_coverage(
     Sides may be infinite. The four corner integrals are exact; verified with the half-plane
     formula, the corner formula of the circle and Monte Carlo.
     """
-    u1 = np.minimum(np.maximum((x1_m - x_m) / radius_m, -1.0), 1.0)
-    u2 = np.minimum(np.maximum((x2_m - x_m) / radius_m, -1.0), 1.0)
-    v1 = np.minimum(np.maximum((y1_m - y_m) / radius_m, -1.0), 1.0)
-    v2 = np.minimum(np.maximum((y2_m - y_m) / radius_m, -1.0), 1.0)
+    u1 = at_most(at_least((x1_m - x_m) / radius_m, -1.0), 1.0)
+    u2 = at_most(at_least((x2_m - x_m) / radius_m, -1.0), 1.0)
+    v1 = at_most(at_least((y1_m - y_m) / radius_m, -1.0), 1.0)
+    v2 = at_most(at_least((y2_m - y_m) / radius_m, -1.0), 1.0)
     area = (
         corner_integral(u2, v2)
         - corner_integral(u1, v2)
         - corner_integral(u2, v1)
         + corner_integral(u1, v1)
     )
-    return np.minimum(np.maximum(area / np.pi, 0.0), 1.0)
+    return at_most(at_least(area / np.pi, 0.0), 1.0)

@@ -18,7 +18,7 @@ import numpy as np
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Motor, Propulsion
 from benchtool.core.units import Array
-from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.expression import Quantity, at_least, expression
 
 WRENCH = ("thrust_N", "roll_Nm", "pitch_Nm", "yaw_Nm")  # rows: T, tau_phi, tau_theta, tau_psi
 
@@ -56,7 +56,7 @@ def speed_from_pwm(
     Assumed: speed is linear in pulse width and proportional to battery voltage, as for a brushless
     motor with an open-loop ESC within its operating range.
     """
-    return slope_rad_s_us * (voltage_V / nominal_V) * np.maximum(pwm_us - start_us, 0.0)
+    return slope_rad_s_us * (voltage_V / nominal_V) * at_least(pwm_us - start_us, 0.0)
 
 
 @expression
@@ -74,7 +74,7 @@ def pwm_from_speed(
 @expression
 def speed_from_thrust(target_N: Quantity, k_N_s2: Quantity) -> Quantity:
     """Return the speed for a thrust out of ground effect; 0 for negative thrust: rad/s."""
-    return np.sqrt(np.maximum(target_N, 0.0) / k_N_s2)
+    return np.sqrt(at_least(target_N, 0.0) / k_N_s2)
 
 
 def torque_per_speed(motor: Motor | None) -> float | None:

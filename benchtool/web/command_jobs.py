@@ -84,17 +84,21 @@ def simulate_to_folder(
     report: ReportProgress, out: Path, command: tuple[str, ...], inputs: Simulation
 ) -> tuple[PageSection, str]:
     """Simulate, write the folder atomically and return the report and the first recording."""
+    from benchtool.physics.expression import watch_compilation
     from benchtool.report.flight.flight import FLIGHT
     from benchtool.report.flight.pitch_study import PITCH
     from benchtool.report.page import Listing
     from benchtool.results import flight_result, pitch_result
 
-    report("simulating; the first run on a machine compiles for up to a minute", 0.0)
+    report("simulating", 0.0)
     result: Result[Any]
-    if isinstance(inputs, PitchInputs):
-        result, page = pitch_result(inputs), PITCH
-    else:
-        result, page = flight_result(inputs), FLIGHT
+    with watch_compilation(
+        lambda share: report("compiling, once per installation", FIGURE_START_SHARE * share)
+    ):
+        if isinstance(inputs, PitchInputs):
+            result, page = pitch_result(inputs), PITCH
+        else:
+            result, page = flight_result(inputs), FLIGHT
     report("drawing", FIGURE_START_SHARE)
     with write_atomically(out) as folder:
         recording, *_ = result.save(folder)

@@ -51,7 +51,7 @@ def flown(model: Model) -> Flight:
         duration_s=0.12, log_Hz=250.0, gyro_noise_rad_s=0.1,
     )  # fmt: skip
     loop = FlightLoop(case)
-    loop.ended = loop.loops.run.py_func(loop.arrays, loop.plan, -1, loop.n_ticks)
+    loop.ended = loop.loops.run.py_func(loop.arrays, -1, loop.n_ticks)
     return loop.flight()
 
 
@@ -70,7 +70,7 @@ def hinged(model: Model) -> np.ndarray:
     )  # without the rig's lag
     loop = PitchLoop([PitchJob(bench, control)], schedule(), 4, [0])
     loop.view("hinge.theta_rad")[:] = 0.15
-    loop.loops.run.py_func(loop.arrays, loop.plan, 0, len(loop.schedule))
+    loop.loops.run.py_func(loop.arrays, 0, len(loop.schedule))
     return loop.log[:, :, 0]
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import at_least, unless_zero
 
 
 def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque from thrust lost by rising and gained by sinking rotors: N m."""
     total = 0.0 * flow.rate_rad_s
     for j in range(len(flow.thrust_N)):
-        tip_m_s = np.maximum(flow.speed_rad_s[j] * p.blade_radius_m, 1e-9)
+        tip_m_s = at_least(flow.speed_rad_s[j] * p.blade_radius_m, 1e-9)
         arm_m = flow.position_x_m[j]
         total = total + arm_m * arm_m * flow.thrust_N[j] / tip_m_s
-    return -p.coefficient * flow.rate_rad_s * total
+    return unless_zero(p.coefficient, -p.coefficient * flow.rate_rad_s * total)
 
 
 EFFECT = Effect(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import unless_zero
 
 
 def denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
@@ -10,7 +11,8 @@ def denominator(p: Numbers, i: int, flow: Flow) -> Quantity:
 
     w is the weight from the wake rule (`physics.body_lift`): 1 if all rotors are covered.
     """
-    return p.K_b * flow.body_weight * flow.radius_m * flow.radius_m * flow.body_images[i]
+    weight = p.K_b * flow.body_weight
+    return unless_zero(weight, weight * flow.radius_m * flow.radius_m * flow.body_images[i])
 
 
 EFFECT = Effect(

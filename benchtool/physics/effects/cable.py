@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import at_least, at_most, unless_zero
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque of the cable about the hinge: N m."""
-    in_slack = np.minimum(np.maximum(flow.pitch_rad, -p.slack_rad), p.slack_rad)
-    return -p.stiffness_Nm_per_rad * (flow.pitch_rad - in_slack)
+    in_slack = at_most(at_least(flow.pitch_rad, -p.slack_rad), p.slack_rad)
+    stiffness = p.stiffness_Nm_per_rad
+    return unless_zero(stiffness, -stiffness * (flow.pitch_rad - in_slack))
 
 
 EFFECT = Effect(

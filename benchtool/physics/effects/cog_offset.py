@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import unless_zero
 from benchtool.physics.rig_scaling import arm_scale, scale_rig
 
 
 def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque of the weight about the hinge, positive nose down: N m."""
-    return flow.weight_N * p.x_m * flow.cos_pitch
+    return unless_zero(p.x_m, flow.weight_N * p.x_m * flow.cos_pitch)
 
 
 EFFECT = Effect(

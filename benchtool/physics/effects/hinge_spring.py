@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import unless_zero
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 def torque(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the torque of the spring about the hinge: N m."""
-    return -p.stiffness_Nm_per_rad * flow.pitch_rad
+    stiffness = p.stiffness_Nm_per_rad
+    return unless_zero(stiffness, -stiffness * flow.pitch_rad)
 
 
 EFFECT = Effect(

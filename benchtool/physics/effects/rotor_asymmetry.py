@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import at_least
 
 
 def factor(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the ratio for discs opposite the first disc, 1 for the others."""
     side = flow.position_x_m[i] * flow.position_x_m[0]
-    opposite = np.maximum(-np.sign(side), 0.0)
+    opposite = at_least(-np.sign(side), 0.0)
     return 1.0 + opposite * (p.ratio - 1.0)
 
 

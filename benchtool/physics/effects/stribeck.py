@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Numbers, Quantity, number
+from benchtool.physics.expression import unless_zero
 from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 def dry_friction(p: Numbers, i: int, flow: Flow) -> Quantity:
     """Return the friction in addition to the Coulomb friction: N m."""
     ratio = flow.rate_rad_s / p.rate_rad_s
-    return p.excess_Nm / (1.0 + ratio * ratio)
+    return unless_zero(p.excess_Nm, p.excess_Nm / (1.0 + ratio * ratio))
 
 
 EFFECT = Effect(

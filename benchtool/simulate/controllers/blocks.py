@@ -20,13 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.expression import Quantity, at_least, at_most, expression
 
 
 @expression
 def clip(value: Quantity, limit: Quantity) -> Quantity:
     """Return the value within [-limit, limit]."""
-    return np.minimum(np.maximum(value, -limit), limit)
+    return at_most(at_least(value, -limit), limit)
 
 
 @expression
@@ -53,7 +53,7 @@ def anti_windup_rate(requested: Quantity, granted: Quantity, change_per_s: Quant
     limit. A change that reduces the saturation is always allowed.
     """
     outward = (requested - granted) * change_per_s
-    return change_per_s * (1.0 - np.minimum(np.maximum(np.sign(outward), 0.0), 1.0))
+    return change_per_s * (1.0 - at_most(at_least(np.sign(outward), 0.0), 1.0))
 
 
 class AttitudePid(NamedTuple):
@@ -183,4 +183,4 @@ def compensated_thrust(thrust_N: Quantity, factor: Quantity) -> Quantity:
 
     Rotors cannot produce negative thrust, so it is clipped to 0.
     """
-    return np.maximum(thrust_N, 0.0) / factor
+    return at_least(thrust_N, 0.0) / factor

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig import Body
-from benchtool.physics.expression import Quantity, expression, inlined_expression
+from benchtool.physics.expression import Quantity, at_least, expression, inlined_expression
 from benchtool.physics.fold import unrolled
 from benchtool.simulate.controllers import pitch
 from benchtool.simulate.controllers.blocks import (
@@ -103,7 +103,7 @@ def lifting_thrust(
     climb_m_s2: Quantity, mass_kg: Quantity, gravity_m_s2: Quantity, cos_tilt: Quantity
 ) -> Quantity:
     """Return the total thrust for a vertical acceleration at a tilt: N."""
-    return mass_kg * (gravity_m_s2 + climb_m_s2) / np.maximum(cos_tilt, 0.5)
+    return mass_kg * (gravity_m_s2 + climb_m_s2) / at_least(cos_tilt, 0.5)
 
 
 # Horizontal axes, climb integral (m/s2), integrals of the attitude loops, momentum explained by the

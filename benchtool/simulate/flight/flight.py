@@ -158,11 +158,13 @@ class FlightLoop(Loop):
         below = map_tables = case.below.tables(radius_m)
         if map_use.is_used and any(case.map_offset_m):
             map_tables = case.below.moved(*case.map_offset_m).tables(radius_m)
+        driver = CALLER if external else BUILT_IN
+        plan = LoopPlan(substeps, driver, is_delayed, self.log_every)
         arrays = FlightArrays(
             w=w,
             states=lane_states(case.seed, [0]),
             sent=np.zeros((rig.n_rotors, ring, 1)),
-            log=np.zeros((rows, len(logged), 1)),
+            log=np.empty((rows, len(logged), 1)),
             logged=logged,
             schedule=build_schedule(
                 (Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2]), *case.goals),
@@ -173,15 +175,15 @@ class FlightLoop(Loop):
             gusts=gusts.reshape(-1, 5).T.copy(),
             scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
             geometry=geometry,
+            plan=np.array(plan, np.int64),
             below=below,
             map=map_tables,
         )  # fmt: skip
-        driver = CALLER if external else BUILT_IN
-        self.use(arrays, LoopPlan(substeps, driver, is_delayed, self.log_every))
+        self.use(arrays)
         self.ended = self.n_ticks
-        self._read_measured = self.view("measured")[:, 0].tolist
-        command = self.view("command")[:, 0]
-        self._wrench, self._factors, self._n_discs = command[:4], command[4:], rig.n_discs
+        self._read_measured = self.numbers("measured").tolist
+        self._wrench, self._factors = self.numbers("command"), self.view("command")[4:, 0]
+        self._n_discs = rig.n_discs
         self._has_factors = False
 
     def measure(self, time_s: float) -> FlightMeasurement:

@@ -268,7 +268,7 @@ def build_look_below(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tu
             flow = functions.bare(
                 craft.effective_radius_m, discs.x_m, discs.y_m, plane, heights(scratch), share,
                 speed, time_s, pitch_rad, body.q_rad_s,
-                airspeed=np.hypot(body.vx_m_s, body.vy_m_s),
+                airspeed=np.sqrt(body.vx_m_s * body.vx_m_s + body.vy_m_s * body.vy_m_s),
             )  # fmt: skip
             flow = functions.with_images(flow, discs.distances_m, discs.body, p)
             surface_factors = functions.image_factors(flow, p)

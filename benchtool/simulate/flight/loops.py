@@ -90,6 +90,7 @@ class FlightArrays(NamedTuple):
         gusts: (n_numbers, n_gusts), a `GustRow` per column.
         scratch: a column of `ground.DISC` per disc.
         geometry: a `FlightGeometry` (n_numbers,).
+        plan: a `LoopPlan` (n_settings,).
         below, map: tables of the environment, and of its map.
     """
 
@@ -103,6 +104,7 @@ class FlightArrays(NamedTuple):
     gusts: Array = PLANE
     scratch: Array = PLANE
     geometry: Array = LINE
+    plan: NDArray[np.int64] = COUNTS
     below: Tables = Tables()
     map: Tables = Tables()
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections import namedtuple
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -187,21 +188,17 @@ class FlightVehicle:
     def craft(self) -> Craft:
         """Return the numbers of the vehicle, with the mixer weights of each rotor."""
         rig, values = self.rig, self.model.parameters
-        x, y = self.turned(
-            np.array([rotor.x_m for rotor in rig.rotors], float),
-            np.array([rotor.y_m for rotor in rig.rotors], float),
-        )
-        spin = np.array([rotor.spin for rotor in rig.rotors], float)
+        rotors = np.array([(rotor.x_m, rotor.y_m, rotor.spin) for rotor in rig.rotors], float).T
+        layout = (*self.turned(rotors[0], rotors[1]), rotors[2])
+        x, y, spin = (tuple(row.tolist()) for row in layout)
         propulsion = rig.propulsion
         k, c = values["k"].value, propulsion.drag_coefficient_Nm_s2
-        matrix = mixer_matrix(x, y, spin, k, c)
-        row_max = np.abs(matrix).max(axis=1, keepdims=True)
-        if not row_max.all() or np.linalg.matrix_rank(matrix / row_max) < 4:
+        weights = mixer_weights(x, y, spin, k, c)
+        if not weights:
             raise InputError(
                 f"the rotors of rig {rig.name!r} ({rig.n_rotors}) cannot produce thrust "
                 f"and three torques independently; use a rig with four rotors or more"
             )
-        weights = k * np.linalg.pinv(matrix)
         body, scale = rig.body, self.inertia_scale
         pitch_inertia_kgm2 = values["inertia_kgm2"].value
         inertia = (body.inertia_xx_kgm2, pitch_inertia_kgm2, body.inertia_zz_kgm2)
@@ -217,8 +214,26 @@ class FlightVehicle:
             propulsion.radius_m,
             values["R_m"].value,
             float(self.undercarriage_m),
-            *(tuple(row.tolist()) for row in (x, y, spin, *weights.T)),
+            x,
+            y,
+            spin,
+            *weights,
         )
+
+
+@lru_cache(maxsize=64)
+def mixer_weights(
+    x_m: tuple[float, ...], y_m: tuple[float, ...], spin: tuple[float, ...], k: float, c: float
+) -> tuple[tuple[float, ...], ...]:
+    """Return the weight of each rotor for thrust and three torques (4, n), as `Craft`.
+
+    The result is empty if rotors cannot produce them independently.
+    """
+    matrix = mixer_matrix(np.array(x_m), np.array(y_m), np.array(spin), k, c)
+    row_max = np.abs(matrix).max(axis=1, keepdims=True)
+    if not row_max.all() or np.linalg.matrix_rank(matrix / row_max) < 4:
+        return ()
+    return tuple(tuple(row) for row in (k * np.linalg.pinv(matrix)).T.tolist())
 
 
 def find_effect_parameter(model: Model, name: str) -> tuple[Effect, Parameter]:

@@ -31,6 +31,7 @@ class PitchSensor:
     delay_s: float = 0.0
 
 
+PERFECT_SENSOR = PitchSensor()
 SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")  # in loop order
 
 
@@ -113,7 +114,7 @@ class PitchBench:
     @property
     def loop_sensors(self) -> tuple[PitchSensor, ...]:
         """Sensors in the order of `SENSOR_NAMES`, perfect ones where missing."""
-        return tuple(self.sensors.get(name, PitchSensor()) for name in SENSOR_NAMES)
+        return tuple(self.sensors.get(name, PERFECT_SENSOR) for name in SENSOR_NAMES)
 
     @property
     def hover_N(self) -> float:

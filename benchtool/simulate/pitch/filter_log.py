@@ -24,6 +24,7 @@ from benchtool.simulate.pitch.loops import LoggedTick
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
 MIN_PARKED_Z_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
+TICKS_BEFORE, IS_AT_REST = map(LoopPlan._fields.index, ("ticks_before", "is_at_rest"))
 LANES = (1, 4, 16)  # compiled numbers of lanes; a loop has the next larger one
 
 
@@ -175,8 +176,9 @@ def _filter_windows(
         loop = _build_loop(group, logged, lag_s, seed, k)
         rows, run, predictions = loop.layout.row_numbers(FILTERED), loop.loops.filter, []
         log = np.empty((len(logged), len(rows), loop.lanes))
+        plan = loop.arrays.plan
         arrays = loop.arrays._replace(log=log, logged=rows, schedule=table, gains=gains)
-        addresses, plan = lend_rows(run, arrays), LoopPlan(*loop.plan)._replace(ticks_before=before)
+        addresses, plan[TICKS_BEFORE] = lend_rows(run, arrays), before
         for first, start, stop, initial_states in windows:
             if initial_states is not None:
                 lane_states = initial_states[:, k : k + LANES[-1]]
@@ -185,7 +187,8 @@ def _filter_windows(
                 loop.view("hinge")[:4] = lane_states[:4]
                 loop.set_speeds(lane_states[4:])
             for is_at_rest, begin, end in ((1, first, start), (0, start, stop)):
-                run(addresses, np.array(plan._replace(is_at_rest=is_at_rest), np.int64), begin, end)
+                plan[IS_AT_REST] = is_at_rest
+                run(addresses, begin, end)
             part = log[start:stop, :, : len(group)]
             part = part.copy() if len(windows) > 1 else part
             scalars = [part[:, column] for column in range(6)]

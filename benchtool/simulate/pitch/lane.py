@@ -18,6 +18,7 @@ import numpy as np
 
 from benchtool.physics.expression import (
     Quantity,
+    at_least,
     expression,
     inlined_expression,
     read_record,
@@ -109,7 +110,7 @@ def cosine(angle_rad: Quantity) -> Quantity:
 @expression
 def rounded(value: Any, quantum: Any) -> Any:
     """Return the value rounded to a multiple of the quantum; unchanged if the quantum is 0."""
-    step = np.maximum(quantum, 1e-12)
+    step = at_least(quantum, 1e-12)
     return value + (quantum > 0.0) * (np.floor(value / step + 0.5) * step - value)
 
 
@@ -186,7 +187,7 @@ def step_lane(w: Any, lane: Any, lanes: Any, states: Any, now: Any, slots: Any, 
     frictionless_rate = rate + share * (hinge_torque + hooks.torque(0, flow, p))
     friction_limit = share * hooks.dry_friction(0, flow, p)
     hinge_give = hooks.dry_give(0, flow, p) / dt_s
-    stiffness_share = friction_limit / np.maximum(
+    stiffness_share = friction_limit / at_least(
         hinge_give + friction_limit + hooks.dry_width(0, flow, p), MIN_DIVISOR
     )
     friction = clip(
@@ -199,14 +200,14 @@ def step_lane(w: Any, lane: Any, lanes: Any, states: Any, now: Any, slots: Any, 
     is_clamped = 0.0 * is_stopped
     for i in range(len(x)):
         is_low = flow.height_m[i] <= hooks.nearest_z_over_R * body.radius_m
-        is_clamped = np.maximum(is_clamped, is_low * (flow.coverage[i] > 0.0))
+        is_clamped = at_least(is_clamped, is_low * (flow.coverage[i] > 0.0))
     first = next_state(states[lane])
     second = next_state(first)
     states[lane] = second
     wake = motion.wake_decay * hinge.wake_Nm + motion.wake_innovation_Nm * normal(first, second)
     next_hinge = Hinge(
         clipped_theta, (1.0 - is_stopped) * rate, wake,
-        friction / np.maximum(friction_limit, MIN_DIVISOR), hinge.clamped_steps + is_clamped,
+        friction / at_least(friction_limit, MIN_DIVISOR), hinge.clamped_steps + is_clamped,
         hinge.stopped_steps + is_stopped, (rate - previous_rate) / dt_s,
     )  # fmt: skip
     write_record(w, slots.hinge, lane, lanes, next_hinge)

@@ -20,6 +20,8 @@ from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     Slot,
+    at_least,
+    at_most,
     expression,
     inlined_expression,
     read_record,
@@ -85,6 +87,7 @@ class PitchArrays(NamedTuple):
         fresh: (n_sensors, n_ticks + 1), 1 for a new reading at a tick.
         geometry: a `Geometry` (n_numbers,).
         gains: `FilterGains` of a filter (n_gains,).
+        plan: a `LoopPlan` (n_settings,).
     """
 
     w: Array = LINE
@@ -97,6 +100,7 @@ class PitchArrays(NamedTuple):
     fresh: Array = PLANE
     geometry: Array = LINE
     gains: Array = LINE
+    plan: NDArray[np.int64] = COUNTS
 
 
 def tick_slot(n_discs: int) -> Slot:
@@ -190,7 +194,7 @@ def mix_lane(w: Any, lane: Any, lanes: Any, now: Any, slots: Any) -> None:
         speed = speed_from_thrust(compensated_thrust(thrust_N, factor[i]), k)
         pwm = pwm_from_speed(speed, pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)
         pwm = pwm - np.sign(x[i]) * (command.difference_us + now.scheduled.dither_us)
-        pwm = np.minimum(np.maximum(pwm, limits.min_us), limits.max_us)
+        pwm = at_most(at_least(pwm, limits.min_us), limits.max_us)
         pwm_us = with_fields(pwm_us, i, rounded(pwm, limits.quantum_us))
     write_record(w, slots.pwm_us, lane, lanes, pwm_us)
 

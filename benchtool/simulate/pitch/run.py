@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from math import isfinite
 from typing import Any
 
@@ -185,6 +185,8 @@ class PitchLoop(Loop):
         shape = (len(schedule), len(rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
         rates_Hz = tuple(sensor.rate_Hz for sensor in bench.loop_sensors)
+        delays = sensor_delays(bench, schedule.rate_Hz)
+        plan = LoopPlan(substeps, BUILT_IN, is_delayed, 1, 0, 0, *delays)
         arrays = PitchArrays(
             w=w.reshape(-1),
             states=lane_states(seed, runs),
@@ -198,10 +200,9 @@ class PitchLoop(Loop):
             fresh=fresh_flags(rates_Hz, len(schedule), schedule.rate_Hz),
             geometry=geometry,
             gains=np.zeros(len(FilterGains._fields)),
+            plan=np.array(plan, np.int64),
         )
-        delays = sensor_delays(bench, schedule.rate_Hz)
-        self.use(arrays, LoopPlan(substeps, BUILT_IN, is_delayed, 1, 0, 0, *delays))
-        self._read, self._command = self.view("readings")[:, 0].tolist, self.view("command")[:, 0]
+        self.use(arrays)
         # At rest, level, rotors at the first collective, sensors read.
         speed_rad_s = np.sqrt(schedule.collective[0] * bench.hover_N / self.view("body.k"))
         self.set_speeds(speed_rad_s)
@@ -227,13 +228,21 @@ class PitchLoop(Loop):
 
     def set_driver(self, driver: int) -> None:
         """Set the source of commands: `BUILT_IN`, `CALLER` or `PULSES`."""
-        self.plan[LoopPlan._fields.index("driver")] = driver
+        self.arrays.plan[LoopPlan._fields.index("driver")] = driver
 
     def drive(self, pwm_us: Array) -> None:
         """Use logged pulse widths (n_discs, n_ticks) instead of a controller."""
         self.use(self.arrays._replace(schedule=self.arrays.schedule.copy()))
         self.schedule_view("pwm_us")[:] = pwm_us
         self.set_driver(PULSES)
+
+    @cached_property
+    def _read(self) -> Callable[[], list[float]]:
+        return self.numbers("readings").tolist  # type: ignore[no-any-return]
+
+    @cached_property
+    def _command(self) -> Any:
+        return self.numbers("command")
 
     def measure(self, time_s: float) -> PitchMeasurement:
         numbers = self._read()
