@@ -78,23 +78,39 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
     """Return columns without text cells, or None if there are any.
 
     Threads parse parts of the text. Batches are written directly into the result, as allocating
-    more memory takes longer than parsing.
+    more memory takes longer than parsing. pyarrow rounds decimals correctly.
     """
     import pyarrow as pa
+    from pyarrow import csv
 
+    names = [str(position) for position in range(len(table.header))]
+    included = list(dict.fromkeys(names[position] for position in positions))
     values = np.empty((len(positions), len(table.lines)))
 
     def parse(part: memoryview, start: int, end: int) -> bool:
         # The first attempt is faster: one null value, and blocks that may be shorter than a row.
-        for blank, block_bytes in (([""], _BLOCK_BYTES), (_NULLS, len(part))):
+        for nulls, block_bytes in (([""], _BLOCK_BYTES), (_NULLS, len(part))):
             rows = slice(start, start)
             try:
-                for batch in _reader(table, part, positions, pa.float64(), blank, block_bytes):
+                for batch in csv.open_csv(
+                    pa.BufferReader(pa.py_buffer(part)),
+                    csv.ReadOptions(column_names=names, block_size=block_bytes, use_threads=False),
+                    csv.ParseOptions(
+                        delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False
+                    ),
+                    csv.ConvertOptions(
+                        column_types=dict.fromkeys(included, pa.float64()),
+                        include_columns=included,
+                        null_values=nulls,
+                        decimal_point=table.decimal,
+                        check_utf8=False,
+                    ),
+                ):
                     rows = slice(rows.stop, rows.stop + batch.num_rows)
                     if rows.stop > end:
                         break
                     for row, position in zip(values, positions, strict=True):
-                        row[rows] = plain_values(batch.column(str(position)), float, nan)
+                        row[rows] = plain_values(batch.column(names[position]), float, nan)
             except pa.ArrowInvalid:
                 continue
             if rows.stop == end:
@@ -103,7 +119,7 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
 
     parts = list(_split_lines(table.body))
     ends = np.cumsum([0, *(count_character(part, "\n") for part in parts)]).tolist()
-    jobs = (parts, ends[:-1], ends[1:])
+    jobs = parts, ends[:-1], ends[1:]
     try:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             return values if all(pool.map(parse, *jobs)) else None
@@ -121,47 +137,14 @@ def _split_lines(body: bytes | memoryview) -> Iterator[memoryview]:
         start = end
 
 
-def _reader(
-    table: TextTable,
-    text: bytes | memoryview,
-    positions: Sequence[int],
-    cell_type: Any,
-    blank: Sequence[str],
-    block_bytes: int,
-) -> Any:
-    """Return a pyarrow reader of these columns; it rounds decimals correctly."""
-    import pyarrow as pa
-    from pyarrow import csv
-
-    names = [str(position) for position in range(len(table.header))]
-    included = list(dict.fromkeys(names[position] for position in positions))
-    return csv.open_csv(
-        pa.BufferReader(pa.py_buffer(text)),
-        read_options=csv.ReadOptions(column_names=names, block_size=block_bytes, use_threads=False),
-        parse_options=csv.ParseOptions(
-            delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False
-        ),
-        convert_options=csv.ConvertOptions(
-            column_types=dict.fromkeys(included, cell_type),
-            include_columns=included,
-            null_values=blank,
-            strings_can_be_null=True,
-            decimal_point=table.decimal,
-            check_utf8=False,
-        ),
-    )
-
-
 def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, list[Finding]]:
     """Return numbers, lines and findings of a table with text cells, read cell by cell."""
-    import pyarrow as pa
-
-    arrow_table = _reader(
-        table, table.body, positions, pa.binary(), _NULLS, len(table.body)
-    ).read_all()
-    texts = [arrow_table.column(str(position)).to_pylist() for position in positions]
+    mark = table.delimiter.encode()
+    rows = [row.split(mark) for row in bytes(table.body).split(b"\n")[:-1]]
+    texts = [[row[position].strip() for row in rows] for position in positions]
     columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
-    wrong = np.array([[_is_text(cell) for cell in column] for column in texts]) & np.isnan(columns)
+    is_text = [[cell.decode("latin-1") not in _NULLS for cell in column] for column in texts]
+    wrong = np.isnan(columns) & is_text
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -181,18 +164,12 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     return np.ascontiguousarray(columns[:, ~refused]), table.lines[~refused], findings
 
 
-def _is_text(cell: bytes | None) -> bool:
-    """Return whether a cell that is not a number is text and not a null value."""
-    return cell is not None and cell.strip().decode("latin-1") not in _NULLS
-
-
-def _number(cell: bytes | None, decimal: str) -> float:
-    clean = b"" if cell is None else cell.strip()
+def _number(cell: bytes, decimal: str) -> float:
     if decimal == ",":
-        if THOUSANDS.fullmatch(clean.decode("latin-1")):
-            clean = clean.replace(b".", b"")
-        clean = clean.replace(b",", b".")
-    return float(clean) if _NUMBER.fullmatch(clean) else nan
+        if THOUSANDS.fullmatch(cell.decode("latin-1")):
+            cell = cell.replace(b".", b"")
+        cell = cell.replace(b",", b".")
+    return float(cell) if _NUMBER.fullmatch(cell) else nan
 
 
 def map_header(
