@@ -62,7 +62,7 @@ def normalise_rows(data: bytes, repairs: Repairs) -> bytes:
 
 def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     """Return text with comments blanked, except one with the column names of the rows below."""
-    if not data.startswith(_MARKS) and not any(b"\n" + mark in data for mark in _MARKS):
+    if not data.startswith(_MARKS) and not any(_has_comment(data, mark) for mark in _MARKS):
         return data
     header = None
     uncommented = _COMMENT.sub(b"", data[:START_BYTES])
@@ -85,6 +85,14 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     if count:
         repairs.append(("comments", f"{pluralize(count, 'line')} of comments left out"))
     return data
+
+
+def _has_comment(data: bytes, mark: bytes) -> bool:
+    """Return whether a line below the first begins with a mark."""
+    # A search for one byte takes a tenth of the time; headers have "%" and "/" in their units.
+    start = data.find(mark[:1], START_BYTES)
+    end = len(data) if start >= 0 else START_BYTES + len(mark)
+    return data.find(b"\n" + mark, 0, end) >= 0
 
 
 def _cells(text: str) -> list[str]:

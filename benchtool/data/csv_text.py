@@ -119,10 +119,10 @@ def _tokenize(
         repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
     names, body, rows = header.text.split(delimiter), memoryview(data)[header.end :], None
     check_columns(len(names), where)
-    is_cut, ends = bytes(body[-1:]) != b"\n", _count(body, "\n")
+    is_cut, ends = bytes(body[-1:]) != b"\n", count_character(body, "\n")
     lines = header.line + np.arange(1, ends + 1 + is_cut)
     if cells:
-        check_cells(len(names) + _count(body, delimiter) + ends, where)
+        check_cells(len(names) + count_character(body, delimiter) + ends, where)
     if cells or b'"' in data:
         text = f"{header.text}\n{str(body, 'utf-8', 'replace')}"
         rows, line_numbers = split_cells(text, delimiter, where, header.line, whole=whole)
@@ -271,12 +271,12 @@ def parse_rows(data: bytes, where: str) -> TextTable:
         rows_in_file=ends,
         findings=tuple(Finding("repaired", what, message) for what, message in repairs),
         # A short row and a long row can cancel in this count; `parse_numbers` detects that.
-        is_even=text[-1:] == b"\n" and _count(text, delimiter) == (len(names) - 1) * ends,
+        is_even=text[-1:] == b"\n" and count_character(text, delimiter) == (len(names) - 1) * ends,
     )
     return table if table.is_even else pad_rows(table)
 
 
-def _count(body: bytes | memoryview, letter: str) -> int:
+def count_character(body: bytes | memoryview, letter: str) -> int:
     """Return how often a character occurs in the rows, counted in blocks that fit a cache."""
     text, code = np.frombuffer(body, np.uint8), ord(letter)
     pieces = range(0, text.size, _PIECE_BYTES)

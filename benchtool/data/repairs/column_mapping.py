@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from math import nan
 from typing import Any, NamedTuple
 
@@ -24,7 +26,7 @@ from benchtool.data.column_map import (
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, pad_rows
+from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, count_character, pad_rows
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -35,6 +37,7 @@ from benchtool.data.repairs.import_result import (
 )
 
 _BLOCK_BYTES = 1 << 20  # fits a processor's cache; four times as much takes twice as long
+_PART_BYTES = 1 << 23  # for one thread; starting readers takes a third at 1 MB; assumed
 
 _NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
 _NUMBER = re.compile(
@@ -57,12 +60,12 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     # With a row of blanks, all sums are nan, which is a faster test.
     if table.is_even and (
         columns is None
-        or (np.isnan(columns.sum(axis=1)).all() and np.isnan(columns).all(axis=0).any())
+        or (all(np.isnan(row.sum()) for row in columns) and np.isnan(columns).all(axis=0).any())
     ):
         return parse_numbers(pad_rows(table), positions)
     if columns is None:
         columns, lines, findings = _with_text(table, positions)
-    is_infinite = np.abs(columns) > MAX_NUMBER
+    is_infinite = (columns > MAX_NUMBER) | (columns < -MAX_NUMBER)
     if count := int(np.count_nonzero(is_infinite)):
         columns[is_infinite] = nan
         text = f"{pluralize(count, 'cell')} beyond {MAX_NUMBER:g} or infinite, blanked"
@@ -74,75 +77,74 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
 def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
     """Return columns without text cells, or None if there are any.
 
-    The first attempt has one null value, which is faster. Batches are written directly into the
-    result, as allocating more memory takes longer than parsing.
+    Threads parse parts of the text. Batches are written directly into the result, as allocating
+    more memory takes longer than parsing. pyarrow rounds decimals correctly.
     """
-    import pyarrow as pa
-
-    values = np.empty((len(positions), len(table.lines)))
-    for blank in ([""], _NULLS):
-        end = 0
-        try:
-            for batch in _reader(table, positions, pa.float64(), blank):
-                start, end = end, end + batch.num_rows
-                if end > values.shape[1]:
-                    break
-                for row, position in zip(values, positions, strict=True):
-                    row[start:end] = plain_values(batch.column(str(position)), float, nan)
-        except pa.ArrowInvalid:
-            continue
-        if end == values.shape[1]:
-            return values
-    return None
-
-
-def _reader(
-    table: TextTable, positions: Sequence[int], cell_type: Any, blank: Sequence[str]
-) -> Any:
-    """Return a pyarrow reader of these columns; it rounds decimals correctly."""
     import pyarrow as pa
     from pyarrow import csv
 
     names = [str(position) for position in range(len(table.header))]
     included = list(dict.fromkeys(names[position] for position in positions))
-    return csv.open_csv(
-        pa.BufferReader(pa.py_buffer(table.body)),
-        read_options=csv.ReadOptions(
-            column_names=names, block_size=_block_bytes(table.body), use_threads=False
-        ),
-        parse_options=csv.ParseOptions(
-            delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False
-        ),
-        convert_options=csv.ConvertOptions(
-            column_types=dict.fromkeys(included, cell_type),
-            include_columns=included,
-            null_values=blank,
-            strings_can_be_null=True,
-            decimal_point=table.decimal,
-            check_utf8=False,
-        ),
-    )
+    values = np.empty((len(positions), len(table.lines)))
+
+    def parse(part: memoryview, start: int, end: int) -> bool:
+        # The first attempt is faster: one null value, and blocks that may be shorter than a row.
+        for nulls, block_bytes in (([""], _BLOCK_BYTES), (_NULLS, len(part))):
+            rows = slice(start, start)
+            try:
+                for batch in csv.open_csv(
+                    pa.BufferReader(pa.py_buffer(part)),
+                    csv.ReadOptions(column_names=names, block_size=block_bytes, use_threads=False),
+                    csv.ParseOptions(
+                        delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False
+                    ),
+                    csv.ConvertOptions(
+                        column_types=dict.fromkeys(included, pa.float64()),
+                        include_columns=included,
+                        null_values=nulls,
+                        decimal_point=table.decimal,
+                        check_utf8=False,
+                    ),
+                ):
+                    rows = slice(rows.stop, rows.stop + batch.num_rows)
+                    if rows.stop > end:
+                        break
+                    for row, position in zip(values, positions, strict=True):
+                        row[rows] = plain_values(batch.column(names[position]), float, nan)
+            except pa.ArrowInvalid:
+                continue
+            if rows.stop == end:
+                return True
+        return False
+
+    parts = list(_split_lines(table.body))
+    ends = np.cumsum([0, *(count_character(part, "\n") for part in parts)]).tolist()
+    jobs = parts, ends[:-1], ends[1:]
+    try:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return values if all(pool.map(parse, *jobs)) else None
+    except RuntimeError:  # the system refuses a thread
+        return values if all(map(parse, *jobs)) else None
 
 
-def _block_bytes(body: bytes | memoryview) -> int:
-    """Return a block size for pyarrow, at least the longest row; usually `_BLOCK_BYTES`."""
-    offset = 0
-    while len(body) - offset > _BLOCK_BYTES:
-        end = bytes(body[offset : offset + _BLOCK_BYTES]).rfind(b"\n")
-        if end < 0:
-            return min(len(body), (1 << 31) - 1)
-        offset += end + 1
-    return _BLOCK_BYTES
+def _split_lines(body: bytes | memoryview) -> Iterator[memoryview]:
+    """Yield parts of whole lines."""
+    text, start = memoryview(body), 0
+    while start < len(text):
+        line_end = re.compile(b"\n").search(text, start + _PART_BYTES)
+        end = line_end.end() if line_end else len(text)
+        yield text[start:end]
+        start = end
 
 
 def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, list[Finding]]:
     """Return numbers, lines and findings of a table with text cells, read cell by cell."""
-    import pyarrow as pa
-
-    arrow_table = _reader(table, positions, pa.binary(), _NULLS).read_all()
-    texts = [arrow_table.column(str(position)).to_pylist() for position in positions]
+    mark = table.delimiter.encode()
+    rows = [row.split(mark) for row in bytes(table.body).split(b"\n")[:-1]]
+    texts = [[row[position].strip() for row in rows] for position in positions]
     columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
-    wrong = np.array([[_is_text(cell) for cell in column] for column in texts]) & np.isnan(columns)
+    is_text = [[cell.decode("latin-1") not in _NULLS for cell in column] for column in texts]
+    wrong = np.isnan(columns) & is_text
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -162,18 +164,12 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     return np.ascontiguousarray(columns[:, ~refused]), table.lines[~refused], findings
 
 
-def _is_text(cell: bytes | None) -> bool:
-    """Return whether a cell that is not a number is text and not a null value."""
-    return cell is not None and cell.strip().decode("latin-1") not in _NULLS
-
-
-def _number(cell: bytes | None, decimal: str) -> float:
-    clean = b"" if cell is None else cell.strip()
+def _number(cell: bytes, decimal: str) -> float:
     if decimal == ",":
-        if THOUSANDS.fullmatch(clean.decode("latin-1")):
-            clean = clean.replace(b".", b"")
-        clean = clean.replace(b",", b".")
-    return float(clean) if _NUMBER.fullmatch(clean) else nan
+        if THOUSANDS.fullmatch(cell.decode("latin-1")):
+            cell = cell.replace(b".", b"")
+        cell = cell.replace(b",", b".")
+    return float(cell) if _NUMBER.fullmatch(cell) else nan
 
 
 def map_header(

@@ -161,6 +161,8 @@ def _with_provenance(
     facts: dict[str, Any] = read_metadata(folder) if is_run(folder) else {}
     simulated = bool(facts.get("simulated", False))
     rig, calibration = facts.get("rig") or {}, facts.get("calibration") or {}
+    moved_by = (rig.get("plate") or {}).get("moved_by", "hand")
+    stage = (facts.get("plate") or {}).get("stage") or moved_by
     provenance = {
         "file": str(file),
         "sha256": data_hash(folder) if is_run(folder) else file_hash(file),
@@ -170,21 +172,12 @@ def _with_provenance(
         "device_id": str(facts.get("device_id", "")),
         "rig": str(rig.get("name", "")),
         "state": str(facts.get("state", "")),
-        "approach": _approach(facts),
+        # "one side" if the stage approached all positions from one side: with all but a manual one
+        "approach": "" if stage == "hand" else "one side",
         "calibration": str(calibration.get("id", "")),
         "calibration_relative_sd": str(calibration.get("relative_sd", "")),
     }
     return replace(recording, provenance=provenance, simulated=simulated)
-
-
-def _approach(facts: Mapping[str, Any]) -> str:
-    """Return "one side" if the stage approached all positions from one side, else "".
-
-    A sweep does so with every stage except a manual one.
-    """
-    moved_by = ((facts.get("rig") or {}).get("plate") or {}).get("moved_by", "hand")
-    stage = (facts.get("plate") or {}).get("stage") or moved_by
-    return "" if stage == "hand" else "one side"
 
 
 PITCH_CHANNELS = ("theta_ref_rad", "theta_rad", "gyro_rad_s")  # of a pitch experiment
