@@ -67,8 +67,9 @@ class DeviceClock:
         from_s, from_offset_s = self._newest or (0.0, offset_s)
         if len(device_s) and (newest_s := float(device_s.max())) > from_s:
             self._newest = (newest_s, offset_s)
-            # Corrections since the last returned time are spread over the time since then.
-            return device_s + np.interp(device_s, [from_s, newest_s], [from_offset_s, offset_s])
+            if offset_s != from_offset_s:  # spread over the time since the last returned time
+                offsets_s = np.interp(device_s, [from_s, newest_s], [from_offset_s, offset_s])
+                return device_s + offsets_s
         return device_s + from_offset_s
 
 

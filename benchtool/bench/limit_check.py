@@ -103,9 +103,8 @@ class LimitCheck:
         # Longest time without a new value of thrust and rpm; other channels get longer
         self._names, self._rotor_stale_s = names, stale_s
         self._set_watched(_find_watched(names, limits, stale_s), start_s)
-        self._rpm = [
-            names.index(f"rpm{i + 1}") for i in range(rig.n_rotors) if f"rpm{i + 1}" in names
-        ]
+        rpm_names = [f"rpm{i + 1}" for i in range(rig.n_rotors)]
+        self._rpm = np.array([names.index(name) for name in rpm_names if name in names], np.intp)
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
         self._plate = names.index(PLATE_CHANNEL) if PLATE_CHANNEL in names else -1
         self._min_plate_m = rig.plate.z_min_m - plate_tolerance_m(rig)
@@ -116,9 +115,8 @@ class LimitCheck:
         self._host = HostPulseTracking(rig.propulsion, rig.n_rotors, start_s)
         self._loop: LoopPulseTracking | None = None
         self._rc_arming = False
-        self._pwm = [
-            names.index(f"pwm{i + 1}_us") for i in range(rig.n_rotors) if f"pwm{i + 1}_us" in names
-        ]
+        pwm_names = [f"pwm{i + 1}_us" for i in range(rig.n_rotors)]
+        self._pwm = np.array([names.index(name) for name in pwm_names if name in names], np.intp)
         self._last_us: Array = np.full(len(self._pwm), np.nan)
         self._last_rpm: Array = np.full(len(self._rpm), np.nan)
         self._thrust_per_rpm2 = rig.propulsion.thrust_coefficient_N_s2 * (pi / 30.0) ** 2
@@ -161,7 +159,9 @@ class LimitCheck:
         if self._loop is not None or len(self._pwm) < self._n_rotors:
             return
         stale_s = self._rotor_stale_s
-        pulses = [_WatchedChannel(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm]
+        pulses = [
+            _WatchedChannel(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm.tolist()
+        ]
         self._set_watched([*self._watched, *pulses], now_s)
         self._loop = LoopPulseTracking(self._rig.propulsion, self._n_rotors, now_s)
         self._rc_arming = rc_arming
@@ -177,9 +177,9 @@ class LimitCheck:
         """
         if not len(time_s):
             return None
-        readings = values[:, self._columns]
+        readings = values.take(self._columns, axis=1)
         is_exceeded = (readings > self._high) | (readings < self._low)
-        if is_exceeded.any():
+        if np.count_nonzero(is_exceeded):
             return self._limit_error(readings, is_exceeded)
         if self._turning and self._plate >= 0:
             plate_m = values[:, self._plate]
@@ -197,10 +197,11 @@ class LimitCheck:
             self._plausible_s += gap_s
             self._repeated_since_s += gap_s
         self._last_s = float(time_s[-1])
-        newest = np.where(np.isnan(readings), -inf, time_s[:, None]).max(axis=0)
-        np.maximum(self._last_value_s, newest, out=self._last_value_s)
+        value_s = np.where(np.isnan(readings), -inf, time_s[:, None])
+        newest_s = np.maximum.reduce(value_s)
+        np.maximum(self._last_value_s, newest_s, out=self._last_value_s)
         silent_s = self._last_s - self._last_value_s
-        if (silent_s > self._stale_s).any():
+        if np.count_nonzero(silent_s > self._stale_s):
             column = int(np.argmax(silent_s > self._stale_s))
             watched = self._watched[column]
             return LimitExceeded(
@@ -211,7 +212,7 @@ class LimitCheck:
             )
         if len(self._rpm) < self._n_rotors:
             return None
-        rpm, self._last_rpm = _forward_fill(values[:, self._rpm], self._last_rpm)
+        rpm, self._last_rpm = _forward_fill(values.take(self._rpm, axis=1), self._last_rpm)
         error: LimitExceeded | None = None
         if self._thrust >= 0:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
@@ -230,7 +231,7 @@ class LimitCheck:
         """
         if self._loop is None:
             return self._host.find_mismatch(rpm[-1], self._last_s)
-        pwm_us, self._last_us = _forward_fill(values[:, self._pwm], self._last_us)
+        pwm_us, self._last_us = _forward_fill(values.take(self._pwm, axis=1), self._last_us)
         error = self._loop.find_mismatch(pwm_us, rpm, self._last_s)
         if error is None and self._host.at_zero and (self._host.has_driven or not self._rc_arming):
             error = self._host.find_mismatch(rpm[-1], self._last_s)
@@ -238,15 +239,15 @@ class LimitCheck:
 
     def _check_frozen(self, squares: Array, thrust_N: Array) -> LimitExceeded | None:
         """Return an error if thrust repeats one number while rpm readings change."""
-        present_N = thrust_N[~np.isnan(thrust_N)]
-        if len(present_N) and not (present_N == self._repeated_N).all():
-            self._repeated_N = float(present_N[-1])
+        present_N = [value_N for value_N in thrust_N.tolist() if value_N == value_N]  # not nan
+        if present_N.count(self._repeated_N) < len(present_N):
+            self._repeated_N = present_N[-1]
             self._repeated_since_s = self._last_s
-        turning_squares = squares[squares > 0.0]
-        if len(turning_squares):
-            if (turning_squares != self._last_square).any():
+        turning_squares = [square for square in squares.tolist() if square > 0.0]
+        if turning_squares:
+            if turning_squares.count(self._last_square) < len(turning_squares):
                 self._rpm_moved_s = self._last_s
-            self._last_square = float(turning_squares[-1])
+            self._last_square = turning_squares[-1]
         repeated_s = self._last_s - self._repeated_since_s
         if repeated_s <= FROZEN_TIMEOUT_S or self._rpm_moved_s <= self._repeated_since_s:
             return None
@@ -263,10 +264,13 @@ class LimitCheck:
         expected_N = self._thrust_per_rpm2 * squares
         high_N = PLAUSIBLE_HIGH * expected_N + self._margin_N
         low_N = PLAUSIBLE_LOW * expected_N - self._margin_N
-        implausible = (thrust_N > high_N) | (thrust_N < low_N)
         plausible = (thrust_N <= high_N) & (thrust_N >= low_N)
-        if not implausible.any():
-            if plausible.any():
+        if np.count_nonzero(plausible) == len(plausible):
+            self._plausible_s = float(time_s[-1])
+            return None
+        implausible = (thrust_N > high_N) | (thrust_N < low_N)
+        if not np.count_nonzero(implausible):
+            if np.count_nonzero(plausible):
                 self._plausible_s = float(time_s[plausible][-1])
             return None
         since_s = np.maximum.accumulate(
@@ -324,9 +328,10 @@ def _forward_fill(rows: Array, last_values: Array) -> tuple[Array, Array]:
     A device may send thrust and speeds in different rows. A reading that is too old to compare
     belongs to a silent channel, which has its own check. `last_values` (n,) precede the rows.
     """
-    if np.isnan(rows).any():
-        extended = np.vstack([last_values, rows])
-        source_rows = np.where(np.isnan(extended), 0, np.arange(len(extended))[:, None])
+    is_missing = np.isnan(rows)
+    if np.count_nonzero(is_missing):
+        rows[0, is_missing[0]] = last_values[is_missing[0]]
+        source_rows = np.where(is_missing, 0, np.arange(len(rows))[:, None])
         np.maximum.accumulate(source_rows, axis=0, out=source_rows)
-        rows = np.take_along_axis(extended, source_rows, axis=0)[1:]
+        rows = np.take_along_axis(rows, source_rows, axis=0)
     return rows, rows[-1].copy()

@@ -258,8 +258,9 @@ class SerialBench(StreamingBench):
         """Buffer samples for the next read, with the messages received before them."""
         if len(readings):
             self._process_events()
-            messages, self._messages = tuple(self._messages), []
-            readings = replace(readings, messages=messages)
+            if self._messages:
+                messages, self._messages = tuple(self._messages), []
+                readings = replace(readings, messages=messages)
         self._buffer_readings(readings)
 
 

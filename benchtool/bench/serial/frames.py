@@ -102,8 +102,9 @@ class Decoder:
         corrupt = 0
         for line in lines:
             # Fast path: exactly one complete frame.
-            if line[:1] == b"$" and line[-5:-4] == b"*" and _is_valid(line[1:-5], line[-4:]):
-                payloads = [line[1:-5]]
+            payload = line[1:-5]
+            if line[:1] == b"$" and line[-5:-4] == b"*" and _is_valid(payload, line[-4:]):
+                payloads = [payload]
             else:
                 payloads = _find_payloads(line)
             if not payloads:
@@ -126,13 +127,13 @@ class Decoder:
             rows = [row for row in tables if row is not None]
             corrupt += len(samples) - len(rows)
             table = np.concatenate(rows) if rows else np.empty((0, width))
-        sorted_samples = self._order.sort(table[:, :2].astype(np.int64))
+        sorted_samples = self._order.sort(table[:, :2].astype(np.int64).tolist())
         if len(sorted_samples.rows):
             self._clock.update(int(sorted_samples.time_us[-1]), arrived_s)
         return Readings(
             time_s=self._clock.host_time_s(sorted_samples.time_us),
             device_time_us=sorted_samples.time_us.astype(float),
-            values=table[sorted_samples.rows, 2:],
+            values=table.take(sorted_samples.rows, axis=0)[:, 2:],
             lost=sorted_samples.lost,
             corrupt=corrupt,
             repeated=sorted_samples.repeated,
@@ -148,7 +149,7 @@ def split_messages(data: bytes) -> list[TextMessage]:
 
 def _is_valid(payload: bytes, digits: bytes) -> bool:
     try:
-        return len(payload) <= MAX_LINE_BYTES - 6 and crc16(payload) == int(digits, 16)
+        return crc_hqx(payload, CRC_START) == int(digits, 16) and len(payload) <= MAX_LINE_BYTES - 6
     except ValueError:
         return False
 
@@ -180,10 +181,10 @@ def _parse_table(samples: Sequence[bytes], width: int) -> Array | None:
     if numbers.size != width * len(samples):
         return None
     table: Array = numbers.reshape(-1, width)
-    stamps = table[:, :2]
-    # nan fails the comparison, so an empty number or time is rejected as well.
-    if not np.all((stamps >= 0) & (stamps < (SEQUENCE_MODULUS, TIME_MODULUS_US))):
-        return None
+    for number, time_us in table[:, :2].tolist():
+        # nan fails the comparison, so an empty number or time is rejected as well.
+        if not (0.0 <= number < SEQUENCE_MODULUS and 0.0 <= time_us < TIME_MODULUS_US):
+            return None
     return table
 
 
@@ -243,27 +244,30 @@ class SampleOrder:
         self._period_us = 0.0
         self._rejected: tuple[int, int] | None = None
 
-    def sort(self, stamps: NDArray[np.int64]) -> SortedSamples:
-        """Sort a block with stamps (m, 2): number, device time in us, both wrapped."""
-        return self._sort_consecutive(stamps) or self._sort_one_by_one(stamps.tolist())
+    def sort(self, stamps: Sequence[Sequence[int]]) -> SortedSamples:
+        """Sort a block with stamps: number, device time in us, both wrapped."""
+        return self._sort_consecutive(stamps) or self._sort_one_by_one(stamps)
 
-    def _sort_consecutive(self, stamps: NDArray[np.int64]) -> SortedSamples | None:
+    def _sort_consecutive(self, stamps: Sequence[Sequence[int]]) -> SortedSamples | None:
         """Return the block if its samples are consecutive, else None."""
-        if self._newest is None or self._rejected is not None or not len(stamps):
+        if self._newest is None or self._rejected is not None or not stamps:
             return None
-        steps = np.diff(stamps, axis=0, prepend=np.array([self._newest]))
-        steps_us = steps[:, 1] % TIME_MODULUS_US
-        is_near = (steps_us > 0) & (steps_us < MAX_LEAP * self._period_us)
-        if not (is_near & (steps[:, 0] % SEQUENCE_MODULUS == 1)).all():
-            return None
-        time_us = self._time_us + np.cumsum(steps_us)
-        self._period_us = float(steps_us.mean())
+        (last_number, last_us), unwrapped_us = self._newest, self._time_us
+        max_step_us, times_us = MAX_LEAP * self._period_us, []
+        for number, time_us in stamps:
+            step_us = (time_us - last_us) % TIME_MODULUS_US
+            is_next = (number - last_number) % SEQUENCE_MODULUS == 1
+            if not (is_next and 0 < step_us < max_step_us):
+                return None
+            last_number, last_us = number, time_us
+            unwrapped_us += step_us
+            times_us.append(unwrapped_us)
+        self._period_us = (unwrapped_us - self._time_us) / len(stamps)
         self._position += len(stamps)
-        self._newest = int(stamps[-1, 0]), int(stamps[-1, 1])
-        self._time_us = int(time_us[-1])
-        return SortedSamples(np.arange(len(stamps)), time_us, 0, 0)
+        self._newest, self._time_us = (last_number, last_us), unwrapped_us
+        return SortedSamples(np.arange(len(stamps)), np.array(times_us, np.int64), 0, 0)
 
-    def _sort_one_by_one(self, stamps: list[list[int]]) -> SortedSamples:
+    def _sort_one_by_one(self, stamps: Sequence[Sequence[int]]) -> SortedSamples:
         """Return the block, which may have lost, repeated or reordered samples."""
         used_rows: dict[int, tuple[int, int]] = {}  # row and time by position
         returned = None if self._newest is None else self._position

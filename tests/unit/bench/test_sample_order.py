@@ -35,7 +35,7 @@ class Stream:
 
     def take_stamps(self, *stamps: tuple[int, int]) -> list[int]:
         """Return rows; their times have gone on without a jump."""
-        found = self.order.sort(np.array(stamps, np.int64).reshape(-1, 2))
+        found = self.order.sort(stamps)
         self.lost += found.lost
         self.repeated += found.repeated
         self.time_us = found.time_us.tolist()
