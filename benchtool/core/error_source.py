@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,28 +93,41 @@ class Whitening:
 
     Attributes:
         sigma: (m,) the independent errors.
-        log_root_excess: 0.5 log det V minus the sum of log sigma; 0 without columns.
-        shared: (m, r) columns of the normalised shared covariance, with the smallest number of
-            independent draws.
+        directions: (m, r) orthonormal directions of the shared covariance over `sigma`, with the
+            smallest number of independent draws.
+        size: (r,) standard deviations along them.
     """
 
     def __init__(self, sigma: Array, columns: Array) -> None:
-        self.sigma = sigma
-        self.log_root_excess = 0.0
-        self._directions, size = columns / sigma[:, None], np.zeros(columns.shape[1])
-        if columns.size:
-            # Use the smaller of the two products; usually there are fewer draws than points.
-            if columns.shape[1] < columns.shape[0]:
-                square, axes = np.linalg.eigh(self._directions.T @ self._directions)
-                size = np.sqrt(np.maximum(square, 0.0))
-                is_significant = size > 1e-7 * max(float(size[-1]), 1e-300)
-                size = size[is_significant]
-                self._directions = self._directions @ (axes[:, is_significant] / size)
-            else:
-                self._directions, size, _ = np.linalg.svd(self._directions, full_matrices=False)
-            self._change = 1.0 / np.sqrt(1.0 + size**2) - 1.0
-            self.log_root_excess = 0.5 * float(np.log1p(size**2).sum())
-        self.shared: Array = self._directions * size
+        self.sigma, self.directions = sigma, columns / sigma[:, None]
+        self.size = np.zeros(columns.shape[1])
+        if not columns.size:
+            return
+        # Use the smaller of the two products; usually there are fewer draws than points.
+        if columns.shape[1] < columns.shape[0]:
+            square, axes = np.linalg.eigh(self.directions.T @ self.directions)
+            size = np.sqrt(np.maximum(square, 0.0))
+            is_significant = size > 1e-7 * max(float(size[-1]), 1e-300)
+            self.size = size[is_significant]
+            self.directions = self.directions @ (axes[:, is_significant] / self.size)
+        else:
+            self.directions, self.size, _ = np.linalg.svd(self.directions, full_matrices=False)
+
+    @property
+    def shared(self) -> Array:
+        """Columns (m, r) of the shared covariance over `sigma`."""
+        return self.directions * self.size
+
+    @property
+    def log_root_excess(self) -> float:
+        """0.5 log det V minus the sum of log sigma; 0 without columns."""
+        return 0.5 * float(np.log1p(self.size**2).sum())
+
+    def scaled(self, factor: float) -> Whitening:
+        """Return the whitening with the independent errors times a factor."""
+        scaled = copy(self)
+        scaled.sigma, scaled.size = self.sigma * factor, self.size / factor
+        return scaled
 
     @property
     def independent(self) -> Whitening:
@@ -123,8 +137,9 @@ class Whitening:
     def __call__(self, rows: Array) -> Array:
         """Return whitened rows (m,) or (m, n)."""
         scaled = (rows.T / self.sigma).T
-        if not self._directions.size:
+        if not self.directions.size:
             return scaled
-        shared = self._directions.T @ scaled
-        whitened: Array = scaled + self._directions @ (self._change * shared.T).T
+        change = 1.0 / np.sqrt(1.0 + self.size**2) - 1.0
+        shared = self.directions.T @ scaled
+        whitened: Array = scaled + self.directions @ (change * shared.T).T
         return whitened

@@ -207,7 +207,15 @@ class Problem:
 
         Independent errors are multiplied by `factor`.
         """
-        return Whitening(factor * self.sigma(noise), self.shared(noise))
+        scale, extra_sd = self._scale_and_sd(noise)
+        if extra_sd or self.noise_name == NOISE_PLACE or any(s.scaled for s in self.error_sources):
+            return Whitening(factor * self.sigma(noise), self.shared(noise))
+        return self._stated_whitening.scaled(factor * scale)
+
+    @cached_property
+    def _stated_whitening(self) -> Whitening:
+        """Whitening at a scale of 1, without further independent errors."""
+        return Whitening(self.standard_error, self.shared())
 
     def split(self, values: Array) -> tuple[Array, float | None]:
         """Return shape values (n_shape,) and noise of all free values (n_free,)."""

@@ -29,8 +29,8 @@ def log_probability(problem: Problem) -> Callable[[Array], Array]:
 
     def evaluate(walkers: Array) -> Array:
         w = walkers.shape[0]
-        outside = ((walkers < lower) | (walkers > upper)).any(axis=1)
-        any_outside = outside.any()
+        is_inside = (walkers >= lower) & (walkers <= upper)
+        any_outside = not is_inside.all()
         inside = np.minimum(np.maximum(walkers, lower), upper) if any_outside else walkers
         columns = np.ascontiguousarray(inside.T)
         shape = columns if problem.noise_name is None else columns[problem.shape_index]
@@ -41,7 +41,7 @@ def log_probability(problem: Problem) -> Callable[[Array], Array]:
         value = likelihood(rows, columns)
         value += prior(shape, columns)
         if any_outside:
-            value[outside] = -np.inf
+            value[~is_inside.all(axis=1)] = -np.inf
         np.copyto(value, -np.inf, where=np.isnan(value))
         return value
 
@@ -61,7 +61,7 @@ def _likelihood(problem: Problem) -> Callable[[Array, Array], Array]:
 
             def one_factor(rows: Array, columns: Array) -> Array:
                 rows = whiten(rows)
-                value: Array = np.einsum("wm,wm->w", rows, rows)
+                value: Array = np.vecdot(rows, rows)
                 value *= -0.5
                 if position is not None:
                     scale = columns[position]
@@ -132,11 +132,13 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array]:
     normal = noise if noise is not None and noise.kind == "normal" else None
 
     def evaluate(shape: Array, columns: Array) -> Array:
-        whitened = matrix @ (shape - mean)
-        value: Array = -0.5 * np.einsum("qw,qw->w", whitened[normal_rows], whitened[normal_rows])
-        for group in rows.estimated:
-            dof, squares = rows.dof[group[0]], np.sum(whitened[group] ** 2, axis=0)
-            value -= 0.5 * (dof + len(group)) * np.log1p(squares / dof)
+        value = np.zeros(shape.shape[1])
+        if len(rows):
+            whitened = matrix @ (shape - mean)
+            value -= 0.5 * np.sum(whitened[normal_rows] ** 2, axis=0)
+            for group in rows.estimated:
+                dof, squares = rows.dof[group[0]], np.sum(whitened[group] ** 2, axis=0)
+                value -= 0.5 * (dof + len(group)) * np.log1p(squares / dof)
         if in_log:
             value -= np.log(columns[position])
         elif normal is not None:

@@ -56,6 +56,11 @@ class PrecomputedModel:
         # Without effects on the thrust of individual discs.
         if merge and all(effect.hooks.factor is None for effect in effects):
             flow = merge_discs(full_flow, len(conditions))
+        flow = flow._replace(
+            coverage=[_uniform_number(coverage) for coverage in flow.coverage],
+            body_weight=_uniform_number(flow.body_weight),
+            axial_share=_uniform_number(flow.axial_share),
+        )
         is_tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
         running = [i for i, speed in enumerate(full_flow.speed_rad_s) if np.any(speed)]
         is_one_height = len(flow.height_m) == 1 and not is_tilted
@@ -64,7 +69,7 @@ class PrecomputedModel:
         elif running and is_one_height and all(e.hooks.height for e in geometry_effects.values()):
             self._flow, self._height = flow, chain_hooks(bound_hooks(effects, "height"))
             coverages = zip(full_flow.coverage, full_flow.active, strict=True)
-            sources = [coverage * active for coverage, active in coverages]
+            sources = [_uniform_number(coverage * active) for coverage, active in coverages]
             distances = model.rig.disc_distances_m[running[0]]
             self._images = [
                 _sum_by_distance((distances[j], sources[j]) for j in running[1:]),
@@ -127,6 +132,11 @@ def merge_discs(flow: Flow, m: int) -> Flow:
 
     merged = {name: [getattr(flow, name)[first] for first, _ in groups] for name in DISC_FIELDS}
     return flow._replace(**merged, speed_rad_s=[np.sqrt(squares) for _, squares in groups])
+
+
+def _uniform_number(quantity: Any) -> Any:
+    """Return an array of equal values as one number: a product with it is a number per walker."""
+    return quantity if np.ptp(quantity) != 0.0 else float(np.ravel(quantity)[0])
 
 
 def _sum_by_distance(images: Iterable[tuple[float, Any]]) -> Images:
