@@ -214,10 +214,7 @@ class FlightVehicle:
             propulsion.radius_m,
             values["R_m"].value,
             float(self.undercarriage_m),
-            x,
-            y,
-            spin,
-            *weights,
+            *(x, y, spin, *weights),
         )
 
 
