@@ -69,8 +69,8 @@ def test_an_imported_recording_says_whether_it_is_simulated(tmp_path):
     (first,), (second,) = read_sources(
         [str(tmp_path / "a.parquet")], [str(tmp_path / "b.csv")], loaded()
     )
-    assert first.simulated
-    assert not second.simulated
+    assert first.recording.simulated
+    assert not second.recording.simulated
 
 
 def test_a_dead_channel_is_left_out_and_told(tmp_path):
