@@ -140,11 +140,13 @@ def _split_lines(body: bytes | memoryview) -> Iterator[memoryview]:
 def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, list[Finding]]:
     """Return numbers, lines and findings of a table with text cells, read cell by cell."""
     mark = table.delimiter.encode()
-    rows = [row.split(mark) for row in bytes(table.body).split(b"\n")[:-1]]
-    texts = [[row[position].strip() for row in rows] for position in positions]
+    cells = [row.split(mark) for row in bytes(table.body).split(b"\n")[:-1]]
+    texts = [[row[position].strip() for row in cells] for position in positions]
     columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
-    is_text = [[cell.decode("latin-1") not in _NULLS for cell in column] for column in texts]
-    wrong = np.isnan(columns) & is_text
+    wrong = np.isnan(columns)
+    for column, bad in zip(texts, wrong, strict=True):
+        rows = np.flatnonzero(bad)
+        bad[rows] = [column[row].decode("latin-1") not in _NULLS for row in rows]
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -154,10 +156,10 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
         )
         ranges = line_ranges(table.lines[refused])
         findings.append(Finding("refused", "text rows", text, count=count, lines=ranges))
-    for position, cells, bad in zip(positions, texts, wrong, strict=True):
+    for position, column, bad in zip(positions, texts, wrong, strict=True):
         blanked = np.flatnonzero(bad & ~refused)
         if blanked.size:
-            example = cells[blanked[0]].decode("utf-8", "replace").strip()[:30]
+            example = column[blanked[0]].decode("utf-8", "replace").strip()[:30]
             text = f"{pluralize(blanked.size, 'cell')} of text, as {example!r}, blanked"
             ranges, name = line_ranges(table.lines[blanked]), table.header[position]
             findings.append(Finding("repaired", "text cells", text, name, blanked.size, ranges))

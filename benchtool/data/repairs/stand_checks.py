@@ -384,9 +384,10 @@ def find_spikes(values: Array) -> Positions:
     valid = values[rows]
     part = valid[:: max(1, rows.size // 20_000)]
     low, high = np.percentile(part, [1.0, 99.0]) if part.size > 100 else np.sort(valid)[[1, -2]]
-    before, here, after = valid[:-2], valid[1:-1], valid[2:]
+    is_large = np.abs(np.diff(valid)) > SPIKE_SHARE * max(high - low, 0.0)
+    spikes = 1 + np.flatnonzero(is_large[:-1] & is_large[1:])  # steps to and from a row
+    before, here, after = valid[spikes - 1], valid[spikes], valid[spikes + 1]
     up, down = here - before, here - after
     jump = np.minimum(np.abs(up), np.abs(down))
-    is_spike = (up * down > 0.0) & (jump > SPIKE_SHARE * max(high - low, 0.0))
-    is_spike &= (np.abs(after - before) < 0.1 * jump) & (jump > 0.2 * np.abs(before))
-    return rows[1 + np.flatnonzero(is_spike)]
+    is_spike = (up * down > 0.0) & (np.abs(after - before) < 0.1 * jump)
+    return rows[spikes[is_spike & (jump > 0.2 * np.abs(before))]]
