@@ -149,7 +149,7 @@ def split_messages(data: bytes) -> list[TextMessage]:
 
 def _is_valid(payload: bytes, digits: bytes) -> bool:
     try:
-        return crc_hqx(payload, CRC_START) == int(digits, 16) and len(payload) <= MAX_LINE_BYTES - 6
+        return len(payload) <= MAX_LINE_BYTES - 6 and crc16(payload) == int(digits, 16)
     except ValueError:
         return False
 
