@@ -46,7 +46,7 @@ def run(seeds):
     design = Design.read(["gains.attitude=0.9:1.1:10"], seeds=seeds)
     table = Path(arguments[2]) / f"{seeds}.parquet"
     return run_campaign(build_campaign(inputs), inputs, design, table, {}, lambda done: None)
-run(20)
+run(10)
 """
 
 
