@@ -63,7 +63,6 @@ def stream(page: Page, web: Web, device: Device, seconds: float) -> Iterator[Row
     go_to(page, "Sweep")
     # Five repeats last about 12 min.
     page.get_by_label("Repeats").fill(str(5 + int(seconds / 120.0)))
-    page.get_by_text("limits hold").wait_for()
     page.get_by_role("button", name="Start the sweep").click()
     page.get_by_role("button", name="Start", exact=True).click()
     page.get_by_text("running: ").wait_for()

@@ -117,7 +117,8 @@ def alone(setup: str, work: str, *arguments: object) -> tuple[float, float, floa
     """
     code = PEAK_MEMORY + ALONE.format(setup=setup, work=work)
     ended = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)], stdout=subprocess.PIPE, check=True
+        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, check=False
     )
+    assert ended.returncode == 0, ended.stderr.decode()
     wall, cpu, memory = map(float, ended.stdout.split()[-3:])
     return wall, cpu, memory
