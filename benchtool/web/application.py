@@ -81,9 +81,6 @@ TABS = {
 }
 """Tabs in order with Material icons; module `tabs/NAME.py`, imported when first shown."""
 
-# Loads the plot library before STOP is drawn.
-PLOT_PRELOAD = '<script type="module">import "nicegui-plotly";</script>'
-
 
 def serve_page(server: ServerState) -> None:
     """Serve the page under /; ?tab=NAME selects the tab."""
@@ -93,7 +90,6 @@ def serve_page(server: ServerState) -> None:
         theme = request.cookies.get("benchtool-theme", "")
         context = PageContext(server=server, theme=theme if theme in ("light", "dark") else "")
         add_control_script(context)
-        ui.add_head_html(PLOT_PRELOAD)
         header = Header(context, apply_theme(theme))
         keys = [name.lower() for name in TABS]
         with header.tab_row:

@@ -17,7 +17,7 @@ from benchtool.report.palette import BLUE, GREY, SERIES_STYLES, VERMILION
 CURVE_POINTS = 80
 CURVE_Z_OVER_R = (0.5, 5.0)
 
-Trace = dict[str, Any]  # Plotly trace
+Trace = dict[str, Any]  # series of ECharts
 
 
 class MeasuredRatios(NamedTuple):
@@ -33,51 +33,65 @@ class MeasuredRatios(NamedTuple):
     is_thrust: bool = False
 
 
-_STAMP = {
-    "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
-    "showarrow": False, "font": {"color": VERMILION, "size": 13},
-    "bordercolor": VERMILION, "borderwidth": 1, "borderpad": 3,
-}  # fmt: skip
-_EMPTY_TEXT = {
-    "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5, "showarrow": False, "font": {"size": 15},
-}  # fmt: skip
+_RATIO_TITLE = "T{sub|IGE} / T{sub|OGE}"
+_SUBSCRIPT = {"sub": {"fontSize": 9, "verticalAlign": "bottom"}}
 
 
 def ratio_figure(
     points: MeasuredRatios, curves: Sequence[Trace], placeholder: str, ink: str
 ) -> dict[str, Any]:
-    """Return the Plotly figure of the thrust ratio."""
-    x, y, error = map(list, zip(*points.rows, strict=True)) if points.rows else ([], [], [])
-    measured = {
-        "type": "scatter", "mode": "markers", "name": "measured", "x": x, "y": y,
-        "error_y": {"type": "data", "array": error, "color": ink, "thickness": 1.2},
-        "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
-    }  # fmt: skip
+    """Return the ECharts options of the plot of the thrust ratio."""
     is_empty = not points.rows and not curves
-    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
+    x_title, y_title = "z / R", _RATIO_TITLE
     if points.is_thrust:
         curves, x_title, y_title = (), "pulse width, us", "thrust, N"
-    axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not is_empty}
-    # Thrust rises with pulse width, ratios fall with distance: this corner has no points.
-    stamp = {**_STAMP, "y": 0.99} if points.is_thrust else _STAMP
-    notes = [{**_EMPTY_TEXT, "text": placeholder}] if is_empty else []
-    notes = [stamp] if points.simulated else notes
-    return {
-        "data": [*curves, measured],
-        "layout": {
-            "height": 420,
-            "margin": {"l": 60, "r": 16, "t": 12, "b": 46},
-            "paper_bgcolor": "rgba(0,0,0,0)",
-            "plot_bgcolor": "rgba(0,0,0,0)",
-            "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
-            "xaxis": {**axis, "title": {"text": x_title}},
-            "yaxis": {**axis, "title": {"text": y_title}},
-            "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
-            "uirevision": x_title,
-            "annotations": notes,
+    errors = [
+        item for x, y, error in points.rows for item in ([x, y - error], [x, y + error], [x, None])
+    ]
+    series = [
+        *curves,
+        {**_line("standard error", errors, ink, 1.2), "silent": True},
+        {
+            "type": "scatter", "name": "measured", "data": [row[:2] for row in points.rows],
+            "symbolSize": 7, "itemStyle": {"color": "transparent", "borderColor": ink},
         },
-        "config": {"displayModeBar": False, "responsive": True},
-    }
+    ]  # fmt: skip
+    axis = {
+        "type": "value", "scale": True, "show": not is_empty, "nameLocation": "middle",
+        "nameTextStyle": {"color": ink, "fontSize": 13, "rich": _SUBSCRIPT},
+        "axisLabel": {"color": ink}, "axisLine": {"show": True, "lineStyle": {"color": GREY}},
+        "splitLine": {"lineStyle": {"color": GREY + "44"}},
+    }  # fmt: skip
+    zoom = {"type": "inside", "filterMode": "none", "zoomOnMouseWheel": "shift"}
+    stamp = {
+        "text": "SIMULATED", "show": points.simulated, "left": 70, "top": 14 if points.is_thrust
+        else 340, "borderColor": VERMILION, "borderWidth": 1, "padding": 4,
+        "textStyle": {"color": VERMILION, "fontSize": 13},
+    }  # fmt: skip
+    empty = {
+        "text": placeholder, "show": is_empty, "left": "center", "top": "middle",
+        "textStyle": {"color": ink, "fontSize": 15, "fontWeight": "normal"},
+    }  # fmt: skip
+    names = [trace["name"] for trace in series if not trace.get("silent")]
+    return {
+        "animation": False,
+        "textStyle": {"color": ink, "fontFamily": "Roboto, sans-serif"},
+        "grid": {"left": 64, "right": 16, "top": 36, "bottom": 46},
+        "xAxis": {**axis, "name": x_title, "nameGap": 26},
+        "yAxis": {**axis, "name": y_title, "nameGap": 42},
+        "dataZoom": [{**zoom, "xAxisIndex": 0}, {**zoom, "yAxisIndex": 0}],
+        "toolbox": {
+            "show": not is_empty, "left": 60, "top": 2,
+            "feature": {"dataZoom": {"brushStyle": {"color": GREY + "44"}}, "restore": {}},
+        },
+        "tooltip": {"trigger": "item"},
+        "legend": {
+            "show": not is_empty, "data": names, "right": 16, "top": 4, "left": 130,
+            "type": "scroll", "textStyle": {"color": ink},
+        },
+        "title": [stamp, empty],
+        "series": series,
+    }  # fmt: skip
 
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
@@ -135,27 +149,37 @@ def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...
     traces = []
     for curve in formula_curves(rig, speeds, x[x >= VALIDITY_Z_OVER_R]):
         color = SERIES_STYLES["quad"].color if curve.role == "quad" else ink
-        line = {"color": color, "dash": "dash", "width": 1.5}
-        traces.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
+        rows = _points(curve.z_over_R, curve.ratio)
+        traces.append(_line(curve.label, rows, color, 1.5, "dashed"))
     if nominal is None:
         return tuple(traces)
     ratio = np.asarray(factor_at_distance(nominal.model, speeds, x, basis=basis), float)
-    ratio = np.broadcast_to(ratio, x.shape)
     bands = uncertainty_bands(nominal.model, speeds, x, nominal.draws, basis)
-    name = nominal.model.name
     if bands:
-        edge = {"width": 0, "color": VERMILION}
-        low_edge = _line("lower", x, bands[-1].lower, edge)
-        high_edge = _line(f"{name}, 95 %", x, bands[-1].upper, edge)
-        traces.append({**low_edge, "showlegend": False, "hoverinfo": "skip"})
-        traces.append({**high_edge, "fill": "tonexty", "fillcolor": VERMILION + "33"})
-    color = VERMILION if bands else BLUE
-    return (*traces, _line(name, x, ratio, {"color": color, "width": 2}))
+        # The upper series is the width of the band, stacked on the lower limit.
+        lower, upper = np.asarray(bands[-1].lower, float), np.asarray(bands[-1].upper, float)
+        fill = {"stack": "band", "stackStrategy": "all", "silent": True}
+        traces.append({**_line("lower limit", _points(x, lower), VERMILION, 0.0), **fill})
+        width = _line("95 % band", _points(x, upper - lower), VERMILION, 0.0)
+        traces.append({**width, **fill, "areaStyle": {"color": VERMILION, "opacity": 0.2}})
+    name = f"{nominal.model.name}, 95 %" if bands else nominal.model.name
+    rows = _points(x, np.broadcast_to(ratio, x.shape))
+    return (*traces, _line(name, rows, VERMILION if bands else BLUE, 2.0))
 
 
-def _line(name: str, x: Array, y: Array, line: dict[str, Any]) -> Trace:
-    x, y = np.round(np.asarray(x, float), 6), np.round(np.asarray(y, float), 6)
+def _points(x: Array, y: Array) -> list[list[float]]:
+    table: list[list[float]] = np.round(np.column_stack((x, y)), 6).tolist()
+    return table
+
+
+def _line(
+    name: str,
+    points: Sequence[Sequence[float | None]],
+    color: str,
+    width: float,
+    dash: str = "solid",
+) -> Trace:
     return {
-        "type": "scatter", "mode": "lines", "name": name, "x": x.tolist(), "y": y.tolist(),
-        "line": line,
+        "type": "line", "name": name, "data": list(points), "showSymbol": False, "color": color,
+        "lineStyle": {"color": color, "width": width, "type": dash},
     }  # fmt: skip

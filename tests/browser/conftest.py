@@ -35,7 +35,6 @@ CHROMIUM = next(
     None,
 )
 TIMEOUT_MS = 20_000
-PLOTLY_ERROR = "Resize must be passed a displayed plot div element."  # harmless, on leaving a tab
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ def open_page(browser):
     yield open_url
     for context in contexts:
         context.close()
-    assert [error for error in errors if error != PLOTLY_ERROR] == []
+    assert errors == []
 
 
 @pytest.fixture

@@ -104,7 +104,7 @@ def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page):
     for tab in TABS:
         go_to(page, tab)
         if tab == "Sweep":
-            page.locator(".ratio-plot .main-svg").first.wait_for()
+            page.locator(".ratio-plot canvas").first.wait_for()
         page.wait_for_timeout(1000)
         assert page.evaluate("Math.max(...window.blocked)") < 1e3 * RELEASE_TIMEOUT_S, tab
 

@@ -4,6 +4,7 @@ import time
 
 import pytest
 
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.read import read_points
 from tests.browser.conftest import (
     SWEEP_MS,
@@ -32,13 +33,14 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
     run = only_run(web)
     page.get_by_text(f"ended: {run.path}").wait_for(timeout=SWEEP_MS)
     page.get_by_text("points, 0 not settled").wait_for()
-    page.locator(".ratio-plot .scatterlayer .point").first.wait_for()
     run = only_run(web)
     assert run.metadata["state"] == "ended"
     assert run.metadata["link"]["lost"] == 0
     assert run.metadata["samples"]["parquet_sha256"]
     assert run.metadata["needs_page"] is needs_page
     points = read_points(run.path)
+    n_ratios = int((points.column("kind") == word_to_code("kind", "measure")).sum())
+    page.get_by_role("img", name=f"Thrust, {n_ratios} measured points").wait_for()
     assert set(points.column("plate_z_m").round(3)) == {0.072, 0.12, 1.4}
     assert fast_device.turning_us() <= 1000.0
 

@@ -118,7 +118,7 @@ class RatioCard:
                 self._model = ui.select(models, value="", label="Model and its band")
                 self._model.classes("w-52")
             figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
-            self._plot = ui.plotly(figure).classes("w-full ratio-plot")
+            self._plot = ui.echart(figure).classes("w-full ratio-plot").props("role=img")
             self._problem = ui.label().classes("soft")
 
     async def refresh(self) -> None:
@@ -151,7 +151,9 @@ class RatioCard:
             except BenchtoolError as error:
                 self._curves = await run(model_curves, "", rig, ink, basis)
                 points = points if points.rows else MeasuredRatios(problem=str(error))
-        self._plot.update_figure(ratio_figure(points, self._curves, text, ink))
+        self._plot.options.update(ratio_figure(points, self._curves, text, ink))
+        self._plot.props(f'aria-label="Thrust, {len(points.rows)} measured points"')
+        self._plot.update()
         self._problem.set_text(points.problem)
         self._problem.set_visibility(bool(points.problem))
 
@@ -162,7 +164,7 @@ def empty_text(bench: BenchClient) -> str:
         return "No point measured yet."
     if bench.connection.status == "on":
         return "Start a sweep to see its points here."
-    return "Connect a bench under Bench, then start a sweep<br>to see its points here."
+    return "Connect a bench under Bench, then start a sweep\nto see its points here."
 
 
 def build(context: PageContext) -> None:
