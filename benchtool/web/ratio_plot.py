@@ -53,7 +53,7 @@ def ratio_figure(
         {**_line("standard error", errors, ink, 1.2), "silent": True},
         {
             "type": "scatter", "name": "measured", "data": [row[:2] for row in points.rows],
-            "symbolSize": 7, "itemStyle": {"color": "transparent", "borderColor": ink},
+            "symbol": "emptyCircle", "symbolSize": 7, "color": ink,
         },
     ]  # fmt: skip
     axis = {
@@ -81,13 +81,13 @@ def ratio_figure(
         "yAxis": {**axis, "name": y_title, "nameGap": 42},
         "dataZoom": [{**zoom, "xAxisIndex": 0}, {**zoom, "yAxisIndex": 0}],
         "toolbox": {
-            "show": not is_empty, "left": 60, "top": 2,
+            "show": not is_empty, "right": 12, "top": 0, "iconStyle": {"borderColor": ink},
             "feature": {"dataZoom": {"brushStyle": {"color": GREY + "44"}}, "restore": {}},
         },
-        "tooltip": {"trigger": "item"},
+        "tooltip": {"trigger": "axis", "confine": True},
         "legend": {
-            "show": not is_empty, "data": names, "right": 16, "top": 4, "left": 130,
-            "type": "scroll", "textStyle": {"color": ink},
+            "show": not is_empty, "data": names, "left": 56, "right": 90, "top": 2,
+            "itemWidth": 18, "type": "scroll", "textStyle": {"color": ink},
         },
         "title": [stamp, empty],
         "series": series,
@@ -156,12 +156,9 @@ def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...
     ratio = np.asarray(factor_at_distance(nominal.model, speeds, x, basis=basis), float)
     bands = uncertainty_bands(nominal.model, speeds, x, nominal.draws, basis)
     if bands:
-        # The upper series is the width of the band, stacked on the lower limit.
-        lower, upper = np.asarray(bands[-1].lower, float), np.asarray(bands[-1].upper, float)
-        fill = {"stack": "band", "stackStrategy": "all", "silent": True}
-        traces.append({**_line("lower limit", _points(x, lower), VERMILION, 0.0), **fill})
-        width = _line("95 % band", _points(x, upper - lower), VERMILION, 0.0)
-        traces.append({**width, **fill, "areaStyle": {"color": VERMILION, "opacity": 0.2}})
+        lower, upper = (_points(x, limit) for limit in (bands[-1].lower, bands[-1].upper))
+        edges: list[Sequence[float | None]] = [*lower, (CURVE_Z_OVER_R[1], None), *upper]
+        traces.append({**_line("95 % limits", edges, VERMILION, 1.0, "dotted"), "silent": True})
     name = f"{nominal.model.name}, 95 %" if bands else nominal.model.name
     rows = _points(x, np.broadcast_to(ratio, x.shape))
     return (*traces, _line(name, rows, VERMILION if bands else BLUE, 2.0))
@@ -180,6 +177,6 @@ def _line(
     dash: str = "solid",
 ) -> Trace:
     return {
-        "type": "line", "name": name, "data": list(points), "showSymbol": False, "color": color,
+        "type": "line", "name": name, "data": list(points), "symbol": "none", "color": color,
         "lineStyle": {"color": color, "width": width, "type": dash},
     }  # fmt: skip
