@@ -42,7 +42,7 @@ def summarize_residuals(
     logs = evidence.logs
     nuisance, parts = np.hstack([by_parameter, by_discrepancy]), _fold_masks(logs)
     nuisances = [nuisance[part] for part in parts]
-    grams = [part.T @ part for part in nuisances]
+    grams = [nuisance[part].T @ nuisance[part] for part in parts]
     sizes = nuisance.shape[1], by_parameter.shape[1]
     noise = [float(errors.variance[part].sum()) for part in parts[:-1]]
     summaries = []
