@@ -34,6 +34,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _expressions: list[Callable[..., Any]] = []
 _loop_parts: list[Callable[..., Any]] = []
 _registered: set[int | str] = set()
+_watchers: dict[Callable[[float], None], int] = {}  # compiled functions since the start of each
 _is_compiling: bool = False
 
 PARTS_OF_LOOP = 150  # compiled functions of a loop: 136 of a pitch bench, 170 of a flight
@@ -71,6 +72,7 @@ def compile_expressions() -> None:
             _registered.add(id(function))
     if "records" not in _registered:
         _register_records()
+        _register_watchers()
         _registered.add("records")
 
 
@@ -309,8 +311,7 @@ def compiled_closure(function: Function, key: str) -> Function:
     """Compile a closure, cached on disk under a key of its components.
 
     numba identifies a closure only by its source position, which many closures share. Without
-    numba the closure is returned unchanged. Without a writable folder, or with an incompatible
-    numba cache, every process compiles it.
+    numba the closure is returned unchanged.
     """
     try:
         compile_expressions()
@@ -328,27 +329,28 @@ def compiled_closure(function: Function, key: str) -> Function:
 
 @contextmanager
 def watch_compilation(report: Callable[[float], None]) -> Iterator[None]:
-    """Call `report` with the compiled share, 0 to 1, while loops are compiled.
-
-    A loop is compiled at its first run after an installation; afterwards `report` is not called.
-    """
-    if not can_compile():
+    """Call `report` with the compiled share, 0 to 1, of a loop at its first run after setup."""
+    _watchers[report] = 0
+    try:
         yield
-        return
+    finally:
+        del _watchers[report]
+
+
+def _register_watchers() -> None:
+    """Count each compiled function for the callers of `watch_compilation`."""
     from numba.core import event
 
     class Listener(event.Listener):
-        parts = 0
-
-        def on_start(self, _event: Any) -> None:
-            pass
+        def on_start(self, _event: Any) -> None: ...
 
         def on_end(self, _event: Any) -> None:
-            self.parts += 1
-            report(min(self.parts / PARTS_OF_LOOP, 1.0))
+            for report in _watchers:
+                _watchers[report] += 1
+                report(min(_watchers[report] / PARTS_OF_LOOP, 1.0))
 
-    with event.install_listener("numba:compile", Listener()):
-        yield
+    register: Any = event.register
+    register("numba:compile", Listener())
 
 
 def _build_cache_class(key: str) -> Any:
