@@ -48,9 +48,10 @@ docs: $(SITE)
 
 # One table of all benchmarks, medians of five; nothing here passes or fails. ONLY="fit link": some.
 # BESIDE=COMMIT: the same rows of another commit in turns. PAGE=1: write the page, measure nothing.
+# TIMES=1: once in place of five times.
 bench: $(TESTING)
 	$(BIN)/python -m tests.proof.benchmarks.table $(ONLY) \
-	  $(if $(BESIDE),--beside $(BESIDE)) $(if $(PAGE),--page)
+	  $(if $(BESIDE),--beside $(BESIDE)) $(if $(TIMES),--times $(TIMES)) $(if $(PAGE),--page)
 
 # STOP on the page, PRESSES times in every way while motors turn; goes on where it was cut short.
 PRESSES ?= 1000

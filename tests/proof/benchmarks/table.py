@@ -93,7 +93,9 @@ def extract(commit: str) -> Path:
     return folder
 
 
-def run(name: str, beside: Path | None, *, quick: bool) -> tuple[list[dict[str, Any]], set[str]]:
+def run(
+    name: str, beside: Path | None, times: int, *, quick: bool
+) -> tuple[list[dict[str, Any]], set[str]]:
     """Measure both commits in turns; return rows and errors of this commit.
 
     `before` of a row is None where it does not run in the other commit.
@@ -101,7 +103,7 @@ def run(name: str, beside: Path | None, *, quick: bool) -> tuple[list[dict[str, 
     now: list[list[Row]] = []
     before: list[list[Row]] = []
     errors = set()
-    for _ in range(1 if quick or name in ONCE else REPETITIONS):
+    for _ in range(1 if quick or name in ONCE else times):
         measured, error = measure(name, quick=quick)
         now.append(measured)
         errors |= {error} - {""}
@@ -186,6 +188,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(NAMES)}; default: all")
     parser.add_argument("--beside", default="", help="commit to measure in turns")
+    parser.add_argument("--times", type=int, default=REPETITIONS, help="processes of a row")
     parser.add_argument("--quick", action="store_true", help="tiny sizes, once")
     parser.add_argument("--page", action="store_true", help="write the page, measure nothing")
     given = parser.parse_args()
@@ -198,14 +201,14 @@ def main() -> None:
         "before": given.beside,
         "date": dt.date.today().isoformat(),
         "machine": f"{os.cpu_count()} cores, Python {platform.python_version()}, load "
-        f"{os.getloadavg()[0]:.1f}",
+        f"{os.getloadavg()[0]:.1f}, medians of {given.times}",
         "rows": [],
     }
     beside = extract(given.beside) if given.beside else None
     failures: set[str] = set()
     for name in given.names or NAMES:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        measured, errors = run(name, beside, quick=given.quick)
+        measured, errors = run(name, beside, given.times, quick=given.quick)
         results["rows"] += measured
         failures |= errors
         RESULTS.parent.mkdir(exist_ok=True)
