@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
@@ -136,12 +136,17 @@ def new_figure(
     return figure
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FigureBlock:
     """Figure with caption."""
 
     figure: Figure
     caption: str
+
+    @cached_property
+    def svg(self) -> bytes:
+        """Contents of its SVG file, drawn once for the file and the page."""
+        return figure_bytes(self.figure, "svg")
 
 
 PACKAGE = "benchtool.report."
@@ -300,27 +305,31 @@ def _plain(label: str) -> str:
 
 def save_figure(
     figure: Figure, stem: Path, formats: Sequence[Format] = ("svg", "png"), *, replace: bool = False
-) -> tuple[Path, ...]:
+) -> list[Path]:
     """Write `stem`.svg, `stem`.png, ... and return their paths; overwrite only with `replace`."""
     contents = {
         stem.with_name(f"{stem.name}.{name}"): figure_bytes(figure, name) for name in formats
     }
-    if not replace:
-        check_not_existing(contents)
-    for path, content in contents.items():
-        write_whole(path, content)
-    return tuple(contents)
+    return _write_all(contents, replace=replace)
 
 
 def save_figures(
     figures: Mapping[str, FigureBlock], folder: Path, *, replace: bool = False
 ) -> list[Path]:
     """Write an SVG and a PNG file per figure, named as its key; return their paths."""
-    return [
-        path
-        for name, block in figures.items()
-        for path in save_figure(block.figure, folder / name, replace=replace)
-    ]
+    contents: dict[Path, bytes] = {}
+    for name, block in figures.items():
+        contents[folder / f"{name}.svg"] = block.svg
+        contents[folder / f"{name}.png"] = figure_bytes(block.figure, "png")
+    return _write_all(contents, replace=replace)
+
+
+def _write_all(contents: Mapping[Path, bytes], *, replace: bool) -> list[Path]:
+    if not replace:
+        check_not_existing(contents)
+    for path, content in contents.items():
+        write_whole(path, content)
+    return list(contents)
 
 
 def check_not_existing(paths: Iterable[Path]) -> None:

@@ -16,7 +16,6 @@ from benchtool.report.figure import (
     Text,
     check_not_existing,
     evaluate,
-    figure_bytes,
     is_simulated,
     render_figures,
     save_figures,
@@ -24,7 +23,7 @@ from benchtool.report.figure import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +192,7 @@ def render_report(report: Report) -> str:
         report=report,
         style=Markup((texts / "report.css").read_text("utf-8")),
         anchors=_anchors([section.title for section in report.sections]),
-        drawing=lambda block, prefix: Markup(inline_svg(block.figure, prefix)),
+        drawing=lambda block, prefix: Markup(inline_svg(block.svg, prefix)),
         kind=lambda block: type(block).__name__,
         made=f"benchtool {__version__}",
     )
@@ -220,9 +219,9 @@ def _anchors(titles: list[str]) -> list[str]:
     return anchors
 
 
-def inline_svg(figure: Figure, prefix: str) -> str:
-    """Return the figure as an <svg> element; ids get a prefix, unique within the HTML page."""
-    text = figure_bytes(figure, "svg").decode("utf-8")
+def inline_svg(svg: bytes, prefix: str) -> str:
+    """Return an SVG file as an <svg> element; ids get a prefix, unique within the HTML page."""
+    text = svg.decode("utf-8")
     text = _METADATA_ELEMENT.sub("", text[text.index("<svg") :])
     head, body = text.split(">", 1)
     # HTML implies the namespaces; without them the page contains no address.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate
 from benchtool.data.columns import rows_to_frame
-from benchtool.report.figure import render_figures
+from benchtool.report.figure import figure_bytes, render_figures
 from benchtool.report.page import PAGE, Page, inline_svg, write_report
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class Result(Generic[Found]):
         if self._tables:
             parts.append(str(self.to_dataframe().head(12).to_html()))
         with suppress(InputError):  # nothing to draw
-            parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
+            parts.append(inline_svg(figure_bytes(self.plot()), f"bt{id(self)}"))
         return "<div>" + "\n".join(parts) + "</div>"
 
 

@@ -70,12 +70,10 @@ class PageSection:
 def as_html(block: Content) -> str:
     """Return a block as HTML with escaped text."""
     from benchtool.report import page
-    from benchtool.report.figure import FigureBlock, figure_axes, figure_bytes
+    from benchtool.report.figure import FigureBlock, figure_axes
 
     if isinstance(block, FigureBlock):
-        block = FigureImage(
-            figure_bytes(block.figure, "svg"), block.caption, figure_axes(block.figure)
-        )
+        block = FigureImage(block.svg, block.caption, figure_axes(block.figure))
     if isinstance(block, FigureImage):
         source = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         caption = escape(block.caption)
