@@ -64,7 +64,7 @@ def rows(quick: bool) -> Iterator[Row]:
             yield Row("fit, points", wall, "s", size=size, memory_MB=memory_MB)
             if wall > MAX_FIT_S:
                 break
-        for blocks in (1,) if quick else (1, 2, 4, 8):
+        for blocks in () if quick else (1, 2, 4, 8):  # short form: bench_explain
             work = "explain(subject, propose=False)"
             wall, _, memory_MB = alone(EXPLAIN, work, blocks)
             yield Row("explain, s", wall, "s", size=30 * blocks, memory_MB=memory_MB)
@@ -82,7 +82,7 @@ def campaign_rows(folder: Path, sizes: tuple[int, ...]) -> Iterator[Row]:
     """Yield pitch campaigns on one and on two workers."""
     from distributed import LocalCluster
 
-    for workers in (1, 2):
+    for workers in (1,) if len(sizes) == 1 else (1, 2):
         with ExitStack() as stack:
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address=None, protocol="tcp"
