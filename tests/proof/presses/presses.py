@@ -81,7 +81,7 @@ class Scene:
         connect(page, device.address)
         # What a tab does when it is first shown is no part of a press.
         go_to(page, "Sweep")
-        page.locator(".ratio-plot .main-svg").first.wait_for()
+        page.locator(".ratio-plot canvas").first.wait_for()
         go_to(page, "Bench")
         page.locator(".hold-button:not([disabled])").wait_for()
         self.page, self.device, self.hands = page, device, Hands(page, device)
