@@ -112,6 +112,18 @@ times and thresholds are constants at the top of the module that uses them.
 
 """
 
+# What to change, file, function or class.
+PLACES = (
+    ("limits of a run: temperature, current, silence", "bench/limit_check.py", "LimitCheck"),
+    ("solver of least squares", "fit/solve.py", "solve"),
+    ("verdict of an explanation", "explain/engine/posterior.py", "judge"),
+    ("next experiment", "explain/engine/design.py", "select_design"),
+    ("watchdog of a device", "bench/bench.py", "DeviceInfo"),
+    ("virtual device", "virtual/firmware.py", "Firmware"),
+    ("STOP of the page, after `web/static/stop.js`", "web/sockets.py", "serve_control_sockets"),
+    ("process that drives the bench of the page", "web/bench_process/process.py", "BenchProcess"),
+)
+
 # Extension, registry and section of extend.md.
 REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "effects"),
@@ -168,6 +180,9 @@ def page() -> str:
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
     walks = "\n\n".join(f"### {title}\n\n{walk(steps)}" for title, steps in WALKS.items())
+    for _, file, name in PLACES:
+        walk(((file, name, ""),))
+    places = "\n".join(f"| {what} | `{file}`: `{name}` |" for what, file, name in PLACES)
     registries = "\n".join(
         f"| {what} | {where} | [extend](../how-to/extend.md#{listed}) |"
         for what, where, listed in REGISTRIES
@@ -177,6 +192,8 @@ def page() -> str:
         f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
         f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
         f"{WALKS_HEAD}{walks}\n\n"
+        f"## Other places\n\n| to change | open |\n|---|---|\n{places}\n"
+        f"| default gains, rigs, models and plans | `library/` |\n\n"
         f"## Registries\n\n| extension | registry | how to |\n|---|---|---|\n{registries}\n"
     )
 
