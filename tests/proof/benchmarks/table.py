@@ -169,6 +169,8 @@ def write_page(results: dict[str, Any]) -> None:
         row = Row(**{key: fields[key] for key in fields if key not in ("bench", "before")})
         if row.size:
             groups.setdefault(row.work, []).append(row)
+    if not groups:
+        return
     with look():
         figure = new_figure("Cost against size", simulated=False, height_in=5.0)
         upper, lower = figure.subplots(2, 1, sharex=True)
