@@ -38,6 +38,11 @@ print(time.perf_counter() - start, time.process_time() - used, peak_MB())
 """
 
 
+# Limits in these units hold on a machine that needs this processor time to import typer.
+OF_PROCESSOR = ("s", "us", "% of a core", "times real time", "runs/s")
+IMPORT_TYPER_S = 0.048
+
+
 @dataclass(frozen=True)
 class Row:
     """One measured figure; `wanted` limits its ratio to the peer if `of_peer`."""
@@ -62,13 +67,25 @@ class Row:
         """Return the figure over that of the peer."""
         return None if self.peer is None else self.ours / self.peer
 
-    @property
-    def is_met(self) -> bool | None:
+    def limit(self, slowness: float) -> float | None:
+        """Return the limit on a machine so many times slower than the one it was set for."""
+        if self.wanted is None or self.of_peer or self.unit not in OF_PROCESSOR:
+            return self.wanted
+        return self.wanted / slowness if self.is_rate else self.wanted * slowness
+
+    def is_met(self, slowness: float) -> bool | None:
         """Tell whether the figure is within its limit; None without one."""
         figure = self.ratio if self.of_peer else self.ours
-        if self.wanted is None or figure is None:
+        limit = self.limit(slowness)
+        if limit is None or figure is None:
             return None
-        return figure >= self.wanted if self.is_rate else figure <= self.wanted
+        return figure >= limit if self.is_rate else figure <= limit
+
+
+def machine_slowness() -> float:
+    """Return the processor time of `import typer` over that where the limits were set."""
+    times_s = [command_cpu_s("-c", "import typer") for _ in range(6)]
+    return statistics.median(times_s[1:]) / IMPORT_TYPER_S
 
 
 def wall_s(work: Callable[[], object]) -> float:

@@ -25,7 +25,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from tests.proof.benchmarks.rows import TOP, Row
+from tests.proof.benchmarks.rows import TOP, Row, machine_slowness
 
 NAMES = sorted(path.stem.removeprefix("bench_") for path in Path(__file__).parent.glob("bench_*"))
 RESULTS = TOP / "build" / "bench.json"
@@ -126,7 +126,7 @@ def number(value: float | None) -> str:
 
 def table(results: dict[str, Any], *, page: bool = False) -> str:
     """Return the results as a Markdown table; the page has the rows with a limit or a size."""
-    before = results["before"]
+    before, slowness = results["before"], results["slowness"]
     heads = ["work", *([before] if before else []), "now", "unit", *(["ratio"] if before else [])]
     lines = [[*heads, "peer", "times peer", "wanted", "bench"]]
     for fields in results["rows"]:
@@ -143,7 +143,9 @@ def table(results: dict[str, Any], *, page: bool = False) -> str:
         if row.wanted is not None:
             sign = "≥" if row.is_rate else "≤"
             wanted = f"{sign} {number(row.wanted)}{' × peer' * row.of_peer}"
-            wanted += "" if row.is_met else ", missed"
+            limit = row.limit(slowness)
+            wanted += f", here {number(limit)}" if limit != row.wanted else ""
+            wanted += "" if row.is_met(slowness) else ", missed"
         line = [work, *([number(earlier)] if before else []), number(row.ours), unit]
         line += [number(change)] if before else []
         lines.append([*line, peer, number(row.ratio), wanted, f"`{bench}`"])
@@ -161,7 +163,10 @@ def write_page(results: dict[str, Any]) -> None:
 
     before, begin, rest = PAGE.read_text("utf-8").partition("<!-- bench -->\n")
     after = rest.partition("<!-- end of bench -->")[2]
-    head = f"{results['date']}, commit {results['commit']}, {results['machine']}.\n"
+    head = (
+        f"{results['date']}, commit {results['commit']}, {results['machine']}; "
+        f"{results['slowness']:.2f} times slower than where the limits were set.\n"
+    )
     text = f"{head}\n{table(results, page=True)}\n\n"
     PAGE.write_text(f"{before}{begin}{text}<!-- end of bench -->{after}", "utf-8")
     groups: dict[str, list[Row]] = {}
@@ -204,6 +209,7 @@ def main() -> None:
         "date": dt.date.today().isoformat(),
         "machine": f"{os.cpu_count()} cores, Python {platform.python_version()}, load "
         f"{os.getloadavg()[0]:.1f}, medians of {given.times}",
+        "slowness": machine_slowness(),
         "rows": [],
     }
     beside = extract(given.beside) if given.beside else None
