@@ -48,7 +48,8 @@ class AppendFile:
             if error.errno != errno.ELOOP:
                 raise
             raise _file_type_error(path, "a symbolic link") from error
-        if not stat.S_ISREG(os.fstat(self._handle).st_mode):
+        self._status = os.fstat(self._handle)
+        if not stat.S_ISREG(self._status.st_mode):
             os.close(self._handle)
             raise _file_type_error(path, "not a regular file")
         try:
@@ -108,7 +109,7 @@ class AppendFile:
             status = os.stat(self.path, follow_symlinks=False)
         except OSError:
             return False
-        return self._handle is not None and os.path.samestat(status, os.fstat(self._handle))
+        return self._handle is not None and os.path.samestat(status, self._status)
 
     def copy_to(self, path: Path, *, whole: bool) -> None:
         """Write the contents of the file and the unwritten data to a new file.
