@@ -62,7 +62,7 @@ class DeviceClock:
 
     def host_time_s(self, device_time_us: NDArray[np.int64] | Array) -> Array:
         """Return the host times (m,): s of device times (m,): us."""
-        device_s: Array = device_time_us * 1e-6
+        device_s = np.asarray(device_time_us, float) * 1e-6
         offset_s = self._offset_s or 0.0
         from_s, from_offset_s = self._newest or (0.0, offset_s)
         if len(device_s) and (newest_s := max(device_s.tolist())) > from_s:

@@ -84,7 +84,7 @@ CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the 
 
 
 class _WatchedChannel(NamedTuple):
-    index: int
+    column: int
     name: str
     advice: str
     low: float
@@ -123,13 +123,13 @@ class LimitCheck:
 
     def _set_watched(self, watched: list[_WatchedChannel], now_s: float) -> None:
         self._watched, self._last_value_s = watched, [now_s] * len(watched)
-        self._columns = [channel.index for channel in watched]
+        self._columns = [channel.column for channel in watched]
 
     def tighten_limits(self, limits: Limits) -> None:
         """Replace the limits; the set of checked channels does not change."""
         channels = _find_watched(self._names, limits, self._rotor_stale_s)
-        new = {channel.index: channel for channel in channels}
-        self._watched = [new.get(channel.index, channel) for channel in self._watched]
+        new = {channel.column: channel for channel in channels}
+        self._watched = [new.get(channel.column, channel) for channel in self._watched]
 
     def record_command(self, pwm_us: Array, now_s: float) -> None:
         """Set the commanded pulse width of every motor (n_rotors,): us, for comparison with rpm."""
@@ -167,8 +167,8 @@ class LimitCheck:
         # Plain Python: a read returns few rows, for which each call of NumPy costs more than a row.
         times_s, rows = time_s.tolist(), values.tolist()
         for row in rows:
-            for index, name, advice, low, high, _ in self._watched:
-                if not low <= (value := row[index]) <= high and value == value:  # not nan
+            for column, name, advice, low, high, _ in self._watched:
+                if not low <= (value := row[column]) <= high and value == value:  # not nan
                     return LimitExceeded(name, value, high if value > high else low, advice)
         if self._plate >= 0 and not self._host.at_zero:
             for row in rows:
@@ -186,9 +186,9 @@ class LimitCheck:
             self._repeated_since_s += gap_s
         self._last_s = times_s[-1]
         for row_s, row in zip(times_s, rows, strict=True):
-            for column, index in enumerate(self._columns):
-                if row[index] == row[index]:  # not nan
-                    self._last_value_s[column] = row_s
+            for number, column in enumerate(self._columns):
+                if row[column] == row[column]:  # not nan
+                    self._last_value_s[number] = row_s
         for channel, value_s in zip(self._watched, self._last_value_s, strict=True):
             if (silent_s := self._last_s - value_s) > channel.stale_s:
                 return LimitExceeded(

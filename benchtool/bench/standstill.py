@@ -68,7 +68,7 @@ class HostPulseTracking:
             return None
         motor = bad.index(True)
         pulses = f"a pulse of {self._pwm_us[motor]:g} us"
-        return _mismatch_error(motor, rpm, limits_rpm, pulses, since_s)
+        return _mismatch_error(motor, rpm[motor], limits_rpm[motor], pulses, since_s)
 
 
 class LoopPulseTracking:
@@ -108,7 +108,8 @@ class LoopPulseTracking:
             if (bad_s > allowed_s).any():
                 motor = int(np.argmax(bad_s))
                 pulses = f"the pulse widths that the bench reports, now {pwm_us[-1, motor]:g} us,"
-                return _mismatch_error(motor, self._rpm, limits_rpm, pulses, float(bad_s[motor]))
+                rpm_now, limit_rpm = float(self._rpm[motor]), float(limits_rpm[motor])
+                return _mismatch_error(motor, rpm_now, limit_rpm, pulses, float(bad_s[motor]))
         return None
 
 
@@ -127,12 +128,12 @@ def _update_mean(mean: Array, new: Array, weight: float) -> Array:
 
 
 def _mismatch_error(
-    motor: int, rpm: Sequence[float], limits_rpm: Sequence[float], pulses: str, since_s: float
+    motor: int, rpm: float, limit_rpm: float, pulses: str, since_s: float
 ) -> LimitExceeded:
     return LimitExceeded(
         f"rpm{motor + 1}",
-        float(rpm[motor]),
-        float(limits_rpm[motor]),
+        rpm,
+        limit_rpm,
         f"that does not fit {pulses} after {since_s:.1f} s; check motor {motor + 1}, its ESC, "
         f"its rpm channel and the rig's pulse map",
     )
