@@ -60,12 +60,12 @@ class DeviceClock:
             self._offset_s += min(max(error_s, -step_s), step_s)
         self._last_device_s = max(device_s, self._last_device_s)
 
-    def host_time_s(self, device_time_us: NDArray[np.int64]) -> Array:
+    def host_time_s(self, device_time_us: NDArray[np.int64] | Array) -> Array:
         """Return the host times (m,): s of device times (m,): us."""
-        device_s: Array = device_time_us.astype(np.float64) * 1e-6
+        device_s = np.asarray(device_time_us, float) * 1e-6
         offset_s = self._offset_s or 0.0
         from_s, from_offset_s = self._newest or (0.0, offset_s)
-        if len(device_s) and (newest_s := float(device_s.max())) > from_s:
+        if len(device_s) and (newest_s := max(device_s.tolist())) > from_s:
             self._newest = (newest_s, offset_s)
             if offset_s != from_offset_s:  # spread over the time since the last returned time
                 offsets_s = np.interp(device_s, [from_s, newest_s], [from_offset_s, offset_s])

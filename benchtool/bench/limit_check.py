@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, isnan, nan, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.plate_check import PLATE_CHANNEL, plate_tolerance_m
 from benchtool.bench.standstill import GAP_S, HostPulseTracking, LoopPulseTracking
@@ -83,9 +83,8 @@ CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the 
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _WatchedChannel:
-    index: int
+class _WatchedChannel(NamedTuple):
+    column: int
     name: str
     advice: str
     low: float
@@ -104,46 +103,36 @@ class LimitCheck:
         self._names, self._rotor_stale_s = names, stale_s
         self._set_watched(_find_watched(names, limits, stale_s), start_s)
         rpm_names = [f"rpm{i + 1}" for i in range(rig.n_rotors)]
-        self._rpm = np.array([names.index(name) for name in rpm_names if name in names], np.intp)
+        self._rpm = [names.index(name) for name in rpm_names if name in names]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
         self._plate = names.index(PLATE_CHANNEL) if PLATE_CHANNEL in names else -1
         self._min_plate_m = rig.plate.z_min_m - plate_tolerance_m(rig)
-        self._turning = False
-        self._stop_us = rig.propulsion.pwm_stop_us
         self._n_rotors = rig.n_rotors
         self._rig = rig
         self._host = HostPulseTracking(rig.propulsion, rig.n_rotors, start_s)
         self._loop: LoopPulseTracking | None = None
         self._rc_arming = False
         pwm_names = [f"pwm{i + 1}_us" for i in range(rig.n_rotors)]
-        self._pwm = np.array([names.index(name) for name in pwm_names if name in names], np.intp)
-        self._last_us: Array = np.full(len(self._pwm), np.nan)
-        self._last_rpm: Array = np.full(len(self._rpm), np.nan)
+        self._pwm = [names.index(name) for name in pwm_names if name in names]
+        self._last_us, self._last_rpm = [nan] * len(self._pwm), [nan] * len(self._rpm)
         self._thrust_per_rpm2 = rig.propulsion.thrust_coefficient_N_s2 * (pi / 30.0) ** 2
         self._margin_N = PLAUSIBLE_MARGIN * limits.load_cell_rating_N
         self._plausible_s = self._last_s = start_s
-        self._repeated_N, self._repeated_since_s = np.nan, start_s
+        self._repeated_N, self._repeated_since_s = nan, start_s
         self._last_square, self._rpm_moved_s = 0.0, -inf
 
     def _set_watched(self, watched: list[_WatchedChannel], now_s: float) -> None:
-        self._watched = watched
-        self._columns = np.array([item.index for item in watched], np.intp)
-        self._low = np.array([item.low for item in watched], float)
-        self._high = np.array([item.high for item in watched], float)
-        self._stale_s = np.array([item.stale_s for item in watched], float)
-        self._last_value_s: Array = np.full(len(watched), now_s)
+        self._watched, self._last_value_s = watched, [now_s] * len(watched)
+        self._columns = [channel.column for channel in watched]
 
     def tighten_limits(self, limits: Limits) -> None:
         """Replace the limits; the set of checked channels does not change."""
         channels = _find_watched(self._names, limits, self._rotor_stale_s)
-        new = {channel.index: channel for channel in channels}
-        self._watched = [new.get(channel.index, channel) for channel in self._watched]
-        self._low = np.array([channel.low for channel in self._watched], float)
-        self._high = np.array([channel.high for channel in self._watched], float)
+        new = {channel.column: channel for channel in channels}
+        self._watched = [new.get(channel.column, channel) for channel in self._watched]
 
     def record_command(self, pwm_us: Array, now_s: float) -> None:
         """Set the commanded pulse width of every motor (n_rotors,): us, for comparison with rpm."""
-        self._turning = bool((pwm_us > self._stop_us).any())
         self._host.record_command(pwm_us, now_s)
 
     def expect_loop(self, now_s: float, *, rc_arming: bool) -> None:
@@ -159,9 +148,7 @@ class LimitCheck:
         if self._loop is not None or len(self._pwm) < self._n_rotors:
             return
         stale_s = self._rotor_stale_s
-        pulses = [
-            _WatchedChannel(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm.tolist()
-        ]
+        pulses = [_WatchedChannel(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm]
         self._set_watched([*self._watched, *pulses], now_s)
         self._loop = LoopPulseTracking(self._rig.propulsion, self._n_rotors, now_s)
         self._rc_arming = rc_arming
@@ -177,52 +164,56 @@ class LimitCheck:
         """
         if not len(time_s):
             return None
-        readings = values.take(self._columns, axis=1)
-        is_exceeded = (readings > self._high) | (readings < self._low)
-        if np.count_nonzero(is_exceeded):
-            return self._limit_error(readings, is_exceeded)
-        if self._turning and self._plate >= 0:
-            plate_m = values[:, self._plate]
-            too_near_m = plate_m[plate_m < self._min_plate_m]
-            if len(too_near_m):
-                return LimitExceeded(
-                    PLATE_CHANNEL,
-                    float(too_near_m[0]),
-                    self._rig.plate.z_min_m,
-                    "the plate is inside the rig's minimum gap while motors turn; move it away by "
-                    "hand, then check stage and sensor",
-                )
-        if (gap_s := float(time_s[0]) - self._last_s) > GAP_S:
-            self._last_value_s += gap_s
+        # Plain Python: a read returns few rows, for which each call of NumPy costs more than a row.
+        times_s, rows = time_s.tolist(), values.tolist()
+        for row in rows:
+            for column, name, advice, low, high, _ in self._watched:
+                if not low <= (value := row[column]) <= high and value == value:  # not nan
+                    return LimitExceeded(name, value, high if value > high else low, advice)
+        if self._plate >= 0 and not self._host.at_zero:
+            for row in rows:
+                if row[self._plate] < self._min_plate_m:
+                    return LimitExceeded(
+                        PLATE_CHANNEL,
+                        row[self._plate],
+                        self._rig.plate.z_min_m,
+                        "the plate is inside the rig's minimum gap while motors turn; move it away "
+                        "by hand, then check stage and sensor",
+                    )
+        if (gap_s := times_s[0] - self._last_s) > GAP_S:
+            self._last_value_s = [value_s + gap_s for value_s in self._last_value_s]
             self._plausible_s += gap_s
             self._repeated_since_s += gap_s
-        self._last_s = float(time_s[-1])
-        value_s = np.where(np.isnan(readings), -inf, time_s[:, None])
-        newest_s = np.maximum.reduce(value_s)
-        np.maximum(self._last_value_s, newest_s, out=self._last_value_s)
-        silent_s = self._last_s - self._last_value_s
-        if np.count_nonzero(silent_s > self._stale_s):
-            column = int(np.argmax(silent_s > self._stale_s))
-            watched = self._watched[column]
-            return LimitExceeded(
-                f"silence of {watched.name} in s",
-                float(silent_s[column]),
-                watched.stale_s,
-                "the channel has no new values; check its wiring and its sensor",
-            )
+        self._last_s = times_s[-1]
+        for row_s, row in zip(times_s, rows, strict=True):
+            for number, column in enumerate(self._columns):
+                if row[column] == row[column]:  # not nan
+                    self._last_value_s[number] = row_s
+        for channel, value_s in zip(self._watched, self._last_value_s, strict=True):
+            if (silent_s := self._last_s - value_s) > channel.stale_s:
+                return LimitExceeded(
+                    f"silence of {channel.name} in s",
+                    silent_s,
+                    channel.stale_s,
+                    "the channel has no new values; check its wiring and its sensor",
+                )
         if len(self._rpm) < self._n_rotors:
             return None
-        rpm, self._last_rpm = _forward_fill(values.take(self._rpm, axis=1), self._last_rpm)
+        rpm = _forward_fill(rows, self._rpm, self._last_rpm)
+        self._last_rpm = rpm[-1]
         error: LimitExceeded | None = None
         if self._thrust >= 0:
-            thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
-            error = self._check_thrust(time_s, squares, thrust_N)
+            thrust_N = [row[self._thrust] for row in rows]
+            squares = [sum([speed * speed for speed in speeds]) for speeds in rpm]
+            error = self._check_thrust(times_s, squares, thrust_N)
             error = error or self._check_frozen(squares, thrust_N)
-        if error is None and (error := self._check_speeds(values, rpm)) is not None:
+        if error is None and (error := self._check_speeds(rows, rpm)) is not None:
             return late or error
         return error
 
-    def _check_speeds(self, values: Array, rpm: Array) -> LimitExceeded | None:
+    def _check_speeds(
+        self, rows: list[list[float]], rpm: list[list[float]]
+    ) -> LimitExceeded | None:
         """Return an error if a motor's rpm has not followed its pulse width by now.
 
         The pulse widths that a loop on the bench reports count, and in addition the host's zero: no
@@ -231,19 +222,20 @@ class LimitCheck:
         """
         if self._loop is None:
             return self._host.find_mismatch(rpm[-1], self._last_s)
-        pwm_us, self._last_us = _forward_fill(values.take(self._pwm, axis=1), self._last_us)
-        error = self._loop.find_mismatch(pwm_us, rpm, self._last_s)
+        pwm_us = _forward_fill(rows, self._pwm, self._last_us)
+        self._last_us = pwm_us[-1]
+        error = self._loop.find_mismatch(np.array(pwm_us), np.array(rpm), self._last_s)
         if error is None and self._host.at_zero and (self._host.has_driven or not self._rc_arming):
             error = self._host.find_mismatch(rpm[-1], self._last_s)
         return error
 
-    def _check_frozen(self, squares: Array, thrust_N: Array) -> LimitExceeded | None:
+    def _check_frozen(self, squares: list[float], thrust_N: list[float]) -> LimitExceeded | None:
         """Return an error if thrust repeats one number while rpm readings change."""
-        present_N = [value_N for value_N in thrust_N.tolist() if value_N == value_N]  # not nan
+        present_N = [value_N for value_N in thrust_N if value_N == value_N]  # not nan
         if present_N.count(self._repeated_N) < len(present_N):
             self._repeated_N = present_N[-1]
             self._repeated_since_s = self._last_s
-        turning_squares = [square for square in squares.tolist() if square > 0.0]
+        turning_squares = [square for square in squares if square > 0.0]
         if turning_squares:
             if turning_squares.count(self._last_square) < len(turning_squares):
                 self._rpm_moved_s = self._last_s
@@ -259,44 +251,28 @@ class LimitCheck:
             f"and cable",
         )
 
-    def _check_thrust(self, time_s: Array, squares: Array, thrust_N: Array) -> LimitExceeded | None:
+    def _check_thrust(
+        self, times_s: list[float], squares: list[float], thrust_N: list[float]
+    ) -> LimitExceeded | None:
         """Return an error if thrust has disagreed with rpm for too long."""
-        expected_N = self._thrust_per_rpm2 * squares
-        high_N = PLAUSIBLE_HIGH * expected_N + self._margin_N
-        low_N = PLAUSIBLE_LOW * expected_N - self._margin_N
-        plausible = (thrust_N <= high_N) & (thrust_N >= low_N)
-        if np.count_nonzero(plausible) == len(plausible):
-            self._plausible_s = float(time_s[-1])
-            return None
-        implausible = (thrust_N > high_N) | (thrust_N < low_N)
-        if not np.count_nonzero(implausible):
-            if np.count_nonzero(plausible):
-                self._plausible_s = float(time_s[plausible][-1])
-            return None
-        since_s = np.maximum.accumulate(
-            np.maximum(np.where(plausible, time_s, -inf), self._plausible_s)
-        )
-        self._plausible_s = float(since_s[-1])
-        is_error = implausible & (time_s - since_s > IMPLAUSIBLE_TIMEOUT_S)
-        if not is_error.any():
-            return None
-        row = int(np.argmax(is_error))
-        limit_N = high_N[row] if thrust_N[row] > high_N[row] else low_N[row]
-        return LimitExceeded(
-            "thrust_N",
-            float(thrust_N[row]),
-            float(limit_N),
-            f"that is not plausible for {float(np.sqrt(squares[row] / len(self._rpm))):.0f} rpm, "
-            f"where k w^2 gives {float(expected_N[row]):.3g} N; check the load cell's sign and "
-            f"scale, the rpm channels and the rig's thrust coefficient",
-        )
-
-    def _limit_error(self, readings: Array, is_exceeded: NDArray[np.bool_]) -> LimitExceeded:
-        row = int(np.argmax(is_exceeded.any(axis=1)))
-        column = int(np.argmax(is_exceeded[row]))
-        watched, value = self._watched[column], float(readings[row, column])
-        limit = watched.high if value > watched.high else watched.low
-        return LimitExceeded(watched.name, value, limit, watched.advice)
+        for time_s, square, value_N in zip(times_s, squares, thrust_N, strict=True):
+            expected_N = self._thrust_per_rpm2 * square
+            high_N = PLAUSIBLE_HIGH * expected_N + self._margin_N
+            low_N = PLAUSIBLE_LOW * expected_N - self._margin_N
+            if low_N <= value_N <= high_N:
+                self._plausible_s = time_s
+                continue
+            is_implausible = value_N > high_N or value_N < low_N  # not if one of them is nan
+            if is_implausible and time_s - self._plausible_s > IMPLAUSIBLE_TIMEOUT_S:
+                return LimitExceeded(
+                    "thrust_N",
+                    value_N,
+                    high_N if value_N > high_N else low_N,
+                    f"that is not plausible for {sqrt(square / len(self._rpm)):.0f} rpm, where "
+                    f"k w^2 gives {expected_N:.3g} N; check the load cell's sign and scale, the "
+                    f"rpm channels and the rig's thrust coefficient",
+                )
+        return None
 
 
 def format_unmonitored_limits(channels: Sequence[Channel], n_rotors: int) -> str:
@@ -322,16 +298,19 @@ def _find_watched(names: Sequence[str], limits: Limits, stale_s: float) -> list[
     return channels
 
 
-def _forward_fill(rows: Array, last_values: Array) -> tuple[Array, Array]:
-    """Return rows (m, n) with gaps filled by the channel's last reading, and the last row.
+def _forward_fill(
+    rows: list[list[float]], columns: list[int], last_values: list[float]
+) -> list[list[float]]:
+    """Return the columns of rows with gaps filled by the channel's last reading.
 
     A device may send thrust and speeds in different rows. A reading that is too old to compare
-    belongs to a silent channel, which has its own check. `last_values` (n,) precede the rows.
+    belongs to a silent channel, which has its own check. `last_values` precede the rows.
     """
-    is_missing = np.isnan(rows)
-    if np.count_nonzero(is_missing):
-        rows[0, is_missing[0]] = last_values[is_missing[0]]
-        source_rows = np.where(is_missing, 0, np.arange(len(rows))[:, None])
-        np.maximum.accumulate(source_rows, axis=0, out=source_rows)
-        rows = np.take_along_axis(rows, source_rows, axis=0)
-    return rows, rows[-1].copy()
+    filled = []
+    for row in rows:
+        readings = [row[column] for column in columns]
+        if isnan(sum(readings)):
+            pairs = zip(readings, last_values, strict=True)
+            readings = [old if isnan(new) else new for new, old in pairs]
+        filled.append(last_values := readings)
+    return filled

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import exp, inf, nan, pi
+from math import exp, inf, isnan, nan, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.bench.bench import DeviceInfo
 from benchtool.core.errors import LimitExceeded
@@ -36,43 +35,40 @@ class HostPulseTracking:
 
     def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
         self._propulsion = propulsion
-        self._pwm_us: Array | None = None
+        self._pwm_us: list[float] | None = None
         self._commanded_s = start_s
-        self._min_rpm = self._max_rpm = np.zeros(n_rotors)
+        self._min_rpm = self._max_rpm = [0.0] * n_rotors
         self.has_driven = False
-
-    @property
-    def at_zero(self) -> bool:
-        """Return whether every motor is commanded to stop."""
-        stop_us = self._propulsion.pwm_stop_us
-        return self._pwm_us is None or bool((self._pwm_us <= stop_us).all())
+        self.at_zero = True  # every motor is commanded to stop
 
     def record_command(self, pwm_us: Array, now_s: float) -> None:
         """Set the commanded pulse width of every motor (n_rotors,): us."""
-        if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
+        pulses_us = pwm_us.tolist()
+        if pulses_us == self._pwm_us:
             return
         rpm = rotor_speeds(self._propulsion, pwm_us)
-        self._pwm_us, self._commanded_s = np.array(pwm_us), now_s
-        self._min_rpm = TOO_SLOW * rpm - RPM_TOLERANCE
-        self._max_rpm = TOO_FAST * rpm + RPM_TOLERANCE
+        self._pwm_us, self._commanded_s = pulses_us, now_s
+        self._min_rpm = (TOO_SLOW * rpm - RPM_TOLERANCE).tolist()
+        self._max_rpm = (TOO_FAST * rpm + RPM_TOLERANCE).tolist()
+        self.at_zero = max(pulses_us) <= self._propulsion.pwm_stop_us
         self.has_driven |= not self.at_zero
 
-    def find_mismatch(self, rpm: Array, now_s: float) -> LimitExceeded | None:
+    def find_mismatch(self, rpm: Sequence[float], now_s: float) -> LimitExceeded | None:
         """Return an error when a motor's last rpm (n_rotors,) has not followed its pulse by now."""
         since_s = now_s - self._commanded_s
         if self._pwm_us is None or since_s < TOO_SLOW_S:
             return None
         # nan compares as neither too slow nor too fast.
-        bad = rpm < self._min_rpm
         limits_rpm = self._min_rpm
-        if since_s > TOO_FAST_S and not bad.any():
-            bad = rpm > self._max_rpm
+        bad = [speed < limit for speed, limit in zip(rpm, limits_rpm, strict=True)]
+        if since_s > TOO_FAST_S and not any(bad):
             limits_rpm = self._max_rpm
-        if not bad.any():
+            bad = [speed > limit for speed, limit in zip(rpm, limits_rpm, strict=True)]
+        if not any(bad):
             return None
-        motor = int(np.argmax(bad))
+        motor = bad.index(True)
         pulses = f"a pulse of {self._pwm_us[motor]:g} us"
-        return _mismatch_error(motor, rpm, limits_rpm, pulses, since_s)
+        return _mismatch_error(motor, rpm[motor], limits_rpm[motor], pulses, since_s)
 
 
 class LoopPulseTracking:
@@ -112,7 +108,8 @@ class LoopPulseTracking:
             if (bad_s > allowed_s).any():
                 motor = int(np.argmax(bad_s))
                 pulses = f"the pulse widths that the bench reports, now {pwm_us[-1, motor]:g} us,"
-                return _mismatch_error(motor, self._rpm, limits_rpm, pulses, float(bad_s[motor]))
+                rpm_now, limit_rpm = float(self._rpm[motor]), float(limits_rpm[motor])
+                return _mismatch_error(motor, rpm_now, limit_rpm, pulses, float(bad_s[motor]))
         return None
 
 
@@ -131,12 +128,12 @@ def _update_mean(mean: Array, new: Array, weight: float) -> Array:
 
 
 def _mismatch_error(
-    motor: int, rpm: Array, limits_rpm: Array, pulses: str, since_s: float
+    motor: int, rpm: float, limit_rpm: float, pulses: str, since_s: float
 ) -> LimitExceeded:
     return LimitExceeded(
         f"rpm{motor + 1}",
-        float(rpm[motor]),
-        float(limits_rpm[motor]),
+        rpm,
+        limit_rpm,
         f"that does not fit {pulses} after {since_s:.1f} s; check motor {motor + 1}, its ESC, "
         f"its rpm channel and the rig's pulse map",
     )
@@ -188,6 +185,7 @@ class StandstillMonitor:
         if identity.has_loop:
             self.expect_loop()
         self._pulses_us: Array = np.full(n, stop_us)
+        self._expected_rpm = [0.0] * n
         self._rotors = [_RotorState(now_s) for _ in range(n)]
         self.zero_s = now_s  # time of the last stop command of a motor, bench time
 
@@ -207,26 +205,29 @@ class StandstillMonitor:
                 rotor.restart(now_s)
                 self.zero_s = now_s
         self._pulses_us = np.array(pulses_us)
+        self._expected_rpm = rotor_speeds(self._propulsion, self._pulses_us).tolist()
 
     def update(self, time_s: Array, values: Array) -> None:
         """Update the check with samples (m,), (m, c); nan where a channel had no new value."""
         if not len(time_s):
             return
-        expected_rpm = rotor_speeds(self._propulsion, self._pulses_us)
+        times_s, columns = time_s.tolist(), values.T.tolist()
+        max_output_us = self._stop_us + OUTPUT_SLACK_us
         for index, rotor in enumerate(self._rotors):
             if (speed_column := self._speed_columns[index]) is not None:
-                rpm = np.abs(values[:, speed_column])
-                rotor.speed.take(time_s, rpm, rpm < self._limit_rpm, rotor.zero_s)
-                expected = float(expected_rpm[index])
+                rpm = [abs(speed) for speed in columns[speed_column]]
+                is_low = [speed < self._limit_rpm for speed in rpm]
+                rotor.speed.take(times_s, rpm, is_low, rotor.zero_s)
+                expected = self._expected_rpm[index]
                 if (pwm_column := self._reported_columns[index]) is not None:
                     # A loop sets the pulse widths: the smallest reported one is expected.
                     lowest_us = np.nanmin(values[:, pwm_column], initial=inf)
                     expected = float(rotor_speeds(self._propulsion, np.array([lowest_us]))[0])
-                rotor.compare(time_s, rpm, expected, self._limit_rpm)
+                rotor.compare(times_s, rpm, expected, self._limit_rpm)
             if (output_column := self._output_columns[index]) is not None:
-                output_us = values[:, output_column]
-                is_low = output_us <= self._stop_us + OUTPUT_SLACK_us
-                rotor.output.take(time_s, output_us, is_low, rotor.zero_s)
+                output_us = columns[output_column]
+                is_low = [width_us <= max_output_us for width_us in output_us]
+                rotor.output.take(times_s, output_us, is_low, rotor.zero_s)
 
     def state(self) -> Standstill:
         """Return the result so far."""
@@ -308,24 +309,19 @@ class _ChannelState:
         """Return whether the newest reading is above the threshold."""
         return self.last == self.last and self._low_s != self._low_s
 
-    def take(self, time_s: Array, values: Array, is_low: NDArray[np.bool_], since_s: float) -> None:
-        fresh = np.flatnonzero(~np.isnan(values) & (time_s > since_s))
-        if not len(fresh):
-            return
-        highs = np.flatnonzero(~is_low[fresh])
-        if len(highs):
-            self._low_s = nan
-            fresh_low = fresh[highs[-1] + 1 :]
-        else:
-            fresh_low = fresh
-        if len(fresh_low) and self._low_s != self._low_s:
-            self._low_s = float(time_s[fresh_low[0]])
-        self.last, self.last_s = float(values[fresh[-1]]), float(time_s[fresh[-1]])
-        if len(highs):
-            self.standstill_s = nan
-        if self.is_low and self.standstill_s != self.standstill_s:
-            is_confirmed = time_s[fresh_low] - self._low_s >= CONFIRMATION_TIME_S - 1e-9
-            self.standstill_s = float(time_s[fresh_low[is_confirmed][0]])
+    def take(
+        self, times_s: list[float], values: list[float], is_low: list[bool], since_s: float
+    ) -> None:
+        for time_s, value, low in zip(times_s, values, is_low, strict=True):
+            if isnan(value) or time_s <= since_s:
+                continue
+            self.last, self.last_s = value, time_s
+            if not low:
+                self._low_s = self.standstill_s = nan
+            elif isnan(self._low_s):
+                self._low_s = time_s
+            if self.is_low and isnan(self.standstill_s):
+                self.standstill_s = time_s
 
 
 class _RotorState:
@@ -343,19 +339,21 @@ class _RotorState:
         self.zero_s = now_s
         self.speed, self.output = _ChannelState(), _ChannelState()
 
-    def compare(self, time_s: Array, rpm: Array, expected_rpm: float, limit_rpm: float) -> None:
+    def compare(
+        self, times_s: list[float], rpm: list[float], expected_rpm: float, limit_rpm: float
+    ) -> None:
         """Update whether the speed channel responds to a drive well above standstill."""
-        is_high = bool((rpm >= limit_rpm).any())
+        present = [speed for speed in rpm if not isnan(speed)]
+        is_high = any(speed >= limit_rpm for speed in present)
         self.has_turned |= is_high
         self.speed_responds |= is_high
         if self.zero_s < inf or not expected_rpm > 2.0 * limit_rpm:
             self._due_s = inf
             return
-        self._due_s = min(self._due_s, float(time_s[0]))
-        driven_s = time_s[-1] - self._due_s
-        present = rpm[~np.isnan(rpm)]
-        if len(present) and driven_s >= REPORT_TIMEOUT_S:
-            self.speed_responds = bool(present[-1] >= limit_rpm)
+        self._due_s = min(self._due_s, times_s[0])
+        driven_s = times_s[-1] - self._due_s
+        if present and driven_s >= REPORT_TIMEOUT_S:
+            self.speed_responds = present[-1] >= limit_rpm
         elif driven_s > AVERAGING_TIME_S and not self.has_turned:
             self.speed_responds = False
 

@@ -158,11 +158,9 @@ def _with_units(header: str, below: str) -> str:
 
 
 def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
-    """Return a function that tests a file for these columns; units in brackets are ignored.
+    """Return a function that tests a file for all of `names` and, if given, one of `any_of`.
 
-    Args:
-        names: columns that are all required.
-        any_of: columns of which one is required, if not empty.
+    Units in brackets are ignored.
     """
 
     def recognizes(head: bytes) -> bool:

@@ -65,10 +65,8 @@ class CsvTable:
 def read_csv_text(path: Path, *, is_own: bool = False, follow: bool = True) -> CsvTable:
     """Return the cells of a CSV file, repaired where possible.
 
-    Args:
-        is_own: written by benchtool: a last line without line end is incomplete and dropped even if
-            it looks complete.
-        follow: follow a symbolic link.
+    If benchtool wrote it (`is_own`), a last line without line end is incomplete and dropped even if
+    it looks complete.
     """
     return parse_csv(read_file(path, MAX_TABLE_BYTES, follow=follow), str(path), is_own=is_own)
 
@@ -101,8 +99,7 @@ def _tokenize(
 ) -> _Tokens:
     """Return header and rows of a text; `own` and `whole` as in `read_csv_text` and `parse_csv`.
 
-    Args:
-        cells: also split rows without quotes into cells, whose number is limited.
+    `cells` splits also rows without quotes into cells, whose number is limited.
     """
     repairs: Repairs = []
     data = _decode_text(data, where, repairs)

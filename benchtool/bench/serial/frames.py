@@ -128,12 +128,13 @@ class Decoder:
             corrupt += len(samples) - len(rows)
             table = np.concatenate(rows) if rows else np.empty((0, width))
         sorted_samples = self._order.sort(table[:, :2].astype(np.int64).tolist())
-        if len(sorted_samples.rows):
-            self._clock.update(int(sorted_samples.time_us[-1]), arrived_s)
+        if sorted_samples.time_us:
+            self._clock.update(sorted_samples.time_us[-1], arrived_s)
+        device_time_us = np.array(sorted_samples.time_us, float)
         return Readings(
-            time_s=self._clock.host_time_s(sorted_samples.time_us),
-            device_time_us=sorted_samples.time_us.astype(float),
-            values=table.take(sorted_samples.rows, axis=0)[:, 2:],
+            time_s=self._clock.host_time_s(device_time_us),
+            device_time_us=device_time_us,
+            values=table[sorted_samples.rows][:, 2:],
             lost=sorted_samples.lost,
             corrupt=corrupt,
             repeated=sorted_samples.repeated,
@@ -224,8 +225,8 @@ def signed_step(new: int, old: int, modulus: int) -> int:
 class SortedSamples(NamedTuple):
     """Samples of a block in their order."""
 
-    rows: NDArray[np.int64]  # (m,) indices into the block
-    time_us: NDArray[np.int64]  # (m,) their device time, unwrapped
+    rows: list[int] | slice  # (m,) indices into the block
+    time_us: list[int]  # (m,) their device time, unwrapped
     lost: int  # samples that are missing before or between them
     repeated: int  # discarded samples: duplicates, or later than a returned one
 
@@ -265,7 +266,7 @@ class SampleOrder:
         self._period_us = (unwrapped_us - self._time_us) / len(stamps)
         self._position += len(stamps)
         self._newest, self._time_us = (last_number, last_us), unwrapped_us
-        return SortedSamples(np.arange(len(stamps)), np.array(times_us, np.int64), 0, 0)
+        return SortedSamples(slice(None), times_us, 0, 0)
 
     def _sort_one_by_one(self, stamps: Sequence[Sequence[int]]) -> SortedSamples:
         """Return the block, which may have lost, repeated or reordered samples."""
@@ -302,9 +303,9 @@ class SampleOrder:
                 )
         order = sorted(used_rows)
         start = returned if returned is not None else order[0] - 1 if order else self._position
-        rows = np.array([used_rows[position] for position in order], np.int64).reshape(-1, 2)
-        lost = self._position - start - len(order)
-        return SortedSamples(rows[:, 0], rows[:, 1], lost, repeated)
+        rows = [used_rows[position][0] for position in order]
+        times_us = [used_rows[position][1] for position in order]
+        return SortedSamples(rows, times_us, self._position - start - len(order), repeated)
 
     def _count_step(self, number: int, step_us: int) -> int:
         """Return the distance of a sample from the newest one, by its number and its time."""

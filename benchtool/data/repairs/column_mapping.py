@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from math import nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from benchtool.data.repairs.import_result import (
 
 _BLOCK_BYTES = 1 << 20  # fits a processor's cache; four times as much takes twice as long
 _PART_BYTES = 1 << 23  # for one thread; starting readers takes a third at 1 MB; assumed
+_PIECE_BYTES = 1 << 16  # read cell by cell if it has text; assumed
 
 _NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
 _NUMBER = re.compile(
@@ -56,15 +57,18 @@ class NumericTable(NamedTuple):
 
 def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     """Return the columns at these positions as numbers."""
-    columns, lines, findings = _floats(table, positions), table.lines, list[Finding]()
+    parsed = _parse_columns(table, positions)
     # With a row of blanks, all sums are nan, which is a faster test.
-    if table.is_even and (
-        columns is None
-        or (all(np.isnan(row.sum()) for row in columns) and np.isnan(columns).all(axis=0).any())
+    if parsed is None or (
+        table.is_even
+        and all(np.isnan(row.sum()) for row in parsed[0])
+        and np.isnan(parsed[0]).all(axis=0).any()
     ):
         return parse_numbers(pad_rows(table), positions)
-    if columns is None:
-        columns, lines, findings = _with_text(table, positions)
+    columns, texts = parsed
+    lines, findings = table.lines, list[Finding]()
+    if texts:
+        columns, lines, findings = _drop_text(table, positions, columns, texts)
     is_infinite = (columns > MAX_NUMBER) | (columns < -MAX_NUMBER)
     if count := int(np.count_nonzero(is_infinite)):
         columns[is_infinite] = nan
@@ -74,11 +78,15 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     return NumericTable(table, columns, lines, tuple(findings))
 
 
-def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
-    """Return columns without text cells, or None if there are any.
+Texts = dict[tuple[int, int], bytes]  # cells without a number, by selected column and row
+
+
+def _parse_columns(table: TextTable, positions: Sequence[int]) -> tuple[Array, Texts] | None:
+    """Return columns and their text cells, or None if the rows of an even table may be ragged.
 
     Threads parse parts of the text. Batches are written directly into the result, as allocating
-    more memory takes longer than parsing. pyarrow rounds decimals correctly.
+    more memory takes longer than parsing. pyarrow rounds decimals correctly. Only pieces that it
+    rejects are read cell by cell.
     """
     import pyarrow as pa
     from pyarrow import csv
@@ -86,6 +94,7 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
     names = [str(position) for position in range(len(table.header))]
     included = list(dict.fromkeys(names[position] for position in positions))
     values = np.empty((len(positions), len(table.lines)))
+    texts: Texts = {}
 
     def parse(part: memoryview, start: int, end: int) -> bool:
         # The first attempt is faster: one null value, and blocks that may be shorter than a row.
@@ -117,36 +126,53 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
                 return True
         return False
 
-    parts = list(_split_lines(table.body))
-    ends = np.cumsum([0, *(count_character(part, "\n") for part in parts)]).tolist()
-    jobs = parts, ends[:-1], ends[1:]
+    def read_cells(part: memoryview, start: int) -> None:
+        for row, text in enumerate(bytes(part).split(b"\n")[:-1], start):
+            cells = text.split(table.delimiter.encode())
+            for column, position in enumerate(positions):
+                cell = cells[position].strip()
+                values[column, row] = number = _number(cell, table.decimal)
+                if number != number and cell.decode("latin-1") not in _NULLS:
+                    texts[column, row] = cell
+
+    def read(job: tuple[memoryview, int, int]) -> bool:
+        if parse(*job):
+            return True
+        if table.is_even:
+            return False
+        for part, start, end in _split_lines(job[0], _PIECE_BYTES, job[1]):
+            if not parse(part, start, end):
+                read_cells(part, start)
+        return True
+
+    jobs = list(_split_lines(table.body, _PART_BYTES))
     try:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            return values if all(pool.map(parse, *jobs)) else None
+            is_read = all(pool.map(read, jobs))
     except RuntimeError:  # the system refuses a thread
-        return values if all(map(parse, *jobs)) else None
+        is_read = all(map(read, jobs))
+    return (values, texts) if is_read else None
 
 
-def _split_lines(body: bytes | memoryview) -> Iterator[memoryview]:
-    """Yield parts of whole lines."""
+def _split_lines(
+    body: bytes | memoryview, part_bytes: int, row: int = 0
+) -> Iterator[tuple[memoryview, int, int]]:
+    """Yield parts of whole lines, each with its first row and the row after its last one."""
     text, start = memoryview(body), 0
     while start < len(text):
-        line_end = re.compile(b"\n").search(text, start + _PART_BYTES)
+        line_end = re.compile(b"\n").search(text, start + part_bytes)
         end = line_end.end() if line_end else len(text)
-        yield text[start:end]
-        start = end
+        end_row = row + count_character(text[start:end], "\n")
+        yield text[start:end], row, end_row
+        start, row = end, end_row
 
 
-def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, list[Finding]]:
-    """Return numbers, lines and findings of a table with text cells, read cell by cell."""
-    mark = table.delimiter.encode()
-    cells = [row.split(mark) for row in bytes(table.body).split(b"\n")[:-1]]
-    texts = [[row[position].strip() for row in cells] for position in positions]
-    columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
-    wrong = np.isnan(columns)
-    for column, bad in zip(texts, wrong, strict=True):
-        rows = np.flatnonzero(bad)
-        bad[rows] = [column[row].decode("latin-1") not in _NULLS for row in rows]
+def _drop_text(
+    table: TextTable, positions: Sequence[int], columns: Array, texts: Texts
+) -> tuple[Array, Positions, list[Finding]]:
+    """Return the columns without rows of text, the lines of the others, and the findings."""
+    wrong = np.zeros(columns.shape, bool)
+    wrong[tuple(np.array([*texts]).T)] = True
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -156,10 +182,11 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
         )
         ranges = line_ranges(table.lines[refused])
         findings.append(Finding("refused", "text rows", text, count=count, lines=ranges))
-    for position, column, bad in zip(positions, texts, wrong, strict=True):
-        blanked = np.flatnonzero(bad & ~refused)
+    for column, position in enumerate(positions):
+        blanked = np.flatnonzero(wrong[column] & ~refused)
         if blanked.size:
-            example = column[blanked[0]].decode("utf-8", "replace").strip()[:30]
+            cell = texts[column, int(blanked[0])]
+            example = cell.decode("utf-8", "replace").strip()[:30]
             text = f"{pluralize(blanked.size, 'cell')} of text, as {example!r}, blanked"
             ranges, name = line_ranges(table.lines[blanked]), table.header[position]
             findings.append(Finding("repaired", "text cells", text, name, blanked.size, ranges))
@@ -188,7 +215,6 @@ def map_header(
         find_channel: returns the channel for a column name without unit, or None if unknown.
         units: unit of columns without one, by channel; the channel's unit by default.
         refuse: a unit of another dimension is an error, else a warning.
-        hint: remedy for unknown columns.
     """
     columns: list[MappedColumn] = []
     findings: list[Finding] = []
@@ -235,14 +261,9 @@ def read_columns(
     findings: Sequence[Finding] = (),
     choose: Choose | None = None,
 ) -> ImportResult:
-    """Return the mapped columns of a table as an import.
+    """Return the mapped columns of a table as an import; blank columns are dropped.
 
-    Blank columns are dropped, with a finding.
-
-    Args:
-        facts: provenance in addition to that of the file.
-        findings: of the header.
-        choose: returns the columns to use, from their numbers.
+    `facts` are added to the provenance of the file, `findings` of the header to those of the rows.
     """
     positions = [column.position for column in columns if column.position is not None]
     numbers = parse_numbers(table, positions)

@@ -48,7 +48,8 @@ class AppendFile:
             if error.errno != errno.ELOOP:
                 raise
             raise _file_type_error(path, "a symbolic link") from error
-        if not stat.S_ISREG(os.fstat(self._handle).st_mode):
+        self._status = os.fstat(self._handle)
+        if not stat.S_ISREG(self._status.st_mode):
             os.close(self._handle)
             raise _file_type_error(path, "not a regular file")
         try:
@@ -108,15 +109,12 @@ class AppendFile:
             status = os.stat(self.path, follow_symlinks=False)
         except OSError:
             return False
-        return self._handle is not None and os.path.samestat(status, os.fstat(self._handle))
+        return self._handle is not None and os.path.samestat(status, self._status)
 
     def copy_to(self, path: Path, *, whole: bool) -> None:
-        """Write the contents of the file and the unwritten data to a new file.
+        """Write the contents of the file (if `whole`) and the unwritten data to a new file.
 
         Works for a deleted or moved file too, through the open handle.
-
-        Args:
-            whole: False writes only the unwritten data.
         """
         assert self._handle is not None
         with open(path, "xb") as copy:
@@ -158,11 +156,7 @@ def _file_type_error(path: Path, file_type: str) -> FileFormatError:
 
 
 class AppendTable(AppendFile):
-    """Append-only table; writes the header of a new file, checks that of an existing one.
-
-    Args:
-        mismatch: error message for an existing file with other columns.
-    """
+    """Append-only table; an existing file with other columns raises the message `mismatch`."""
 
     def __init__(self, path: Path, columns: Sequence[str], mismatch: str) -> None:
         super().__init__(path)
@@ -191,12 +185,9 @@ class SampleWriter(AppendTable):
     def append(
         self, point: int, phase: str, time_s: Array, device_time_us: Array, values: Array
     ) -> None:
-        """Append samples.
+        """Append samples: times (m,) since the start of the run, values (m, c) in channel order.
 
-        Args:
-            point: number of their point, 0 for none.
-            time_s: (m,) host time since the start of the run.
-            values: (m, c) in channel order; nan becomes an empty cell.
+        Their point is 0 for none; nan becomes an empty cell.
         """
         point_cells = f",{point},{phase},"
         lines = [

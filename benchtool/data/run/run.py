@@ -148,13 +148,11 @@ class Run:
     def save_as(
         self, path: Path, facts: Mapping[str, Any], files: Sequence[AppendFile], *, whole: bool
     ) -> None:
-        """Write the run to a new folder, from memory and open files.
+        """Write the run to a new folder, with its open files and changed keys of metadata.json.
 
         Args:
-            facts: replaced keys of metadata.json.
-            files: open append-only files of the run.
-            whole: write their whole contents, and use the new folder as the run's path from then
-                on; False writes only the unwritten data.
+            whole: write the whole contents of the files, and use the new folder as the run's path
+                from then on; False writes only the unwritten data.
 
         Raises:
             OSError: no space there; the new folder is removed.

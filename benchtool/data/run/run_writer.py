@@ -86,12 +86,7 @@ class RunWriter:
         self._attempt(self._samples.sync)
 
     def check(self) -> None:
-        """Raise if the folder or a file was replaced or is read-only.
-
-        Raises:
-            RunInterrupted: the folder or a file was deleted, moved or replaced.
-            ResourceExhausted: the folder was made read-only.
-        """
+        """Raise if the folder or a file was replaced or is read-only; see `Run.check_in_place`."""
         self._attempt(lambda: None)
 
     def rescue(self) -> None:

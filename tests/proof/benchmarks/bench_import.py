@@ -67,7 +67,7 @@ def write_dataflash(path: Path, seconds: float) -> None:
     def record(name: str, tick: int) -> Record:
         letters = LAYOUTS[name][0][1:]
         values = [
-            float(value) if letter == "f" else int(abs(value) * 60) + 1
+            float(value) if letter == "f" else min(int(abs(value) * 60) + 1, 255)
             for letter, value in zip(letters, rng.normal(size=len(letters)), strict=True)
         ]
         return name, (2500 * tick, *values)

@@ -1,7 +1,7 @@
 """A device that streams 12 channels at 1 kHz over a pseudo-terminal, and readers to compare.
 
-Run as a script this is the device; imported it gives the readers. Each reader keeps every row in a
-file with a flush per row, as a recording does.
+Run as a script this is the device; imported it gives the readers. Each reader writes every row to a
+file and flushes it after each block, as a recording does; `read_with_readline` after each row.
 """
 
 from __future__ import annotations
@@ -158,9 +158,8 @@ def read_with_ours(port: str, seconds: float, file: IO[str]) -> tuple[int, int, 
             rows += len(readings)
             lost += readings.lost
             corrupt += readings.corrupt
-            for row in readings.values.tolist():
-                file.write(",".join(map(repr, row)) + "\n")
-                file.flush()
+            file.writelines(",".join(map(repr, row)) + "\n" for row in readings.values.tolist())
+            file.flush()
     return rows, lost, corrupt
 
 

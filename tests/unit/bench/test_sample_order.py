@@ -38,8 +38,8 @@ class Stream:
         found = self.order.sort(stamps)
         self.lost += found.lost
         self.repeated += found.repeated
-        self.time_us = found.time_us.tolist()
-        return found.rows.tolist()
+        self.time_us = found.time_us
+        return list(np.arange(len(stamps))[found.rows])
 
 
 @pytest.mark.parametrize(
