@@ -21,12 +21,19 @@ from benchtool.data.column_map import (
     IDENTITY,
     MappedColumn,
     find_conversion,
-    map_column,
+    map_columns,
     match_channel,
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, count_character, pad_rows
+from benchtool.data.csv_text import (
+    BLANK_CELLS,
+    THOUSANDS,
+    Positions,
+    TextTable,
+    count_character,
+    pad_rows,
+)
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -39,7 +46,6 @@ from benchtool.data.repairs.import_result import (
 _BLOCK_BYTES = 1 << 20  # fits a processor's cache; four times as much takes twice as long
 _PART_BYTES = 1 << 23  # for one thread; starting readers takes a third at 1 MB; assumed
 
-_NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
 _NUMBER = re.compile(
     rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE
 )
@@ -89,7 +95,7 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array | None:
 
     def parse(part: memoryview, start: int, end: int) -> bool:
         # The first attempt is faster: one null value, and blocks that may be shorter than a row.
-        for nulls, block_bytes in (([""], _BLOCK_BYTES), (_NULLS, len(part))):
+        for nulls, block_bytes in (([""], _BLOCK_BYTES), (BLANK_CELLS, len(part))):
             rows = slice(start, start)
             try:
                 for batch in csv.open_csv(
@@ -146,7 +152,7 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     wrong = np.isnan(columns)
     for column, bad in zip(texts, wrong, strict=True):
         rows = np.flatnonzero(bad)
-        bad[rows] = [column[row].decode("latin-1") not in _NULLS for row in rows]
+        bad[rows] = [column[row].decode("latin-1") not in BLANK_CELLS for row in rows]
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
@@ -306,10 +312,7 @@ def read_by_map(table: TextTable, options: ImportOptions) -> ImportResult:
     map_path = options.columns
     assert map_path is not None
     try:
-        columns = [
-            map_column(table.header, table.where, *entry)
-            for entry in read_column_map(map_path).items()
-        ]
+        columns = map_columns(table.header, table.where, read_column_map(map_path))
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise
