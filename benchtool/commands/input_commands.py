@@ -10,10 +10,12 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
-from benchtool.core.inputs import InputField, Inputs, build_inputs, items
+from benchtool.core.inputs import Input, InputField, Inputs, build_inputs, items
 from benchtool.core.text import format_value
 
 T = TypeVar("T", bound=Inputs)
+
+Verbose = Annotated[bool, Input("Print all details.", group="Terminal")]
 
 
 def command_from_inputs(
@@ -34,8 +36,10 @@ def command_from_inputs(
     def decorated(run: Callable[[T], None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
             values = {
-                fields[key].name: value for key, value in typed.items() if value not in (None, [])
-            }
+                fields[key].name: Path(value) if fields[key].kind is Path and isinstance(value, str)
+                else value
+                for key, value in typed.items() if value not in (None, [])
+            }  # fmt: skip
             run(build_inputs(cls, values, source="option", base=base and base(values)))
 
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -83,8 +87,24 @@ def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter
     )
 
 
+class _Text:
+    """Converter that leaves texts as they are; `InputField.read` checks them."""
+
+    def coerce(self, value: Any, param: Any, **_: Any) -> Any:
+        is_multiple = param.multiple or param.nargs == -1
+        if value is None:
+            return () if is_multiple else None
+        return list(value) if is_multiple else value
+
+
 class GroupedCommand(TyperCommand):
     """Command whose help lists options under headings, in the order of their first options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for parameter in self.get_params(ctx):
+            # typer's converters import pydantic, 0.1 s.
+            parameter.get_runtime_param = _Text  # type: ignore[attr-defined]
+        return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
