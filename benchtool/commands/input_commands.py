@@ -28,13 +28,10 @@ def command_from_inputs(
         base: returns the values of options that are not given, in place of the defaults. Called
             with the given values by name, which it may change.
     """
-    fields = {item.key.replace(".", "_"): item for item in items(cls)}
-    parameters = [
-        _parameter(name, item, item.required and base is None) for name, item in fields.items()
-    ]
 
     def decorated(run: Callable[[T], None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
+            fields = _fields(cls)
             values = {
                 fields[key].name: Path(value) if fields[key].kind is Path and isinstance(value, str)
                 else value
@@ -42,13 +39,29 @@ def command_from_inputs(
             }  # fmt: skip
             run(build_inputs(cls, values, source="option", base=base and base(values)))
 
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        command.__annotations__ = {item.name: item.annotation for item in parameters}
         command.__doc__ = run.__doc__
         command.inputs = cls  # type: ignore[attr-defined]
+        command.has_base = base is not None  # type: ignore[attr-defined]
         return command
 
     return decorated
+
+
+def _fields(cls: type[Inputs]) -> dict[str, InputField]:
+    """Return the inputs of a command by parameter name."""
+    return {item.key.replace(".", "_"): item for item in items(cls)}
+
+
+def with_options(command: Any) -> Callable[..., None]:
+    """Return a command with the signature that typer reads; built for the requested one only."""
+    parameters = [
+        _parameter(name, item, item.required and not command.has_base)
+        for name, item in _fields(command.inputs).items()
+    ]
+    command.__signature__ = inspect.Signature(parameters)
+    command.__annotations__ = {item.name: item.annotation for item in parameters}
+    function: Callable[..., None] = command
+    return function
 
 
 def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter:

@@ -129,9 +129,12 @@ def test_every_bad_column_is_reported_at_once(capsys):
 def test_usual_names_and_empty_cells_of_a_spreadsheet_are_read(capsys):
     cells = [*map("{:.5f}".format, RATIO), "#N/A"]
     table("a.csv", "height,T/T0", [*map("{:.5f}".format, Z_M), "#N/A"], cells)
-    code, _, error = fit(capsys, "a.csv --radius 0.127 --out a")
+    code, out, error = fit(capsys, "a.csv --radius 0.127 --out a")
     assert code == 0, error
     assert result("a")["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+    assert len(out.splitlines()) <= 24
+    assert "Uncertainty budget" not in out
+    assert "Uncertainty budget" in fit(capsys, "a.csv --radius 0.127 --verbose")[1]
 
 
 @pytest.mark.slow
