@@ -207,9 +207,9 @@ def _print_next(answer: Explanation, inputs: ExplainArguments) -> None:
         name, _ = next_file(answer)
         location = f" File: {out / name}." if out is not None and name else ""
         console.print_lines(f"{sentence}{location}")
-    if out is None:
-        print("add --out FOLDER for the report, figures, new model and next experiment")
     steps = next_steps(answer, folder)
+    if not (out or steps):
+        print("add --out FOLDER for the report and figures")
     console.print_lines(*format_steps(steps if inputs.verbose else steps[:1]))
 
 

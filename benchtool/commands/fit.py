@@ -16,7 +16,7 @@ from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.errors import InputError, ModelRejected
 from benchtool.core.inputs import Input, Inputs, build_inputs, items
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.core.user_file import read_library_file
+from benchtool.core.user_file import list_names, read_library_file
 from benchtool.data.atomic import data_hash
 from benchtool.fit.recipe import FitInputs, Recipe, read_recipe
 from benchtool.tasks import Cluster
@@ -105,11 +105,10 @@ def _base_recipe(options: dict[str, Any]) -> Recipe:
             "benchtool fit runs/NAME --model quad_body_lift"
         )
     if "model" not in options:
-        from benchtool.physics.model_file import model_names
-
         for path in options["data"]:
-            data_hash(path)  # raises for a missing file
-        raise InputError(f"model is missing; add --model with one of: {', '.join(model_names())}")
+            data_hash(path)  # raises for a folder that is no run
+        names = ", ".join(list_names("models"))
+        raise InputError(f"model is missing; add --model with one of: {names}")
     data = tuple(options["data"])
     return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
 

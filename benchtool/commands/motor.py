@@ -10,9 +10,9 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
-from benchtool.commands.terminal.messages import announce_code, require_paths, typed_command
+from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.choices import ExportTarget
-from benchtool.core.errors import InputError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.inputs import Input, Inputs, input_values, to_arguments, with_changes
 from benchtool.core.user_file import read_library_file
 
@@ -55,7 +55,11 @@ class MotorInputs(Inputs):
 @command_from_inputs(MotorInputs)
 def motor(inputs: MotorInputs) -> None:
     """Fit thrust curve and motor constants to runs without a plate."""
-    require_paths(inputs.runs, "run folders without a plate, or test stand logs")
+    if not inputs.runs:
+        raise InputError("no input; give run folders without a plate, or test stand logs")
+    for path in inputs.runs:
+        if not path.exists():
+            raise FileFormatError(str(path), "there is no such file or run folder; check the path")
     from benchtool.api import motor as fit_motor_runs
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
 from benchtool.core.errors import (
     EstimationError,
-    FileFormatError,
     InputError,
     ResourceExhausted,
     WouldOverwrite,
@@ -99,15 +98,6 @@ def typed_command() -> str:
     import shlex
 
     return shlex.join(["benchtool", *sys.argv[1:]])
-
-
-def require_paths(paths: Sequence[Path], usage: str) -> None:
-    """Raise InputError for no or a missing path, before the imports of a command."""
-    if not paths:
-        raise InputError(f"no input; give {usage}")
-    for path in paths:
-        if not path.exists():
-            raise FileFormatError(str(path), "there is no such file or run folder; check the path")
 
 
 def announce_code(file: str) -> None:
