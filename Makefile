@@ -136,9 +136,10 @@ $(SITE): $(TESTING) requirements/docs.txt
 	$(PIP) install --require-hashes --requirement requirements/docs.txt
 	touch $(SITE)
 
+# --no-compile: Python compiles what it imports; all files would take 45 s.
 $(RUNTIME): $(BIN)/python requirements/run.txt $(PROJECT)
-	@echo "Installing benchtool and what it needs into $(VENV); this takes a minute."
-	$(PIP) install --require-hashes --requirement requirements/run.txt
+	@echo "Installing benchtool and what it needs into $(VENV); this takes half a minute."
+	$(PIP) install --no-compile --require-hashes --requirement requirements/run.txt
 	$(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(RUNTIME)
 

@@ -194,20 +194,25 @@ def build_app(arguments: Sequence[str]) -> typer.Typer:
         names = [name for name in COMMANDS if " " not in name]
         raise UnknownChoice("command", positional[0], names)
     requested = "" if is_completion_setup else _find_command(arguments)
+    words = requested.split()
+    # Only a group lists its other commands; they take as long as the requested one.
+    is_alone = bool(words and COMMANDS[requested][0] and [*arguments[: len(words)]] == words)
     groups: dict[str, typer.Typer] = {"": app}
     for name, (location, line) in COMMANDS.items():
         parent, _, last = name.rpartition(" ")
         if parent not in groups:
             continue  # the parent is a command, or not requested
         if not f"{requested} ".startswith(f"{name} "):
+            if is_alone:
+                continue
             groups[parent].command(last, help=line)(_unloaded)
         elif location and name == requested:
-            from benchtool.commands.input_commands import GroupedCommand
+            from benchtool.commands.input_commands import GroupedCommand, with_options
 
             module = import_module(command_module(name))
             function = getattr(module, location.partition(":")[2])
             command_class = getattr(module, "Parser", GroupedCommand)
-            groups[parent].command(last, cls=command_class)(function)
+            groups[parent].command(last, cls=command_class)(with_options(function))
         else:
             groups[name] = typer.Typer(cls=_Group, rich_markup_mode=None, add_completion=False)
             groups[name].callback()(_unloaded)
@@ -282,11 +287,9 @@ def _unloaded() -> None:
 def _describe_usage_error(error: typer.TyperException, arguments: Sequence[str]) -> str:
     """Return the message of a typer error as one sentence with the value and the help command."""
     problem = " ".join(error.format_message().split()).rstrip(".?")
-    details = getattr(error.__cause__, "errors", None)  # ValidationError contains the value
-    value = f" (given: {details()[0]['input']!r})" if callable(details) else ""
     context = getattr(error, "ctx", None)
     if context is not None:
-        return f"{problem}{value}; see {context.command_path} --help"
+        return f"{problem}; see {context.command_path} --help"
     # typer's parser reports neither the command nor what an option without a value takes.
     name = _find_command(arguments)
     option = getattr(error, "option_name", "")

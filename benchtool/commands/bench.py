@@ -185,14 +185,15 @@ class MapInputs(Inputs):
 @command_from_inputs(MapInputs)
 def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller at low throttle and write the motor map."""
-    from benchtool.acquire.bench_check import detect_motor_map, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
+
+    address = inputs.address
+    rig = resolve_rig(address, inputs.rig)
+    from benchtool.acquire.bench_check import detect_motor_map, low_throttle_us
     from benchtool.acquire.session import open_motor_test
     from benchtool.bench.drivers import MavlinkAddress, parse_address
     from benchtool.commands.terminal.operator import TERMINAL
 
-    address = inputs.address
-    rig = resolve_rig(address, inputs.rig)
     numbers = _check_numbers(inputs.motors, rig, inputs.yes)
     parsed = parse_address(address)
     if not isinstance(parsed, MavlinkAddress) or parsed.map is not None:
@@ -277,13 +278,14 @@ def check(inputs: CheckInputs) -> None:
     """Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle."""
     from datetime import datetime
 
-    from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
+
+    rig = resolve_rig(inputs.address, inputs.rig)
+    from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.operator import store_check_result
     from benchtool.acquire.session import open_motor_test
     from benchtool.commands.terminal.operator import TERMINAL
 
-    rig = resolve_rig(inputs.address, inputs.rig)
     findings = []
     text = (
         f"rotors 1 to {rig.n_rotors} of rig {rig.name} will turn one after another at "

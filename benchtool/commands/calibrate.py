@@ -100,6 +100,8 @@ def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
 
 
 def _calibrate(inputs: CalibrateInputs) -> None:
+    if (inputs.source is None) == (not inputs.masses):
+        raise InputError("give exactly one of --masses and --from CSV")
     from dataclasses import asdict
 
     from benchtool.acquire.calibration import (
@@ -114,8 +116,6 @@ def _calibrate(inputs: CalibrateInputs) -> None:
     from benchtool.report.figure import check_not_existing, save_figure
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
-    if (source is None) == (not inputs.masses):
-        raise InputError("give exactly one of --masses and --from CSV")
     if out is not None:
         check_not_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
     earlier = None if inputs.add is None else read_calibration(inputs.add)

@@ -14,7 +14,7 @@ from annotated_types import Ge
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
-FIT = "--model quad_bench --method least_squares --method emcee --compare single --compare quad"
+FIT = "--model quad_bench --method least_squares --method emcee --compare quad"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from benchtool.commands.input_commands import GroupedCommand, command_from_inputs
+from benchtool.commands.input_commands import GroupedCommand, Verbose, command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input
@@ -18,7 +18,6 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.explain.inputs import ExplainInputs
 
 if TYPE_CHECKING:
-    from benchtool.commands.terminal.tables import Output
     from benchtool.core.rig import Rig
     from benchtool.data.run.run import Run
     from benchtool.explain.findings import NextExperiment
@@ -66,6 +65,7 @@ class ExplainArguments(ExplainInputs):
             group="Several recordings",
         ),
     ] = False
+    verbose: Verbose = False
 
 
 @command_from_inputs(ExplainArguments)
@@ -74,9 +74,9 @@ def explain(inputs: ExplainArguments) -> None:
 
     The first line is the verdict: one effect, several, a class of effects that the data cannot
     separate, none, or unknown. The last lines are the changes of the model file and the next
-    commands: explain, fit and simulate with the new model, or the experiment that separates the
-    candidates. With --bench this experiment is recorded, with an arming confirmation each time,
-    until the verdict reaches the probability --until.
+    command: explain with the new model, or the experiment that separates the candidates. --verbose
+    prints all tables and next commands. With --bench this experiment is recorded, with an arming
+    confirmation each time, until the verdict reaches the probability --until.
     """
     from benchtool.explain.request import read_request
 
@@ -109,7 +109,7 @@ def explain(inputs: ExplainArguments) -> None:
     print(reason)
 
 
-def _explain(inputs: ExplainInputs, request: Request, minutes: float) -> Explanation:
+def _explain(inputs: ExplainArguments, request: Request, minutes: float) -> Explanation:
     """Explain the recordings of a request; write and print the answer."""
     from rich.progress import TaskProgressColumn, TimeElapsedColumn
 
@@ -141,8 +141,8 @@ def _explain(inputs: ExplainInputs, request: Request, minutes: float) -> Explana
     if inputs.json is not None:
         write_json(inputs.json, result.found, inputs.out)
     try:
-        _print_answer(result.found)
-        _print_next(result.found, inputs.out, inputs.json)
+        _print_answer(result.found, verbose=inputs.verbose)
+        _print_next(result.found, inputs)
         sys.stdout.flush()
     except BrokenPipeError:  # for example of `head`
         # The remaining buffer must not be written again at exit.
@@ -150,8 +150,8 @@ def _explain(inputs: ExplainInputs, request: Request, minutes: float) -> Explana
     return result.found
 
 
-def _print_answer(answer: Explanation) -> None:
-    """Print verdict, location, effects, gap, tolerances, unjudged effects and warnings."""
+def _print_answer(answer: Explanation, *, verbose: bool) -> None:
+    """Print verdict, location, and effects or gap; `verbose`: all tables and warnings."""
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.report.answer.page import where_sentence
     from benchtool.report.answer.tables import (
@@ -164,11 +164,16 @@ def _print_answer(answer: Explanation) -> None:
     console = Output()
     if answer.simulated:
         console.print("SIMULATED DATA: no physical bench produced these recordings")
-    _print_verdict(console, answer)
-    console.print_lines(where_sentence(answer))
+    console.print_lines(answer.sentence, where_sentence(answer))
     if answer.effects:
         print_table(console, short_effects_table(answer))
-    print_table(console, short_gap_table(answer))
+    if verbose or not answer.effects:
+        print_table(console, short_gap_table(answer, legend=verbose))
+    if not verbose:
+        if remarks := answer.remarks:
+            more = f" ({len(remarks) - 1} more with --verbose)" if len(remarks) > 1 else ""
+            console.print_lines(f"! {remarks[0]}{more}")
+        return
     print_table(console, tolerances_table(answer))
     for name in answer.not_judged:
         console.print_lines(
@@ -178,37 +183,34 @@ def _print_answer(answer: Explanation) -> None:
     console.print_lines(f"Computing time: {answer.seconds:.1f} s.")
 
 
-def _print_verdict(console: Output, answer: Explanation) -> None:
-    console.print_lines(answer.sentence)
-    if answer.caution:
-        console.print_lines(answer.caution)
-
-
-def _print_next(answer: Explanation, out: Path | None, json_file: Path | None) -> None:
-    """Print the written files, the verdict, model changes and next commands."""
+def _print_next(answer: Explanation, inputs: ExplainArguments) -> None:
+    """Print the written files, model changes and next commands; briefly unless `verbose`."""
     from benchtool.commands.terminal.tables import Output
     from benchtool.explain.next_steps import format_steps, next_file, next_sentence, next_steps
     from benchtool.report.answer.folder import ANSWER
     from benchtool.report.answer.page import added_sentence, changes
     from benchtool.report.page import PAGE
 
-    console = Output()
+    console, out = Output(), inputs.out
     folder = str(out) if out is not None else ""
     if out is not None:
         print(f"written: {out / PAGE}, figures and {ANSWER} in the same folder")
-    if json_file is not None:
-        print(f"written: {json_file}")
-    console.print("\nIn short", style="bold")
-    _print_verdict(console, answer)
+    if inputs.json is not None:
+        print(f"written: {inputs.json}")
     console.print_lines(added_sentence(answer, folder))
-    console.print_lines(*(f"  {change.words}" for change in changes(answer)))
+    changed = changes(answer)
+    listed = [change for change in changed if change.found or inputs.verbose]
+    console.print_lines(*(f"  {change.words}" for change in listed))
+    if n_hidden := len(changed) - len(listed):
+        console.print_lines(f"  and {pluralize(n_hidden, 'adjusted parameter')} (--verbose)")
     if sentence := next_sentence(answer):
         name, _ = next_file(answer)
         location = f" File: {out / name}." if out is not None and name else ""
         console.print_lines(f"{sentence}{location}")
-    if out is None:
-        print("add --out FOLDER for the report, figures, new model and next experiment")
-    console.print_lines(*format_steps(next_steps(answer, folder)))
+    steps = next_steps(answer, folder)
+    if not (out or steps):
+        print("add --out FOLDER for the report and figures")
+    console.print_lines(*format_steps(steps if inputs.verbose else steps[:1]))
 
 
 def _check_bench(address: str, request: Request, out: Path | None) -> Rig:

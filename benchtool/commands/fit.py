@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.commands.input_commands import command_from_inputs
+from benchtool.commands.input_commands import Verbose, command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, typed_command
-from benchtool.core.errors import InputError
+from benchtool.core.errors import InputError, ModelRejected
 from benchtool.core.inputs import Input, Inputs, build_inputs, items
 from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.core.user_file import list_names, read_library_file
 from benchtool.data.atomic import data_hash
 from benchtool.fit.recipe import FitInputs, Recipe, read_recipe
 from benchtool.tasks import Cluster
@@ -64,6 +65,7 @@ class FitArguments(FitInputs):
         Input("Fit each DATA separately; --out contains one folder each.", group="Several runs"),
     ] = False
     cluster: Cluster = None
+    verbose: Verbose = False
     run_filters: tuple[str, ...] = ()
 
 
@@ -71,6 +73,13 @@ def _base_inputs(options: dict[str, Any]) -> FitArguments:
     run_filters: tuple[str, ...] = ()
     given = {item.name: options[item.name] for item in items(TableInputs) if item.name in options}
     if "data" in options and "recipe" not in options:
+        # Wrong names are reported before numpy is imported.
+        for path in options["data"]:
+            if not Path(path).exists():
+                data_hash(path)  # raises the error
+        for kind in ("model", "rig"):
+            if kind in options:
+                read_library_file(kind, f"{kind}s", options[kind])
         from benchtool.commands.terminal.table_fit import prepare_table
 
         run_filters = prepare_table(options, build_inputs(TableInputs, given, source="option"))
@@ -96,11 +105,10 @@ def _base_recipe(options: dict[str, Any]) -> Recipe:
             "benchtool fit runs/NAME --model quad_body_lift"
         )
     if "model" not in options:
-        from benchtool.physics.model_file import model_names
-
         for path in options["data"]:
-            data_hash(path)  # raises for a missing file
-        raise InputError(f"model is missing; add --model with one of: {', '.join(model_names())}")
+            data_hash(path)  # raises for a folder that is no run
+        names = ", ".join(list_names("models"))
+        raise InputError(f"model is missing; add --model with one of: {names}")
     data = tuple(options["data"])
     return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
 
@@ -108,15 +116,13 @@ def _base_recipe(options: dict[str, Any]) -> Recipe:
 @command_from_inputs(FitArguments, _base_inputs)
 def fit(inputs: FitArguments) -> None:
     """Fit a ground-effect model to runs or CSV files."""
-    from benchtool.core.user_file import read_library_file
     from benchtool.data.run.read import find_parts
     from benchtool.fit.nominal import rig_for_data
 
-    # Wrong names are reported before the imports of a fit, which take longer than all of this.
+    # A wrong rig is reported before the imports of a fit, which take longer than all of this.
     recipe = inputs.recipe
     parts = [part for path in recipe.data for part in find_parts(path)]
     rig_for_data(parts, recipe.model, recipe.rig)
-    read_library_file("model", "models", recipe.model)
 
     from rich.progress import TextColumn, TimeRemainingColumn
 
@@ -137,14 +143,22 @@ def fit(inputs: FitArguments) -> None:
             bar.update(task, description=stage, completed=done, total=max(expected, 1))
 
         result = fit_result(inputs, report, _permit(inputs))
-    _print_fit(result.found)
+    _print_fit(result.found, verbose=inputs.verbose)
     if inputs.out is not None:
         (page,) = result.save(inputs.out, [typed_command()])
         has_model = (inputs.out / "model.toml").is_file()
         model = "model.toml" if has_model else "no model (the fit failed)"
         print(f"written: {page}, result.json, {model} and figures in the same folder")
     if problem := find_error(result.found.results):
+        if isinstance(problem, ModelRejected):
+            command = ["benchtool", "explain", *recipe.data, "--model", recipe.model]
+            print(f"next: {shlex.join(command)} --check OTHER_RUN")
         raise problem
+    if inputs.out is None:
+        print(f"next: {typed_command()} --out FOLDER  # report, figures, model.toml")
+    else:
+        model = str(inputs.out / "model.toml")
+        print(f"next: {shlex.join(['benchtool', 'export', model, '--to', 'all'])}")
 
 
 def _permit(inputs: FitInputs) -> CodePermit:
@@ -188,9 +202,9 @@ def _fit_each(inputs: FitArguments) -> None:
         processes=0 if inputs.run_filters else None,
     )
     fits = {name: parse_fit(row["result"], name) for name, row in outcomes.items() if row["result"]}
-    for name, summary in fits.items() if inputs.run_filters else ():
+    for name, summary in fits.items() if inputs.run_filters and inputs.verbose else ():
         print(f"\n{name}")
-        _print_fit(summary)
+        _print_fit(summary, verbose=True)
     if fits:
         _print_runs(fits)
     if inputs.out is not None:
@@ -221,14 +235,14 @@ def _fit_one(
     return result_tables(result.found)
 
 
-def _print_fit(fit: FitSummary) -> None:
-    """Print the sections of a fit report."""
+def _print_fit(fit: FitSummary, *, verbose: bool) -> None:
+    """Print the sections of a fit report, or a summary of one screen."""
     from benchtool.commands.terminal.tables import Output, print_table
-    from benchtool.report.fit.page import terminal_blocks
+    from benchtool.report.fit.page import summary_blocks, terminal_blocks
     from benchtool.report.page import Table, Warnings
 
     console = Output()
-    for section in terminal_blocks(fit):
+    for section in terminal_blocks(fit) if verbose else summary_blocks(fit):
         if isinstance(section, Table):
             width = max(MAX_COLUMNS, section.text_columns + 3)
             print_table(console, section.select_columns(range(min(width, len(section.header)))))
@@ -277,6 +291,9 @@ class PoolInputs(Inputs):
 @command_from_inputs(PoolInputs)
 def pool(inputs: PoolInputs) -> None:
     """Combine fits of several rigs in a hierarchical model."""
+    from benchtool.data.run.entry import name_fits
+
+    name_fits(inputs.fits)  # raises before the imports of a pooled fit
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.report.compare.pooled import rigs_table
     from benchtool.report.fit.page import refuse_full

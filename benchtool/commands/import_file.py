@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt, Le
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.user_file import open_file
 
 if TYPE_CHECKING:
     from benchtool.data.repairs.import_result import ImportOptions, ImportResult
@@ -74,6 +75,9 @@ class ImportInputs(Inputs):
 @command_from_inputs(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
     """Import flight logs and files of other test stands."""
+    for file in inputs.files:
+        if not file.exists():
+            open_file(file)  # raises the error
     from benchtool.data.formats.formats import import_files
     from benchtool.data.repairs.import_result import import_metadata
     from benchtool.data.run.recording_file import metadata_path, write_recording

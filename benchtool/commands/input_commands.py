@@ -10,10 +10,12 @@ from typing import Annotated, Any, TypeVar
 import typer
 from typer.core import TyperCommand
 
-from benchtool.core.inputs import InputField, Inputs, build_inputs, items
+from benchtool.core.inputs import Input, InputField, Inputs, build_inputs, items
 from benchtool.core.text import format_value
 
 T = TypeVar("T", bound=Inputs)
+
+Verbose = Annotated[bool, Input("Print all details.", group="Terminal")]
 
 
 def command_from_inputs(
@@ -26,25 +28,40 @@ def command_from_inputs(
         base: returns the values of options that are not given, in place of the defaults. Called
             with the given values by name, which it may change.
     """
-    fields = {item.key.replace(".", "_"): item for item in items(cls)}
-    parameters = [
-        _parameter(name, item, item.required and base is None) for name, item in fields.items()
-    ]
 
     def decorated(run: Callable[[T], None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
+            fields = _fields(cls)
             values = {
-                fields[key].name: value for key, value in typed.items() if value not in (None, [])
-            }
+                fields[key].name: Path(value) if fields[key].kind is Path and isinstance(value, str)
+                else value
+                for key, value in typed.items() if value not in (None, [])
+            }  # fmt: skip
             run(build_inputs(cls, values, source="option", base=base and base(values)))
 
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        command.__annotations__ = {item.name: item.annotation for item in parameters}
         command.__doc__ = run.__doc__
         command.inputs = cls  # type: ignore[attr-defined]
+        command.has_base = base is not None  # type: ignore[attr-defined]
         return command
 
     return decorated
+
+
+def _fields(cls: type[Inputs]) -> dict[str, InputField]:
+    """Return the inputs of a command by parameter name."""
+    return {item.key.replace(".", "_"): item for item in items(cls)}
+
+
+def with_options(command: Any) -> Callable[..., None]:
+    """Return a command with the signature that typer reads; built for the requested one only."""
+    parameters = [
+        _parameter(name, item, item.required and not command.has_base)
+        for name, item in _fields(command.inputs).items()
+    ]
+    command.__signature__ = inspect.Signature(parameters)
+    command.__annotations__ = {item.name: item.annotation for item in parameters}
+    function: Callable[..., None] = command
+    return function
 
 
 def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter:
@@ -83,8 +100,24 @@ def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter
     )
 
 
+class _Text:
+    """Converter that leaves texts as they are; `InputField.read` checks them."""
+
+    def coerce(self, value: Any, param: Any, **_: Any) -> Any:
+        is_multiple = param.multiple or param.nargs == -1
+        if value is None:
+            return () if is_multiple else None
+        return list(value) if is_multiple else value
+
+
 class GroupedCommand(TyperCommand):
     """Command whose help lists options under headings, in the order of their first options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for parameter in self.get_params(ctx):
+            # typer's converters import pydantic, 0.1 s.
+            parameter.get_runtime_param = _Text  # type: ignore[attr-defined]
+        return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}

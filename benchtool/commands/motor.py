@@ -12,8 +12,9 @@ from annotated_types import Ge, Gt, Le
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.choices import ExportTarget
-from benchtool.core.errors import InputError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.inputs import Input, Inputs, input_values, to_arguments, with_changes
+from benchtool.core.user_file import read_library_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,11 @@ class MotorInputs(Inputs):
 @command_from_inputs(MotorInputs)
 def motor(inputs: MotorInputs) -> None:
     """Fit thrust curve and motor constants to runs without a plate."""
+    if not inputs.runs:
+        raise InputError("no input; give run folders without a plate, or test stand logs")
+    for path in inputs.runs:
+        if not path.exists():
+            raise FileFormatError(str(path), "there is no such file or run folder; check the path")
     from benchtool.api import motor as fit_motor_runs
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
@@ -94,6 +100,8 @@ class ExportInputs(Inputs):
 @command_from_inputs(ExportInputs)
 def export(inputs: ExportInputs) -> None:
     """Export a model for simulators, autopilots and firmware."""
+    if not Path(inputs.model).exists():
+        read_library_file("model", "models", inputs.model)  # before the imports of an export
     from benchtool.api import export as export_model
 
     for path in export_model(

@@ -57,9 +57,11 @@ class ReportInputs(Inputs):
 @command_from_inputs(ReportInputs)
 def report(inputs: ReportInputs) -> None:
     """Write an HTML report of a run, fit or recording."""
+    from benchtool.report.report_file import check_paths, is_mixed, write_report
+
+    check_paths(inputs.paths)
     from benchtool.explain.pitch.replay import ReplayInputs
     from benchtool.report.compare.page import compare_runs, comparison_sentence, short_table
-    from benchtool.report.report_file import is_mixed, write_report
 
     paths, out = list(inputs.paths), inputs.out
     if len(set(inputs.motors)) < len(inputs.motors):

@@ -14,6 +14,7 @@ from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.text import format_arguments, pluralize
+from benchtool.core.user_file import read_library_file
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def pitch(inputs: PitchInputs) -> None:
 
     Writes recordings and a figure, or with --vary a table of many runs.
     """
-    _warn_if_slow()
+    _begin(inputs.model)
     if inputs.study.campaign.vary:
         from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
 
@@ -45,7 +46,7 @@ def flight(inputs: FlightInputs) -> None:
 
     Writes recordings and a figure, or with --vary a table of many flights.
     """
-    _warn_if_slow()
+    _begin(inputs.model)
     if inputs.study.campaign.vary:
         from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
         from benchtool.simulate.flight.setup import OGE, full_name
@@ -59,8 +60,10 @@ def flight(inputs: FlightInputs) -> None:
     _print_study(result, inputs.study.out)
 
 
-def _warn_if_slow() -> None:
-    """Print a warning if simulations run without a compiler."""
+def _begin(model: str) -> None:
+    """Check the model name before slow imports; warn if simulations run without a compiler."""
+    if model:
+        read_library_file("model", "models", model)
     from benchtool.physics.expression import can_compile
 
     if not can_compile():

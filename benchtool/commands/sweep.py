@@ -3,38 +3,68 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from benchtool.acquire.inputs import RecordInputs, SweepInputs
-from benchtool.commands.input_commands import command_from_inputs
+from benchtool.acquire.inputs import RecordInputs, SweepInputs, resolve_rig
+from benchtool.commands.input_commands import Verbose, command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError, StandstillNotConfirmed, UnknownChoice
 from benchtool.core.inputs import Input, Inputs
 
+if TYPE_CHECKING:
+    from benchtool.data.run.run import Run
 
-def _base_inputs(options: dict[str, Any]) -> SweepInputs:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepArguments(SweepInputs):
+    """Command-line options of `benchtool sweep`."""
+
+    verbose: Verbose = False
+
+
+def _base_inputs(options: dict[str, Any]) -> SweepArguments:
+    if "resume" not in options:
+        if not options.get("address"):
+            raise InputError("no bench address; give one, for example sim:pquad")
+        resolve_rig(options["address"], options.get("rig"))  # before the imports of a session
     from benchtool.acquire.session import base_inputs
 
-    return base_inputs(options, "option")
+    return SweepArguments(plan=base_inputs(options, "option").plan)
 
 
-@command_from_inputs(SweepInputs, _base_inputs)
-def sweep(inputs: SweepInputs) -> None:
+@command_from_inputs(SweepArguments, _base_inputs)
+def sweep(inputs: SweepArguments) -> None:
     """Sweep plate distance and throttle."""
-    _run(inputs)
+    if (run := _run(inputs, verbose=inputs.verbose)) is not None:
+        print(f"next: {_next_command(run)}")
 
 
 @command_from_inputs(RecordInputs)
 def record(inputs: RecordInputs) -> None:
     """Record a pitch experiment."""
-    _run(inputs)
+    resolve_rig(inputs.address, inputs.rig)  # before the imports of a session
+    _run(inputs, verbose=True)
 
 
-def _run(inputs: SweepInputs | RecordInputs) -> None:
+def _run(inputs: SweepInputs | RecordInputs, *, verbose: bool) -> Run | None:
     from benchtool.acquire.session import run_experiment
-    from benchtool.commands.terminal.operator import TERMINAL
+    from benchtool.commands.terminal.operator import TerminalOperator
 
-    run_experiment(inputs, TERMINAL, announce_code)
+    return run_experiment(inputs, TerminalOperator(verbose=verbose), announce_code)
+
+
+def _next_command(run: Run) -> str:
+    """Return the command that evaluates a sweep."""
+    import shlex
+
+    from benchtool.acquire.plan import plan_from_toml
+    from benchtool.data.run.read import run_rig
+
+    if not plan_from_toml(run.plan_text, "plan").plate.used:
+        return shlex.join(["benchtool", "motor", str(run.path)])
+    models = {1: "single", 4: "quad_bench"}  # by number of rotors
+    model = models.get(len(run_rig(run.path).rotors), "MODEL")
+    return shlex.join(["benchtool", "fit", str(run.path), "--model", model])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -130,20 +130,21 @@ class MissingColumn(InputError):
     """
 
     def __init__(
-        self, where: str, column: str, columns: Iterable[str], mapped_by: str = ""
+        self, where: str, missing: Iterable[str], columns: Iterable[str], mapped_by: str = ""
     ) -> None:
         self.where = where
-        self.column = column
+        self.missing = tuple(missing)
         self.columns = tuple(columns)
         of = f" of {mapped_by}" if mapped_by else ""
         listed = _listed([name for name in self.columns if name])
         super().__init__(
-            f"[columns]{of} names {column!r}, which {where} lacks; its columns are {listed}"
+            f"[columns]{of} names {', '.join(map(repr, self.missing))}, which {where} lacks; its "
+            f"columns are {listed}"
         )
 
     def with_map_file(self, mapped_by: str) -> MissingColumn:
         """Return the error with the file of the map."""
-        return MissingColumn(self.where, self.column, self.columns, mapped_by)
+        return MissingColumn(self.where, self.missing, self.columns, mapped_by)
 
 
 class DataWarning(UserWarning):

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le
@@ -171,6 +172,12 @@ class InputField:
             value = (value,)
         elif isinstance(value, str) and self.kind in (int, float):
             value = read_number(value, display_name, self.kind, self.metadata.unit)
+        if self.kind in (str, bool, Path) and not self.choices:
+            # Common texts need no check: pydantic takes 0.1 s to import.
+            if not self.is_sequence and isinstance(value, self.kind):
+                return value
+            if self.is_sequence and value and all(isinstance(part, self.kind) for part in value):
+                return tuple(value)
         try:
             return check_value(self.declared, value)
         except RefusedValue as refused:

@@ -179,17 +179,28 @@ class MappedColumn:
     reference: str = ""  # cell value of reference rows; empty if the cells are numbers
 
 
-def map_column(
-    header: Sequence[str], where: str, name: str, source: ColumnSource | Mapping[str, Any] | str
-) -> MappedColumn:
-    """Return the source of a channel in a table with this header.
+def map_columns(header: Sequence[str], where: str, columns: ColumnMap) -> list[MappedColumn]:
+    """Return the source of each channel in a table with this header.
 
     The default unit is the one in brackets in the column's name, else the channel's.
+
+    Raises:
+        MissingColumn: columns of the map are missing in the header; the error lists all of them.
     """
-    if isinstance(source, str):
-        source = ColumnSource(column=source)
-    elif not isinstance(source, ColumnSource):
-        source = build_dataclass(ColumnSource, source, f"[columns] {name}")
+    sources: dict[str, ColumnSource] = {}
+    for name, source in columns.items():
+        if isinstance(source, str):
+            source = ColumnSource(column=source)
+        elif not isinstance(source, ColumnSource):
+            source = build_dataclass(ColumnSource, source, f"[columns] {name}")
+        sources[name] = source
+    names = dict.fromkeys(source.column for source in sources.values() if source.column is not None)
+    if missing := [name for name in names if name.strip() not in header]:
+        raise MissingColumn(where, missing, header)
+    return [_map_column(header, where, name, source) for name, source in sources.items()]
+
+
+def _map_column(header: Sequence[str], where: str, name: str, source: ColumnSource) -> MappedColumn:
     ours = unit_from_name(name)
     scale, unit = IDENTITY, source.unit or ours
     try:
@@ -208,8 +219,6 @@ def map_column(
         value = scale.factor * source.constant + scale.offset
         description = f"constant {source.constant:g} {unit}"
         return MappedColumn(name=name, position=None, constant=value, source=description)
-    if source.column.strip() not in header:
-        raise MissingColumn(where, source.column, header)
     factor_text = "" if factor == 1.0 else f" times {factor:g}"
     return MappedColumn(
         name=name,
@@ -272,9 +281,26 @@ def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     )
 
 
+def column_map_to_text(columns: Mapping[str, ColumnSource]) -> str:
+    """Return a column map as one line."""
+    texts = []
+    for name, source in columns.items():
+        unit = f" [{source.unit}]" if source.unit else ""
+        factor = "" if source.factor == 1.0 else f" times {source.factor:g}"
+        origin = f"{source.constant:g}" if source.column is None else f"{source.column!r}"
+        if source.reference:
+            texts.append(f"reference rows: {source.column} = {source.reference}")
+        else:
+            texts.append(f"{name} = {origin}{unit}{factor}")
+    return ", ".join(texts)
+
+
 _USUAL_NAMES: dict[str, tuple[str, ...]] = {  # usual column names, lower case, by channel
     "time_s": ("t", "time", "zeit"),
-    "thrust_N": ("thrust", "schub", "force", "kraft", "f", "fz", "lift"),
+    "thrust_N": (
+        *("thrust", "total thrust", "total_thrust", "total_thrust_n"),
+        *("schub", "force", "kraft", "f", "fz", "lift"),
+    ),
     "torque_Nm": ("torque", "moment", "drehmoment"),
     "voltage_V": ("voltage", "spannung"),
     "current_A": ("current", "strom"),
@@ -292,9 +318,12 @@ _USUAL_NAMES: dict[str, tuple[str, ...]] = {  # usual column names, lower case, 
     "theta_ref_rad": ("theta_ref",),
     "gyro_rad_s": ("gyro",),
     "plate_z_m": (
-        *("z", "plate_z", "plate z", "gap", "abstand", "distance", "plate distance", "clearance"),
+        *("z", "plate_z", "plate z", "gap", "abstand", "dist", "distance", "plate distance"),
+        *("clearance", "height"),
     ),
-    "thrust_ratio": ("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "ratio"),
+    "thrust_ratio": (
+        *("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "t/t0", "t/t_0", "ratio"),
+    ),
     "vibration_m_s2": ("vibration",),
 }
 _CHANNELS = {name: channel for channel, names in _USUAL_NAMES.items() for name in names}
@@ -320,6 +349,17 @@ def match_channel(name: str) -> str | None:
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
     return name if is_known_channel(name) else _CHANNELS.get(name.lower())
+
+
+def is_similar(cell: str, channel: str) -> bool:
+    """Return whether a word of a column name begins or continues a usual word of a channel."""
+    usual = {word for name in _USUAL_NAMES[channel] for word in re.findall(r"[^\W_]{2,}", name)}
+    words = re.findall(r"[^\W_]{2,}", cell.casefold())
+    return any(
+        word == name or ((len(word) > 2 and name.startswith(word)) or word.startswith(name))
+        for word in words
+        for name in usual
+    )
 
 
 def guess_columns(

@@ -20,8 +20,10 @@ START_BYTES = 1 << 16  # the header is within this part of the file; assumed
 
 _END = "end of the table"
 _MARKS = (b"#", b"%", b"//")
-_COMMENT = re.compile(rb"(?m)^(#+|%+|//+)([^\n]*)")
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
+_COMMENT = re.compile(rb"(?m)^(#+(?!N/A\b)|%+|//+)([^\n]*)")  # `#N/A` is an empty cell
+_NUMBER = re.compile(
+    r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)|#?n/a", re.IGNORECASE
+)
 
 
 class HeaderLine(NamedTuple):

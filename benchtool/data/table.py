@@ -16,11 +16,9 @@ from benchtool.core.recording import Recording
 from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_NUMBER
 from benchtool.data.atomic import file_hash
-from benchtool.data.column_map import ColumnMap, MappedColumn, column_index, map_column
+from benchtool.data.column_map import ColumnMap, MappedColumn, column_index, map_columns
 from benchtool.data.columns import WORDS, find_channel, word_to_code
-from benchtool.data.csv_text import CsvTable, empty_table_error, read_csv_text
-
-_BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
+from benchtool.data.csv_text import BLANK_CELLS, CsvTable, empty_table_error, read_csv_text
 
 _ERROR = re.compile(r".+_(se|sd)(_.+)?")
 
@@ -69,7 +67,7 @@ def read_table(
     filters = [item if isinstance(item, RowFilter) else RowFilter.parse(item) for item in where]
     table = filter_rows(table, filters)
     if columns:
-        chosen = [map_column(table.header, table.where, *entry) for entry in columns.items()]
+        chosen = map_columns(table.header, table.where, columns)
         references = {column.position: column.reference for column in chosen if column.reference}
         pairs = [_mapped(table, column, references) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
@@ -93,7 +91,7 @@ def read_table(
 def parse_column(table: CsvTable, index: int, blank: str = "") -> Array:
     """Return one column (n,) as numbers; a cell that is blank or `blank` is nan."""
     name, cells = table.header[index], table.rows[:, index]
-    numbers = np.where(np.isin(cells, [*_BLANK, blank]), nan, cells)
+    numbers = np.where(np.isin(cells, [*BLANK_CELLS, blank]), nan, cells)
     for code, word in enumerate(WORDS.get(name, ())):
         numbers[cells == word] = code
     try:
@@ -171,7 +169,7 @@ def _own_names(table: CsvTable) -> list[tuple[Channel, Array]]:
             pairs.append((find_channel(name), parse_column(table, index)))
         except FileFormatError:
             # A column of text only is ignored; text in a column with numbers is an error.
-            if any(cell not in _BLANK and _is_number(cell) for cell in table.rows[:, index]):
+            if any(cell not in BLANK_CELLS and _is_number(cell) for cell in table.rows[:, index]):
                 raise
     if not pairs:
         raise FileFormatError(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool import __version__
+from benchtool.core.parameter import Parameter
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.core.schedule import schedule_to_toml
 from benchtool.explain.engine.evidence import known_prior
@@ -25,6 +26,7 @@ from benchtool.physics.model_file import model_to_toml
 MODEL = "model.toml"  # file of the new model in the folder of an answer
 NEAREST = "model_nearest.toml"  # model with the effect nearest to an unnamed one
 ZERO_TOLERANCE = 1e-15  # largest rounding error of a zero after optimisation, in any unit; assumed
+NEGLIGIBLE = 0.1  # of a tolerance or prior sd: a smaller adjustment from zero is nothing; assumed
 
 RICHER_EXPERIMENT_HINT: dict[BenchKind, str] = {  # if most effects are unjudged
     "pitch": (
@@ -209,8 +211,7 @@ def model_with_effects(answer: Explanation) -> Model:
         if owner in candidates:
             continue
         if dot and name not in model.parameters:
-            neutral = parameter.neutral
-            if neutral is not None and isclose(parameter.value, neutral, abs_tol=ZERO_TOLERANCE):
+            if parameter.neutral is not None and _is_negligible(parameter, parameter.neutral):
                 continue
             model = model.with_effect(answer.request.effects[owner])
         value = model.parameters[name].value
@@ -254,13 +255,20 @@ def _with_effect(answer: Explanation, model: Model, effect: NamedEffect) -> Mode
     return model
 
 
+def _is_negligible(parameter: Parameter, other_value: float) -> bool:
+    """Return whether two values of a parameter differ by nothing that matters."""
+    prior_sd = parameter.prior.sd if parameter.prior.kind == "normal" else 0.0
+    tolerance = NEGLIGIBLE * (parameter.tolerance or prior_sd)
+    return isclose(parameter.value, other_value, abs_tol=max(ZERO_TOLERANCE, tolerance))
+
+
 def _with_estimate(answer: Explanation, model: Model, name: str, source: str) -> Model:
-    """Return the model with an estimated parameter; unchanged if the estimate equals its value.
+    """Return the model with an estimated parameter; unchanged if it came out as its value or zero.
 
     For a sweep a fixed parameter becomes free with its prior, for the next fit.
     """
     before, value = model.parameters[name], answer.parameters[name].value
-    if value == before.value:
+    if value == before.value or (before.value == 0.0 and _is_negligible(before, value)):
         return model
     prior = known_prior(name, before)
     if answer.bench != "sweep" or before.free or prior is None:

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE
 from benchtool.data.run.read import is_pitch_run, is_run
 from benchtool.data.run.recording_file import metadata_path
-from benchtool.explain.pitch.replay import ReplayInputs
-from benchtool.fit.nominal import nominal_model, rig_for_data
-from benchtool.report.compare.page import COMPARISON, RunComparison
-from benchtool.report.figure import write_whole
-from benchtool.report.page import PAGE, Report, render_report
-from benchtool.report.replay.page import recording_page
-from benchtool.report.sweep.page import COMPARED, SWEEP
-from benchtool.report.sweep.run import read_sweep_run
+
+# Wrong paths are reported before the imports of a report, which take 2 s.
+if TYPE_CHECKING:
+    from benchtool.explain.pitch.replay import ReplayInputs
+    from benchtool.report.compare.page import RunComparison
+    from benchtool.report.page import Report
 
 Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]
 ACCEPTED_PATHS = (
@@ -53,6 +51,14 @@ def detect_kind(path: Path) -> Kind:
     )
 
 
+def check_paths(paths: Sequence[Path]) -> None:
+    """Raise InputError if there is no path, or one that no report can be made of."""
+    if not paths:
+        raise InputError(f"no input; give {ACCEPTED_PATHS}")
+    for path in paths:
+        detect_kind(path)
+
+
 def is_mixed(paths: Sequence[Path]) -> bool:
     """Return True for sweeps together with recordings, which need the comparison page."""
     return len(paths) > 1 and {*map(detect_kind, paths)} in ({"recording"}, {"sweep", "recording"})
@@ -62,6 +68,8 @@ def page_text(
     paths: Sequence[Path], replay_inputs: ReplayInputs | None = None, commands: Sequence[str] = ()
 ) -> str:
     """Return the report of the paths as HTML text."""
+    from benchtool.report.page import PAGE, render_report
+
     kinds = [detect_kind(path) for path in paths]
     if len(paths) > 1 and set(kinds) != {"sweep"}:
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
@@ -82,6 +90,12 @@ def build_report(
     commands: Sequence[str] = (),
 ) -> Report:
     """Return the report of a sweep, a recording, or several sweeps."""
+    from benchtool.explain.pitch.replay import ReplayInputs
+    from benchtool.fit.nominal import nominal_model, rig_for_data
+    from benchtool.report.replay.page import recording_page
+    from benchtool.report.sweep.page import COMPARED, SWEEP
+    from benchtool.report.sweep.run import read_sweep_run
+
     replay_inputs = replay_inputs or ReplayInputs()
     if kind != "sweep":
         return recording_page(paths[0], replay_inputs, commands)
@@ -107,8 +121,12 @@ def write_report(
 
     Without `out`, the existing page of a fit or an explanation is not written, only returned.
     """
-    if not paths:
-        raise InputError(f"no input; give {ACCEPTED_PATHS}")
+    from benchtool.explain.pitch.replay import ReplayInputs
+    from benchtool.report.compare.page import COMPARISON
+    from benchtool.report.figure import write_whole
+    from benchtool.report.page import PAGE, render_report
+
+    check_paths(paths)
     path = paths[0]
     default_target = path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
     target = out or (Path(PAGE) if len(paths) > 1 else default_target)

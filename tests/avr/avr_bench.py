@@ -21,7 +21,7 @@ from typing import Self
 
 import numpy as np
 
-from benchtool.commands.firmware import MCU, sketch_files
+from benchtool.bench.serial.sketch import MCU, sketch_files
 from benchtool.core.rig import Rig
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.plate_bench import PlateBench

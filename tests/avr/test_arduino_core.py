@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.firmware import CLOCK_HZ, MCU
+from benchtool.bench.serial.sketch import CLOCK_HZ, MCU
 from tests.avr.avr_bench import AvrBench
 from tests.avr.conftest import RIG
 

@@ -48,7 +48,9 @@ def served(tmp_path, environment):
 
 def begin(address: str, out: Path, environment: dict[str, str], points: int) -> subprocess.Popen:
     """Start a sweep and return it once so many points are on the disk."""
-    process = start(["sweep", address, *SMALL, "--yes", "--out", str(out)], environment)
+    process = start(
+        ["sweep", address, *SMALL, "--yes", "--verbose", "--out", str(out)], environment
+    )
     assert process.stdout is not None
     for line in process.stdout:
         if line.startswith(f"{points}/"):

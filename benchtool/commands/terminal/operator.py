@@ -22,11 +22,18 @@ from benchtool.core.errors import InputError
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
+POINT_LINES = 4  # of a sweep without a terminal
 TABLE_ROWS = 8  # latest points in the live table
 
 
 class TerminalOperator(Unattended):
-    """Operator who answers on standard input, with a live display on a terminal."""
+    """Operator who answers on standard input, with a live display on a terminal.
+
+    Without a terminal `verbose` prints every point, else about `POINT_LINES` of them.
+    """
+
+    def __init__(self, *, verbose: bool = True) -> None:
+        self._verbose = verbose
 
     def warn(self, text: str) -> None:
         print_error(text)
@@ -47,7 +54,7 @@ class TerminalOperator(Unattended):
     def display(self, radius_m: float | None) -> Iterator[RunProgress]:
         console = EscapedConsole()
         if not console.is_terminal:
-            yield ProgressLines(radius_m, self.inform)
+            yield (ProgressLines if self._verbose else FewLines)(radius_m, self.inform)
             return
         display = LiveDisplay(radius_m, console)
         with Live(console=console, refresh_per_second=4, get_renderable=display.render):
@@ -65,6 +72,17 @@ def _check_line(line: str) -> str:
             "if the bench allows it"
         )
     return line.rstrip("\n")
+
+
+class FewLines(ProgressLines):
+    """Print the first point, about `POINT_LINES` others and every event."""
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        number = self._done + 1
+        if number in (1, self._visits) or number % -(-self._visits // POINT_LINES) == 0:
+            super().measured(point, remaining_s)
+        else:
+            self._done = number
 
 
 class LiveDisplay(RunProgress):

@@ -10,51 +10,52 @@ from math import isfinite, isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import tomli_w
-
 from benchtool.commands.terminal.messages import typed_command
 from benchtool.core.channel import ColumnSource
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.inputs import with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
+from benchtool.core.user_file import list_names
 from benchtool.data.column_map import (
     RADII_PER_UNIT,
+    column_map_to_text,
     column_map_to_toml,
     find_conversion,
     guess_columns,
+    is_similar,
     name_and_unit,
 )
 from benchtool.data.columns import speed_columns
-from benchtool.data.csv_text import read_csv_header, read_csv_text
-from benchtool.data.formats.formats import import_file, is_stand_table
+from benchtool.data.csv_text import BLANK_CELLS, read_csv_header, read_csv_text
+from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.read import load_rig_for_data
-from benchtool.data.table import RowFilter, filter_rows, read_table
-from benchtool.physics.model_file import model_names, read_model_head
+from benchtool.data.table import RowFilter, filter_rows, parse_column, read_table
+from benchtool.data.table_rig import build_radius_rig
 
 if TYPE_CHECKING:
     from benchtool.commands.fit import TableInputs
+    from benchtool.core.rig import Rig
 
 MODEL = "single"  # one rotor over a plate
 NONE = "none"
 OGE_WORDS = ("inf", "infinity", "∞", "far", "oge", "ref", "reference", "park", "parked")
 MAX_NEAREST_OVER_R = 30.0  # a larger minimum distance is a unit error; assumed
+MIN_NEAREST_IN_MM_OVER_R = 200.0  # a larger number is in mm, a smaller one in cm; assumed
+DEFAULT_RADIUS_M = 0.1  # to detect a unit error without a radius; assumed
 DEFAULT_RPM = 6000.0  # for an unknown speed; assumed
 _ERROR = re.compile(
-    r"(?P<stem>.*?)[\s_]*(?:std|stdev|stddev|sd|se|sem|err|error|sigma|fehler|stabw|standardabweichung|streuung)"
+    r"(?P<stem>.*?)[\s_]*(?P<ending>std|stdev|stddev|sd|se|sem|err|error|sigma|fehler|stabw|standardabweichung|streuung)"
 )
-PLACEHOLDER = ColumnSource(column="COLUMN", unit="UNIT")  # for the user to complete
 
 
 def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...]:
     """Add column map, rig, model and basis of a table to the options of `benchtool fit`.
 
     Return row filters COLUMN=VALUE, one for each run of the table to fit separately. No-op for
-    runs, and for tables with a column map or a model file that describes the columns. The error for
-    missing items contains the command to complete and the map so far.
+    runs, and for tables with a column map, a model file that describes the columns, or our own
+    names and a known rig. The error for missing items ends with the completed command.
     """
     data = options["data"]
-    if not all(Path(path).exists() for path in data):
-        return ()  # the reader reports the missing file
     if not all(Path(path).is_file() for path in data):
         if with_changes(table):
             raise InputError(
@@ -64,15 +65,20 @@ def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...
     first = str(data[0])
     is_stand = is_stand_table(first) and not with_changes(table) - {"radius": 0}.keys()
     options.setdefault("model", MODEL)
-    user_model = "" if options["model"] in model_names() else str(options["model"])
+    user_model = "" if options["model"] in list_names("models") else str(options["model"])
+    user_rig, describes_columns = None, False
+    if user_model:
+        from benchtool.physics.model_file import read_model_head  # imports all effects
+
+        user_rig, describes_columns = read_model_head(user_model)
     has_map = is_stand or options.get("columns") is not None
     if not (with_changes(table) or is_stand) and (
         has_map
-        or (user_model and read_model_head(user_model)[1])
-        or {"thrust_N", "thrust_ratio"} & set(read_csv_header(Path(first)))
+        or describes_columns
+        or ((user_model or options.get("rig") or load_rig_for_data([first])) and _is_own(first))
     ):
         return ()  # the columns are described
-    radius_m, rig_text = _radius(options.get("rig"), table, first, is_stand, user_model)
+    radius_m, rig_text = _radius(options.get("rig"), table, first, is_stand, user_rig)
     if has_map and not is_stand and with_changes(table).keys() - {"radius", "runs"}:
         raise InputError("--map contains all columns; remove the other column options")
     where = tuple(options.get("where", ()))
@@ -92,9 +98,11 @@ def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...
         options["basis"] = options.get("basis") or "equal_rpm2"
     if any(name.endswith(("_sd", "_sd_N")) for name in columns.map):
         options.setdefault("noise", "scale")
-    repairs = filter(None, recording.provenance["repairs"].split("; "))
-    print(f"{first}: {len(recording)} rows, read with this column map:\n{text}", end="")
-    for note in (*columns.notes, *repairs):
+    if options.get("verbose"):
+        print(f"{first}: {len(recording)} rows, read with this column map:\n{text}", end="")
+    else:
+        print(f"{first}: {len(recording)} rows; {column_map_to_text(columns.map)}")
+    for note in filter(None, (*columns.notes, *recording.provenance["repairs"].split("; "))):
         print(f"note: {note}")
     command = ["benchtool", "fit", *map(str, options["data"]), "--map", options["columns"]]
     for option in ("rig", "model", "basis", "noise"):
@@ -103,8 +111,14 @@ def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...
     return run_filters
 
 
+def _is_own(path: str) -> bool:
+    """Return whether a table has benchtool's own column names for thrust and speed."""
+    header = read_csv_header(Path(path))
+    return "thrust_ratio" in header or ("thrust_N" in header and bool(speed_columns(header)))
+
+
 def _radius(
-    rig: str | None, table: TableInputs, first: str, is_stand: bool, user_model: str
+    rig: str | None, table: TableInputs, first: str, is_stand: bool, user_rig: Rig | None
 ) -> tuple[float, str]:
     """Return the rotor radius, nan if unknown, and the text of a new rig file, or ""."""
     if rig is not None:
@@ -113,39 +127,10 @@ def _radius(
         return load_rig_by_name(rig).propulsion.radius_m, ""
     if table.radius is None and (data_rig := load_rig_for_data([first])) is not None:
         return data_rig.propulsion.radius_m, ""
-    if table.radius is None and user_model:
-        return read_model_head(user_model)[0].propulsion.radius_m, ""
+    if table.radius is None and user_rig is not None:
+        return user_rig.propulsion.radius_m, ""
     text = build_radius_rig(first, table.radius, is_stand=is_stand)
     return (parse_rig(text, f"rig of {first}").propulsion.radius_m if text else nan), text
-
-
-def build_radius_rig(first: str, radius_m: float | None, *, is_stand: bool) -> str:
-    """Return the text of a rig file that contains the rotor radius only.
-
-    Without `radius_m` it is from the diameter in the test stand table; without one, return "". A
-    test stand table also gives the number of rotors.
-    """
-    source, n_rotors = "given as the rotor radius of a table", 1
-    if is_stand:
-        table = import_file(first)
-        n_rotors = max(1, len(speed_columns(table.recording.names, "rpm")))
-        if radius_m is None and table.propeller is not None:
-            radius_m = 0.5 * float(f"{table.propeller.diameter_m:.6g}")
-            source = "the file's own diameter"
-    if radius_m is None:
-        return ""
-    data: dict[str, Any] = {"name": Path(first).stem}
-    if n_rotors > 1:
-        # Positions have no effect without a plate; with one, a full rig file is needed.
-        no_source = {"source": "not known, and without a plate of no effect"}
-        data["rotors"] = [
-            {"name": f"rotor {i + 1}"}
-            | {key: {"value": value} | no_source
-               for key, value in (("spin", 1 - 2 * (i % 2)), ("x_m", 0.0), ("y_m", 0.0))}
-            for i in range(n_rotors)
-        ]  # fmt: skip
-    data["propulsion"] = {"source": source, "radius_m": radius_m}
-    return tomli_w.dumps(data)
 
 
 def _write_if_new(stem: str, text: str) -> Path:
@@ -168,7 +153,8 @@ class _Columns:
         self.path, self.options, self.radius_m = path, options, radius_m
         self.map: dict[str, ColumnSource] = {}
         self.runs: tuple[str, ...] = ()
-        self.run_column, self.notes, self.missing = "", list[str](), list[tuple[str, str]]()
+        self.run_column, self.notes = "", list[str]()
+        self.problems, self.completion = list[str](), list[str]()
         if isnan(radius_m):
             self._add_missing("the rotor radius is missing", "--radius RADIUS_M or --rig FILE")
 
@@ -186,22 +172,23 @@ class _Columns:
             if name in guess:
                 self.map.setdefault(name, guess[name])
         self._choose_runs()
+        for source in self.map.values():
+            if source.column in self.header and not source.reference:
+                self._check_numbers(source.column)
 
     def require_all(self) -> None:
-        """Raise InputError if anything is missing, with the command to complete and the map."""
-        if not self.missing:
+        """Raise InputError if anything is missing, with the completed command."""
+        if not self.problems:
             return
-        options = [option.partition(" or ")[0] for _, option in self.missing]
-        command = " ".join([typed_command(), *options])
-        lines = [f"{self.path}: {problem}; add {option}" for problem, option in self.missing]
-        lines += [f"complete the command: {command}"]
-        if self.map:
-            text = column_map_to_toml(self.map).replace("= nan", "= ROTOR_RADIUS_OR_DIAMETER_M")
-            lines += ["or complete this map for --map FILE:", text.rstrip()]
+        lines = [f"{self.path}: {problem}" for problem in self.problems]
+        if self.completion:
+            lines += [f"complete the command: {' '.join([typed_command(), *self.completion])}"]
         raise InputError("\n".join(lines))
 
-    def _add_missing(self, problem: str, option: str) -> None:
-        self.missing.append((problem, option))
+    def _add_missing(self, problem: str, hint: str, option: str = "") -> None:
+        """Add a problem with its options; the first, or `option`, completes the command."""
+        self.problems.append(f"{problem}; add {hint}")
+        self.completion.append(option or hint.partition(" or ")[0])
 
     def _column(
         self, channel: str, name: str, options: str, title: str, guess: Mapping[str, ColumnSource]
@@ -212,8 +199,15 @@ class _Columns:
         if channel in guess:
             return guess[channel].column or ""
         columns = ", ".join(self.header)
-        self._add_missing(f"no column name matches {title} (columns: {columns})", options)
-        self.map[channel] = PLACEHOLDER
+        problem = f"no column name matches {title} (columns: {columns})"
+        used = {source.column for source in (*guess.values(), *self.map.values())}
+        unused = [cell for cell in self.header if cell not in used and self._has_numbers(cell)]
+        similar = [cell for cell in unused if is_similar(cell, channel)]
+        default = NONE if channel == "plate_z_m" and not unused else ""
+        guessed = next((cells[0] for cells in (similar, unused) if len(cells) == 1), default)
+        option = shlex.join([options.split()[0], guessed]) if guessed else ""
+        self._add_missing(problem, options, option)
+        self.map[channel] = ColumnSource(column=guessed or "COLUMN")
         return ""
 
     def _find(self, name: str, option: str) -> str:
@@ -264,12 +258,14 @@ class _Columns:
         unit = self._unit(cell, options.z_unit, "--z-unit", "m")
         self.map["plate_z_m"] = ColumnSource(column=cell, unit=unit)
         numbers = [value for text in self._texts(cell) if (value := _number(text)) is not None]
-        nearest = min(filter(isfinite, numbers), default=nan) / self.radius_m
+        radius_m = DEFAULT_RADIUS_M if isnan(self.radius_m) else self.radius_m
+        nearest = min(filter(isfinite, numbers), default=nan) / radius_m
         if unit is None and nearest > MAX_NEAREST_OVER_R:
             self._add_missing(
                 f"minimum distance in {cell!r}, read in m, is {nearest:.3g} rotor radii, out of "
                 "ground effect; its unit is missing (mm, cm, in, R for rotor radii)",
                 "--z-unit UNIT",
+                f"--z-unit {'mm' if nearest > MIN_NEAREST_IN_MM_OVER_R else 'cm'}",
             )
 
     def _choose_reference(self) -> None:
@@ -279,8 +275,8 @@ class _Columns:
             cell, value = self._find(row_filter.column, "--reference"), row_filter.value
             filter_rows(self.table, [RowFilter(cell, value)])
             self.map["kind"] = ColumnSource(column=cell, reference=value)
-        elif source is not None and source is not PLACEHOLDER:
-            cell = source.column or ""
+        elif source is not None and source.column in self.header:
+            cell = source.column
             texts = sorted({text for text in self._texts(cell) if _number(text) is None})
             if len(texts) == 1 and texts[0].casefold() in OGE_WORDS:
                 self.map["kind"] = ColumnSource(column=cell, reference=texts[0])
@@ -288,7 +284,7 @@ class _Columns:
                 self._add_missing(
                     f"column {cell!r} contains {texts[0]!r} among its distances; correct it, or "
                     "select the rows out of ground effect",
-                    "--reference COLUMN=VALUE",
+                    shlex.join(["--reference", f"{cell}={texts[0]}"]),
                 )
 
     def _choose_speed(self, guess: Mapping[str, ColumnSource]) -> None:
@@ -316,7 +312,10 @@ class _Columns:
         cell = "" if options.error in ("", NONE) else self._find(options.error, "--error")
         if not options.error:
             stem = name_and_unit(column)[0].casefold()
-            errors = [name for name in self.header if _is_error_column(name, stem)]
+            matches = {name: _match_error(name) for name in self.header}
+            errors = [
+                name for name, match in matches.items() if match and match["stem"] in ("", stem)
+            ]
             cell = errors[0] if len(errors) == 1 else ""
         if not cell:
             return
@@ -331,6 +330,7 @@ class _Columns:
                 f"column {cell!r} may be the standard deviation of readings (sd) or the standard "
                 "error of the mean (se)",
                 "--error-is SD_OR_SE or --error none",
+                f"--error-is {kind}" if (kind := _error_kind(cell)) else "",
             )
 
     def _choose_runs(self) -> None:
@@ -360,19 +360,39 @@ class _Columns:
         has_words = all(_number(text) is None for text in names)
         return names if has_words and 2 * len(names) <= len(texts) else ()
 
+    def _has_numbers(self, cell: str) -> bool:
+        """Return whether a column has numbers that vary."""
+        numbers = {value for text in self._texts(cell) if (value := _number(text)) is not None}
+        return len(numbers) > 1 and _match_error(cell) is None
+
+    def _check_numbers(self, cell: str) -> None:
+        """Add the first cell of a column that is not a number; distances have their own error."""
+        plate = self.map.get("plate_z_m")
+        if plate is not None and plate.column == cell:
+            return
+        try:
+            parse_column(self.table, self.table.header.index(cell))
+        except FileFormatError as error:
+            self.problems.append(str(error).removeprefix(f"{self.path}, "))
+
     def _texts(self, cell: str) -> list[str]:
         position = self.table.header.index(cell)
         return [row[position].strip() for row in self.table.rows]
 
 
-def _is_error_column(cell: str, stem: str) -> bool:
-    match = _ERROR.fullmatch(name_and_unit(cell)[0].casefold())
-    return match is not None and match["stem"] in (stem, "")
+def _match_error(cell: str) -> re.Match[str] | None:
+    return _ERROR.fullmatch(name_and_unit(cell)[0].casefold())
+
+
+def _error_kind(cell: str) -> str:
+    """Return the kind of error that a column name suggests; empty if it suggests none."""
+    ending = match["ending"] if (match := _match_error(cell)) else "error"
+    return "se" if ending in ("se", "sem") else "" if ending[:3] in ("err", "feh") else "sd"
 
 
 def _number(text: str) -> float | None:
     """Return the number in a cell, nan for an empty cell, None for a word."""
-    if text in ("", "nan", "NaN", "NA", "N/A", "null"):
+    if text in BLANK_CELLS:
         return nan
     try:
         return None if text.casefold() in OGE_WORDS else float(text)

@@ -21,12 +21,19 @@ from benchtool.data.column_map import (
     IDENTITY,
     MappedColumn,
     find_conversion,
-    map_column,
+    map_columns,
     match_channel,
     parse_header_cell,
     read_column_map,
 )
-from benchtool.data.csv_text import THOUSANDS, Positions, TextTable, count_character, pad_rows
+from benchtool.data.csv_text import (
+    BLANK_CELLS,
+    THOUSANDS,
+    Positions,
+    TextTable,
+    count_character,
+    pad_rows,
+)
 from benchtool.data.parquet import plain_values
 from benchtool.data.repairs.import_result import (
     Finding,
@@ -40,7 +47,6 @@ _BLOCK_BYTES = 1 << 20  # fits a processor's cache; four times as much takes twi
 _PART_BYTES = 1 << 23  # for one thread; starting readers takes a third at 1 MB; assumed
 _PIECE_BYTES = 1 << 16  # read cell by cell if it has text; assumed
 
-_NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
 _NUMBER = re.compile(
     rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE
 )
@@ -98,7 +104,7 @@ def _parse_columns(table: TextTable, positions: Sequence[int]) -> tuple[Array, T
 
     def parse(part: memoryview, start: int, end: int) -> bool:
         # The first attempt is faster: one null value, and blocks that may be shorter than a row.
-        for nulls, block_bytes in (([""], _BLOCK_BYTES), (_NULLS, len(part))):
+        for nulls, block_bytes in (([""], _BLOCK_BYTES), (BLANK_CELLS, len(part))):
             rows = slice(start, start)
             try:
                 for batch in csv.open_csv(
@@ -132,7 +138,7 @@ def _parse_columns(table: TextTable, positions: Sequence[int]) -> tuple[Array, T
             for column, position in enumerate(positions):
                 cell = cells[position].strip()
                 values[column, row] = number = _number(cell, table.decimal)
-                if number != number and cell.decode("latin-1") not in _NULLS:
+                if number != number and cell.decode("latin-1") not in BLANK_CELLS:
                     texts[column, row] = cell
 
     def read(job: tuple[memoryview, int, int]) -> bool:
@@ -327,10 +333,7 @@ def read_by_map(table: TextTable, options: ImportOptions) -> ImportResult:
     map_path = options.columns
     assert map_path is not None
     try:
-        columns = [
-            map_column(table.header, table.where, *entry)
-            for entry in read_column_map(map_path).items()
-        ]
+        columns = map_columns(table.header, table.where, read_column_map(map_path))
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
@@ -111,6 +111,25 @@ def read_result(folder: Path) -> dict[str, Any]:
     tables = read_json(path)
     check_format(tables, FIT_FORMAT, str(path))
     return tables
+
+
+def name_fits(folders: Sequence[Path]) -> dict[str, Path]:
+    """Return the folders of fits to pool by their shortest unique names."""
+    if len(folders) < 2:
+        raise InputError(
+            f"{pluralize(len(folders), 'fit')} given; minimum for pooling: 2; give folders of "
+            f"benchtool fit RUN --model MODEL --out FITS/RUN"
+        )
+    for index, folder in enumerate(folders):
+        if not (folder / FIT_FILE).is_file():
+            raise InputError(f"{folder} contains no fit; give folders of benchtool fit --out")
+        if folder.resolve() in (earlier.resolve() for earlier in folders[:index]):
+            raise InputError(f"duplicate fit {folder}; give each folder once")
+    short = [folder.resolve().name for folder in folders]
+    return {
+        name if short.count(name) == 1 else str(folder): folder
+        for name, folder in zip(short, folders, strict=True)
+    }
 
 
 def _unknown(entry: Entry, path: Path) -> Entry:

@@ -84,9 +84,9 @@ def gap_table(answer: Explanation) -> Table:
     )
 
 
-def short_gap_table(answer: Explanation) -> Table:
+def short_gap_table(answer: Explanation, *, legend: bool = True) -> Table:
     """Return the table of gaps for a terminal."""
-    caption = f"{_gap_caption(answer)} {SHORT_LEGEND}"
+    caption = f"{_gap_caption(answer)} {SHORT_LEGEND}" if legend else _gap_caption(answer)
     return gap_table(answer).select_columns((0, 1, 3, 4, 5, 7), caption)
 
 

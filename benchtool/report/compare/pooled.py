@@ -17,7 +17,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.parameter import resolve_name
 from benchtool.core.text import pluralize
 from benchtool.data.atomic import json_ready, make_folder, replace_json
-from benchtool.data.run.entry import FIT_FILE
+from benchtool.data.run.entry import name_fits
 from benchtool.fit.pool import PooledEstimates, RigValues, pool_rigs
 from benchtool.fit.result_file import read_fit
 from benchtool.fit.run_recipe import FitSummary
@@ -56,12 +56,7 @@ def pool_fits(
     seed: int = 1,
 ) -> PooledFits:
     """Pool one fit per rig; NotConverged if the chains of tau disagree."""
-    if len(folders) < 2:
-        raise InputError(
-            f"{pluralize(len(folders), 'fit')} given; minimum for pooling: 2; give folders of "
-            f"benchtool fit RUN --model MODEL --out FITS/RUN"
-        )
-    fits = {name: read_fit(folder) for name, folder in _names(folders).items()}
+    fits = {name: read_fit(folder) for name, folder in name_fits(folders).items()}
     hashes = _check_fits(fits)
     units = {k: v for fit in fits.values() for k, v in _units(fit).items()}
     requested = [resolve_name(name, units, "fitted parameter") for name in (*of, *shared)]
@@ -84,20 +79,6 @@ def pool_fits(
         seed=seed,
         hashes=hashes,
     )
-
-
-def _names(folders: Sequence[Path]) -> dict[str, Path]:
-    """Return folders by their shortest unique names."""
-    for index, folder in enumerate(folders):
-        if not (folder / FIT_FILE).is_file():
-            raise InputError(f"{folder} contains no fit; give folders of benchtool fit --out")
-        if folder.resolve() in (earlier.resolve() for earlier in folders[:index]):
-            raise InputError(f"duplicate fit {folder}; give each folder once")
-    short = [folder.resolve().name for folder in folders]
-    return {
-        name if short.count(name) == 1 else str(folder): folder
-        for name, folder in zip(short, folders, strict=True)
-    }
 
 
 def _units(fit: FitSummary) -> dict[str, str]:

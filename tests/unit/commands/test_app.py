@@ -5,14 +5,15 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Annotated
 
 import numpy as np
 import pytest
-import typer
 
 from benchtool.commands import app
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import (
     BenchtoolError,
     DataWarning,
@@ -20,8 +21,14 @@ from benchtool.core.errors import (
     LinkLost,
     UnknownChoice,
 )
+from benchtool.core.inputs import Input, Inputs
 
 Run = Callable[..., tuple[int, str, str]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TryInputs(Inputs):
+    times: Annotated[int, Input("How often.")] = 1
 
 
 @pytest.fixture
@@ -30,11 +37,12 @@ def run(monkeypatch, capsys):
     monkeypatch.delenv("BENCHTOOL_DEBUG", raising=False)
 
     def call(*arguments: str, raising: BaseException | None = None) -> tuple[int, str, str]:
-        def command(times: Annotated[int, typer.Option(help="How often.")] = 1) -> None:
+        @command_from_inputs(TryInputs)
+        def command(inputs: TryInputs) -> None:
             """Try something."""
             if raising is not None:
                 raise raising
-            print("done", times)
+            print("done", inputs.times)
 
         module = ModuleType("benchtool.commands.try")
         module.command = command  # type: ignore[attr-defined]
@@ -75,11 +83,7 @@ def test_an_interrupt_exits_with_130(run):
             ["try", "--tims"],
             "No such option: --tims (Possible options: --times); see benchtool try --help",
         ),
-        (
-            ["try", "--times", "x"],
-            "Invalid value for '--times': Input should be a valid integer, unable to parse string "
-            "as an integer (given: 'x'); see benchtool try --help",
-        ),
+        (["try", "--times", "x"], "--times is 'x'; type a whole number"),
     ],
 )
 def test_usage_errors_are_one_line(run, arguments, sentence):
@@ -116,7 +120,8 @@ HOSTILE, ESCAPED = "a\x1b[2Jb\u202ec\x9bd\te", "a\\x1b[2Jb\\u202ec\\u009bd\te"
 def test_control_characters_are_escaped(run, monkeypatch, capsys):
     assert run("try", raising=LinkLost(HOSTILE)) == (3, "", f"benchtool: {ESCAPED}\n")
     module = ModuleType("benchtool.commands.hostile")
-    module.hostile = lambda: print(HOSTILE)  # type: ignore[attr-defined]
+    hostile = command_from_inputs(TryInputs)(lambda inputs: print(HOSTILE))
+    module.hostile = hostile  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr(app, "COMMANDS", {"hostile": ("hostile:hostile", "Print")})
     with pytest.raises(SystemExit):
@@ -125,7 +130,8 @@ def test_control_characters_are_escaped(run, monkeypatch, capsys):
 
 
 def test_data_warnings_are_printed_and_python_warnings_are_not(run, monkeypatch, capsys):
-    def warn() -> None:
+    @command_from_inputs(TryInputs)
+    def warn(inputs: TryInputs) -> None:
         warnings.simplefilter("default")
         warnings.warn("p.csv has changed\x07", DataWarning, stacklevel=1)
         warnings.warn("overflow in square", RuntimeWarning, stacklevel=1)

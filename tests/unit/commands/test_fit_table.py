@@ -68,7 +68,7 @@ def test_a_spreadsheet_is_fitted_with_column_options_and_radius(capsys):
     assert arguments == "--map data.columns.toml --rig data.rig.toml --model single"
     for options in (arguments, "--model first/model.toml"):
         code, out, error = fit(capsys, f"data.csv {options}")
-        assert (code, "R_m = 0.127" in out) == (0, True), error
+        assert (code, "  R_m  " in out, " 0.127" in out) == (0, True, True), error
     before = Path("data.columns.toml").read_text()
     code, out, _ = fit(capsys, "data.csv --unit N --radius 0.127")
     assert "written: data.columns-2.toml" in out
@@ -91,17 +91,16 @@ def test_reference_rows_are_out_of_ground_effect(capsys):
     code, _, error = fit(capsys, "a.csv --radius 0.127")
     assert (code, "contains 'free' among its distances" in error) == (2, True), error
     code, out, error = fit(capsys, "a.csv --radius 0.127 --reference gap=free --out a")
-    assert (code, '[columns.kind]\ncolumn = "gap (m)"\nreference = "free"' in out) == (0, True), (
-        error
-    )
+    assert (code, "reference rows: gap (m) = free" in out) == (0, True), error
     assert result("a")["k"]["value"] == pytest.approx(T_OGE_N / (200.0 * np.pi) ** 2, rel=1e-3)
 
 
 MISSING = {
     "z (m),F (N),rpm": ("", "the rotor radius is missing; add --radius RADIUS_M"),
-    "a,F (N),rpm": ("--radius 0.127", "no column name matches the plate distance"),
-    "z (m),b,rpm": ("--radius 0.127", "no column name matches the thrust"),
-    "z,F,rpm": ("--radius 1e-5", "add --z-unit UNIT"),
+    "a,F (N),rpm": ("", "--radius RADIUS_M --z a\n"),
+    "z (m),b,rpm": ("--radius 0.127", "--thrust b\n"),
+    "my_Schub,plate,rpm": ("--radius 0.127", "--thrust my_Schub --z plate\n"),
+    "height,total_thrust_N,rpm": ("--radius 1e-5", "--z-unit mm\n"),
     "z (m),F (V),rpm": ("--radius 0.127", "(columns: z (m), F (V), rpm); add --thrust COLUMN"),
     "z (m),F (N),F_std": ("--radius 0.127", "add --error-is SD_OR_SE"),
     "z (m),F (N),Standardabweichung [N]": ("--radius 0.127", "add --error-is SD_OR_SE"),
@@ -117,6 +116,25 @@ def test_missing_items_are_reported_and_no_file_is_written(capsys, monkeypatch, 
     code, _, error = fit(capsys, f"a.csv {options}")
     assert (code, message in error) == (2, True), error
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv"]
+
+
+def test_every_bad_column_is_reported_at_once(capsys):
+    table("a.csv", "dist,F", ["far", "x", "0.2"], ["1", "#N/A", "y"])
+    code, _, error = fit(capsys, "a.csv")
+    assert code == 2
+    for message in ("rotor radius is missing", "'far' among its distances", "'F' contains 'y'"):
+        assert message in error
+
+
+def test_usual_names_and_empty_cells_of_a_spreadsheet_are_read(capsys):
+    cells = [*map("{:.5f}".format, RATIO), "#N/A"]
+    table("a.csv", "height,T/T0", [*map("{:.5f}".format, Z_M), "#N/A"], cells)
+    code, out, error = fit(capsys, "a.csv --radius 0.127 --out a")
+    assert code == 0, error
+    assert result("a")["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+    assert len(out.splitlines()) <= 24
+    assert "Uncertainty budget" not in out
+    assert "Uncertainty budget" in fit(capsys, "a.csv --radius 0.127 --verbose")[1]
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from benchtool.commands.firmware import sketch_files
+from benchtool.bench.serial.sketch import sketch_files
 from benchtool.core.rig_file import load_rig_by_name
 
 RIG = load_rig_by_name("pquad_single")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
+from benchtool.commands.terminal.operator import FewLines
 from tests.unit.commands.command_line import run
 
 
@@ -40,3 +42,19 @@ def test_the_demo_prints_its_commands_and_its_report(tmp_path):
 def test_a_dry_run_opens_nothing(address, capsys):
     assert run("record", address, "--rig", "pquad", "--dry-run") == 0
     assert "nothing was opened, nothing spins" in capsys.readouterr().out
+
+
+def test_a_sweep_without_a_terminal_prints_few_of_its_points():
+    lines: list[str] = []
+    point = SimpleNamespace(pwm_us=(1500.0,), thrust_N=3.2, thrust_se_N=0.002, settled=True)
+    progress = FewLines(None, lines.append)
+    progress.started(42, 0, 60.0)
+    for _ in range(42):
+        progress.measured(point, 1.0)
+    assert [line.partition(" ")[0] for line in lines[1:]] == [
+        "1/42",
+        "11/42",
+        "22/42",
+        "33/42",
+        "42/42",
+    ]

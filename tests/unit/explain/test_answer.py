@@ -18,6 +18,7 @@ from benchtool.explain.next_steps import format_added_model, next_steps
 from benchtool.explain.result import Kind
 from benchtool.physics.model_file import load_model, model_from_toml
 from benchtool.report.answer.folder import answer_tables, write_folder
+from benchtool.report.answer.page import changes
 from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap
 
 PROMISED = (
@@ -141,6 +142,18 @@ def test_an_effect_that_the_parent_has_not_is_put_in():
     model = model_from_toml(format_added_model(found), "new.toml").model
     assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
     assert model.parameters["speed_map.gain"].value == 0.003
+
+
+def test_an_adjustment_that_came_out_as_nothing_is_not_in_the_model():
+    loaded = load_model(MODEL)
+    tuned = loaded.model.with_effect("gyro_lag", late_s=-8.5e-6).parameters
+    width = tuned["coulomb_friction.width_rad_s"].with_value(0.0015)  # prior sd 0.03
+    found = answer(loaded=loaded, parameters=Parameters(
+        {**tuned, "coulomb_friction.width_rad_s": width}))  # fmt: skip
+    model = model_from_toml(format_added_model(found), "new.toml").model
+    assert "gyro_lag.late_s" not in model.parameters
+    assert model.parameters["coulomb_friction.width_rad_s"].value == 0.0
+    assert not any("gyro_lag" in change.name for change in changes(found))
 
 
 def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path):
