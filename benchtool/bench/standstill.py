@@ -216,15 +216,17 @@ class StandstillMonitor:
         for index, rotor in enumerate(self._rotors):
             if (speed_column := self._speed_columns[index]) is not None:
                 rpm = [abs(speed) for speed in columns[speed_column]]
-                is_low = [speed < self._limit_rpm for speed in rpm]
-                rotor.speed.take(times_s, rpm, is_low, rotor.zero_s)
+                if rotor.zero_s < inf:
+                    is_low = [speed < self._limit_rpm for speed in rpm]
+                    rotor.speed.take(times_s, rpm, is_low, rotor.zero_s)
                 expected = self._expected_rpm[index]
                 if (pwm_column := self._reported_columns[index]) is not None:
                     # A loop sets the pulse widths: the smallest reported one is expected.
                     lowest_us = np.nanmin(values[:, pwm_column], initial=inf)
                     expected = float(rotor_speeds(self._propulsion, np.array([lowest_us]))[0])
                 rotor.compare(times_s, rpm, expected, self._limit_rpm)
-            if (output_column := self._output_columns[index]) is not None:
+            output_column = self._output_columns[index]
+            if output_column is not None and rotor.zero_s < inf:
                 output_us = columns[output_column]
                 is_low = [width_us <= max_output_us for width_us in output_us]
                 rotor.output.take(times_s, output_us, is_low, rotor.zero_s)
@@ -318,9 +320,10 @@ class _ChannelState:
             self.last, self.last_s = value, time_s
             if not low:
                 self._low_s = self.standstill_s = nan
-            elif isnan(self._low_s):
+                continue
+            if isnan(self._low_s):
                 self._low_s = time_s
-            if self.is_low and isnan(self.standstill_s):
+            if isnan(self.standstill_s) and self.is_low:
                 self.standstill_s = time_s
 
 

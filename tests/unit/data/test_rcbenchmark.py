@@ -7,6 +7,7 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.data.repairs import column_mapping
 from tests.unit.data.stand_logs import HEADER_1580, found, imported, log_text, logged, steps_1580
 
 GRAM_FORCE_N = STANDARD_GRAVITY_M_S2 / 1000.0
@@ -63,7 +64,9 @@ def test_a_stray_time_is_set_between_its_neighbours():
     assert found(read, "stray time")[0].lines == "11"
 
 
-def test_rows_of_other_lengths_and_of_text():
+@pytest.mark.parametrize("piece_bytes", [1 << 16, 1])  # one piece, one a row
+def test_rows_of_other_lengths_and_of_text(piece_bytes, monkeypatch):
+    monkeypatch.setattr(column_mapping, "_PIECE_BYTES", piece_bytes)
     lines = log_text(steps_1580()).splitlines()
     lines[3] = ",".join(lines[3].split(",")[:13])  # shorter
     lines.insert(5, HEADER_1580)  # another log was pasted in
