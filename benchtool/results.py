@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from benchtool.explain.request import Request
     from benchtool.explain.result import Explanation
     from benchtool.fit.recipe import FitInputs
-    from benchtool.fit.run_recipe import FitOutput
     from benchtool.report.compare.pooled import PooledFits
+    from benchtool.report.fit.result import Fit
     from benchtool.report.flight.pitch_study import PitchStudy
     from benchtool.simulate.controllers.controller import Controllers
     from benchtool.simulate.flight.study import FlownCase
@@ -38,8 +38,8 @@ def fit_result(
     inputs: FitInputs,
     progress: Callable[[str, int, int], None] = lambda stage, done, expected: None,
     permit: CodePermit = check_code_allowed,
-) -> Result[FitOutput]:
-    """Fit a recipe. Tables: `estimates`, `points` and `ratio`.
+) -> Fit:
+    """Fit a recipe.
 
     Args:
         progress: called with the stage, the steps done and the expected steps.
@@ -53,13 +53,14 @@ def fit_result(
     from benchtool.fit.run_recipe import run_recipe
     from benchtool.report.fit.figures import ratio_rows
     from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
+    from benchtool.report.fit.result import Fit
 
     if inputs.out is not None:
         refuse_full(inputs.out)
     output = run_recipe(
         inputs.recipe, progress, profile=inputs.profile, budget=inputs.budget, permit=permit
     )
-    return Result(
+    return Fit(
         found=output,
         _page=FIT,
         _summary=sentence,

@@ -19,8 +19,9 @@ from benchtool.acquire.operator import (
     ARMING_QUESTION,
     CONFIRMATION,
     POLL_INTERVAL_S,
+    WARNING,
     Operator,
-    Unattended,
+    Quiet,
     arming_warnings,
     require_unattended,
 )
@@ -59,10 +60,19 @@ def run_keywords(
     command: Literal["sweep", "record"],
     values: dict[str, Any],
     rig: Rig | str | Path | None,
-    operator: Operator | None,
+    operator: Operator | str | None,
     permit: CodePermit,
+    *,
+    progress: bool = False,
 ) -> Path:
-    """Run an experiment from keyword arguments; return its run folder."""
+    """Run an experiment from keyword arguments; return its run folder.
+
+    Args:
+        operator: interface for the arming confirmation, or name of the operator.
+        progress: show a progress bar, if `operator` has no display.
+    """
+    if isinstance(operator, str):
+        values, operator = {"operator": operator} | values, None
     if not values["yes"] and operator is None:
         raise InputError(
             f"not armed: bt.{command} turns motors and needs a confirmation; use yes=True (for a "
@@ -78,7 +88,12 @@ def run_keywords(
         inputs = build_inputs(SweepInputs, values, base=base_inputs(values, "keyword"))
     else:
         inputs = build_inputs(RecordInputs, values)
-    run = run_experiment(inputs, operator or Unattended(), permit, rig)
+    quiet = Quiet(progress=progress)
+    try:
+        run = run_experiment(inputs, operator or quiet, permit, rig)
+    except RunInterrupted as error:
+        error.add_note(quiet.last_line)
+        raise
     assert run is not None
     return run.path
 
@@ -220,7 +235,7 @@ def open_motor_test(
 def _describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
     """Show the warnings of a bench before arming."""
     for warning in arming_warnings(identity, rig):
-        operator.inform(f"warning: {warning}")
+        operator.inform(f"{WARNING}{warning}")
     if identity.speed != 1.0:
         operator.inform(f"bench at {identity.speed:g} times real time; all times are bench time")
 
@@ -228,7 +243,7 @@ def _describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
 def _describe_end(operator: Operator, bench: GuardedBench) -> None:
     """Show rotors without confirmed standstill at a normal end."""
     if (state := bench.standstill) is not None and not state.is_confirmed:
-        operator.inform(f"warning: {state.text}")
+        operator.inform(f"{WARNING}{state.text}")
 
 
 def _confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:

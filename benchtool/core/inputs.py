@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le
@@ -169,6 +170,8 @@ class InputField:
             value = read_numbers(value, display_name, self.kind, self.count, self.metadata.unit)
         elif self.is_sequence and isinstance(value, int | float):
             value = (value,)
+        elif isinstance(value, Path) and self.kind is str:
+            value = str(value)
         elif isinstance(value, str) and self.kind in (int, float):
             value = read_number(value, display_name, self.kind, self.metadata.unit)
         try:

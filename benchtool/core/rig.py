@@ -280,6 +280,14 @@ class Rig(FiniteTable):
     sources: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return (
+            f"Rig {self.name}: {self.title}\n"
+            f"  {self.n_rotors} rotors of radius {self.propulsion.radius_m:g} m, "
+            f"mass {self.body.mass_kg:g} kg, thrust at most {self.limits.thrust_N:g} N\n"
+            f"  {len(self.assumed)} of {len(self.sources)} numbers assumed"
+        )
+
     @cached_property
     def not_stated(self) -> frozenset[str]:
         """Dotted keys missing in the rig file, replaced by typical values."""

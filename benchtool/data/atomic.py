@@ -8,6 +8,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import count
 from math import isfinite
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -74,6 +75,22 @@ def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
     return data
+
+
+def write_if_new(path: Path, text: str) -> tuple[Path, bool]:
+    """Return a file with this text, and whether it is new; another text of the name stays.
+
+    The file is `path`, or `path` with a number before its suffix.
+    """
+    file = path
+    for number in count(2):
+        if not file.exists():
+            file.write_text(text, encoding="utf-8")
+            return file, True
+        if file.read_text(encoding="utf-8", errors="replace") == text:
+            break
+        file = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return file, False
 
 
 def make_folder(folder: Path) -> None:

@@ -93,8 +93,8 @@ def view_import(root: Path, name: str) -> PageSection:
 
 def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
     """Write a rig file with the rotor radius for a table and return its path."""
-    from benchtool.commands.terminal.table_fit import build_radius_rig
     from benchtool.core.rig_file import parse_rig
+    from benchtool.table_fit import build_radius_rig
 
     folder = RunsFolder(root)
     table = folder.find_file(name)

@@ -1,22 +1,21 @@
-"""Column map, rig and model of a CSV table for `benchtool fit`, from header and options."""
+"""Column map, rig and model of a CSV table for a fit, from header and options."""
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Mapping, Sequence
-from itertools import count
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, isnan, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import tomli_w
 
-from benchtool.commands.terminal.messages import typed_command
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
+from benchtool.data.atomic import write_if_new
 from benchtool.data.column_map import (
     RADII_PER_UNIT,
     column_map_to_toml,
@@ -29,10 +28,8 @@ from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.read import load_rig_for_data
 from benchtool.data.table import RowFilter, filter_rows, read_table
+from benchtool.fit.recipe import TableInputs
 from benchtool.physics.model_file import model_names, read_model_head
-
-if TYPE_CHECKING:
-    from benchtool.commands.fit import TableInputs
 
 MODEL = "single"  # one rotor over a plate
 NONE = "none"
@@ -45,12 +42,25 @@ _ERROR = re.compile(
 PLACEHOLDER = ColumnSource(column="COLUMN", unit="UNIT")  # for the user to complete
 
 
-def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...]:
-    """Add column map, rig, model and basis of a table to the options of `benchtool fit`.
+def prepare_table(
+    options: dict[str, Any],
+    table: TableInputs,
+    inform: Callable[[str], object],
+    note: Callable[[str], object],
+    *,
+    command: str = "",
+    folder: Path = Path(),
+) -> tuple[str, ...]:
+    """Add column map, rig, model and basis of a table to the options of a fit.
 
     Return row filters COLUMN=VALUE, one for each run of the table to fit separately. No-op for
     runs, and for tables with a column map or a model file that describes the columns. The error for
     missing items contains the command to complete and the map so far.
+
+    Args:
+        inform, note: called with each message about written files, and about assumptions.
+        command: the typed command; empty for a call from Python.
+        folder: for the map and the rig.
     """
     data = options["data"]
     if not all(Path(path).exists() for path in data):
@@ -79,27 +89,34 @@ def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...
     columns = _Columns(first, table, radius_m)
     if not has_map:
         columns.choose(where)
-    columns.require_all()
+    columns.require_all(command)
+
+    def write(kind: str, text: str) -> str:
+        path, is_new = write_if_new(folder / f"{Path(first).stem}.{kind}.toml", text)
+        if is_new:
+            inform(f"written: {path}")
+        return str(path)
+
     if rig_text:
-        options["rig"] = str(_write_if_new(f"{Path(first).stem}.rig", rig_text))
+        options["rig"] = write("rig", rig_text)
     if has_map:
         return ()
     run_filters = tuple(f"{columns.run_column}={name}" for name in columns.runs)
     recording = read_table(first, columns.map, (*where, *run_filters[:1]))
     text = column_map_to_toml(columns.map)
-    options["columns"] = str(_write_if_new(f"{Path(first).stem}.columns", text))
+    options["columns"] = write("columns", text)
     if "thrust_ratio" in columns.map:
         options["basis"] = options.get("basis") or "equal_rpm2"
     if any(name.endswith(("_sd", "_sd_N")) for name in columns.map):
         options.setdefault("noise", "scale")
     repairs = filter(None, recording.provenance["repairs"].split("; "))
-    print(f"{first}: {len(recording)} rows, read with this column map:\n{text}", end="")
-    for note in (*columns.notes, *repairs):
-        print(f"note: {note}")
-    command = ["benchtool", "fit", *map(str, options["data"]), "--map", options["columns"]]
+    inform(f"{first}: {len(recording)} rows, read with this column map:\n{text.rstrip()}")
+    for line in (*columns.notes, *repairs):
+        note(line)
+    arguments = ["benchtool", "fit", *map(str, options["data"]), "--map", options["columns"]]
     for option in ("rig", "model", "basis", "noise"):
-        command += [f"--{option}", str(options[option])] if options.get(option) else []
-    print(f"repeat with: {shlex.join(command)}")
+        arguments += [f"--{option}", str(options[option])] if options.get(option) else []
+    inform(f"repeat with: {shlex.join(arguments)}")
     return run_filters
 
 
@@ -148,19 +165,6 @@ def build_radius_rig(first: str, radius_m: float | None, *, is_stand: bool) -> s
     return tomli_w.dumps(data)
 
 
-def _write_if_new(stem: str, text: str) -> Path:
-    """Return a file with this text in the working directory, existing or newly written."""
-    for number in count(1):
-        path = Path(f"{stem}.toml" if number == 1 else f"{stem}-{number}.toml")
-        if not path.exists():
-            path.write_text(text, encoding="utf-8")
-            print(f"written: {path}")
-            break
-        if path.read_text(encoding="utf-8", errors="replace") == text:
-            break
-    return path
-
-
 class _Columns:
     """Column map of one table, its runs, notes, and missing items with their options."""
 
@@ -187,14 +191,15 @@ class _Columns:
                 self.map.setdefault(name, guess[name])
         self._choose_runs()
 
-    def require_all(self) -> None:
+    def require_all(self, command: str) -> None:
         """Raise InputError if anything is missing, with the command to complete and the map."""
         if not self.missing:
             return
         options = [option.partition(" or ")[0] for _, option in self.missing]
-        command = " ".join([typed_command(), *options])
         lines = [f"{self.path}: {problem}; add {option}" for problem, option in self.missing]
-        lines += [f"complete the command: {command}"]
+        if not command:
+            raise InputError("; ".join(lines))
+        lines += [f"complete the command: {' '.join([command, *options])}"]
         if self.map:
             text = column_map_to_toml(self.map).replace("= nan", "= ROTOR_RADIUS_OR_DIAMETER_M")
             lines += ["or complete this map for --map FILE:", text.rstrip()]
