@@ -177,7 +177,7 @@ def pool(
 def read(
     path: Data,
 ) -> Result[SweepRun] | Result[ReplaySource]:
-    """Read a run, a recording, a log in an import format, or a table in memory."""
+    """Read a run folder, a recording, a log in an import format, or a table in memory."""
 
 def record(
     bench: str,

@@ -109,7 +109,8 @@ def motor(
     Parameters
     ----------
     runs : str, Path, Result, DataFrame, mapping of arrays, or a sequence of these
-        Run folders of one rig, including plate sweeps with references, or test stand logs.
+        Run folders of one rig, including plate sweeps with references, test stand logs, or
+        tables with columns `pwm1_us`, `thrust_N` and so on.
     mass_kg : float, optional
         Vehicle mass for the hover point; default: rig value.
     rotors : int, optional

@@ -211,7 +211,7 @@ def compare(
     Examples
     --------
     >>> import benchtool as bt
-    >>> bt.compare("run", over="z").to_dataframe("curves").attrs["units"]["thrust_N"]
+    >>> bt.compare("run", over="distance").to_dataframe("curves").attrs["units"]["thrust_N"]
     'N'
     """
     comparison = comparing.compare_runs(

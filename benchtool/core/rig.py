@@ -256,14 +256,20 @@ UNSPECIFIED = "not stated, typical"  # prefix of the source of a value missing i
 class Rig(FiniteTable):
     """Description of a bench for models and devices.
 
-    Attributes:
-        rotors: positions, in the order of channels pwm1, rpm1 and so on.
-        blade: None if unknown; eq. (10) is then used as printed.
-        motor: None if unknown.
-        propeller: geometry of the rotors, with the diameter of `propulsion`; None if unknown.
-        sensors: by channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
-        sources: source of each number, by dotted key.
-        assumed: dotted keys of assumed values.
+    Attributes
+    ----------
+    rotors : tuple of RotorPosition
+        In the order of channels pwm1, rpm1 and so on.
+    blade, motor : Blade, Motor
+        None if unknown; without blade eq. (10) is used as printed.
+    propeller : Propeller
+        Geometry of the rotors, with the diameter of `propulsion`; None if unknown.
+    sensors : mapping of Sensor
+        By channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
+    sources : mapping of str
+        Source of each number, by dotted key.
+    assumed : tuple of str
+        Dotted keys of assumed values.
     """
 
     name: str

@@ -33,7 +33,15 @@ MAX_REPR_LINES = 6
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Result(Generic[Found]):
-    """Result of a call; it can be shown as text, figures, tables or a page."""
+    """Result of a call; it can be shown as text, figures, tables or a page.
+
+    Examples
+    --------
+    >>> import benchtool as bt
+    >>> result = bt.read({"time_s": [0.0, 0.5], "thrust_N": [0.0, 1.0]})
+    >>> result.tables
+    ('samples',)
+    """
 
     found: Found
     path: Path | None = None  # run or recording that was read, if any
@@ -77,8 +85,10 @@ class Result(Generic[Found]):
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> Path:
         """Write the report page, one self-contained HTML file, and return its path.
 
-        Raises:
-            WouldOverwrite: the file exists.
+        Raises
+        ------
+        WouldOverwrite
+            The file exists.
         """
         return write_report(Path(path), self._page.report(self.found, commands))
 
@@ -87,8 +97,10 @@ class Result(Generic[Found]):
 
         The main files are first. Results without such an output write only their report page.
 
-        Raises:
-            WouldOverwrite: the folder is not empty or a file exists.
+        Raises
+        ------
+        WouldOverwrite
+            The folder is not empty or a file exists.
         """
         folder = Path(folder)
         if self._write is None:

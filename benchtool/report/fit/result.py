@@ -8,8 +8,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtridf, stdtrit
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate, FitResult
@@ -24,7 +23,6 @@ from benchtool.report.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
-NORMAL_95 = float(ndtri(0.975))  # coverage factor of a normal distribution
 MAX_DOF = 1e6  # Student's t of more degrees of freedom is normal
 
 
@@ -60,44 +58,25 @@ class Param:
         return cls(item.name, item.unit, item.value, se, item.open or item.bound, ends)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Return the interval of a probability.
+        """Return lower and upper end of the interval of a probability.
 
-        Other levels than 0.95 scale both sides of the 95 % interval, by the Student's t
-        distribution of its coverage factor.
-
-        Parameters
-        ----------
-        level : float, default 0.95
-            Probability, above 0 and below 1.
-
-        Returns
-        -------
-        tuple of float
-            Lower and upper end, in the unit of the parameter.
-
-        Raises
-        ------
-        InputError
-            The level is out of range.
+        Other levels than 0.95 scale both sides of the 95 % interval, by Student's t distribution
+        of its coverage factor.
         """
         if not 0.0 < level < 1.0:
             raise InputError(f"level is {level:g}; give a probability above 0 and below 1")
         low, high = self._ends_95
         if level == 0.95 or not isfinite(high - low):
             return low, high
-        share = _quantile(level, 0.5 * (high - low) / self.se if self.se > 0.0 else NORMAL_95)
+        share = _quantile(level, 0.5 * (high - low) / self.se if self.se > 0.0 else 0.0)
         return self.value + share * (low - self.value), self.value + share * (high - self.value)
 
 
 def _quantile(level: float, factor_95: float) -> float:
     """Return the coverage factor of a level over that of 95 %."""
-    upper = 0.5 + 0.5 * level
-    if factor_95 <= stdtrit(MAX_DOF, 0.975):
-        return float(ndtri(upper)) / NORMAL_95
-    if factor_95 >= stdtrit(1.0, 0.975):
-        return float(stdtrit(1.0, upper) / stdtrit(1.0, 0.975))
-    dof = brentq(lambda dof: stdtrit(dof, 0.975) - factor_95, 1.0, MAX_DOF)
-    return float(stdtrit(dof, upper)) / factor_95
+    normal, most = (float(stdtrit(dof, 0.975)) for dof in (MAX_DOF, 1.0))
+    dof = stdtridf(0.975, min(factor_95, most)) if factor_95 > normal else MAX_DOF
+    return float(stdtrit(dof, 0.5 + 0.5 * level) / stdtrit(dof, 0.975))
 
 
 class Params(Mapping[str, Param]):
@@ -113,11 +92,14 @@ class Params(Mapping[str, Param]):
     def __getitem__(self, name: str) -> Param:
         return self._by_name[resolve_name(name, self._by_name)]
 
-    def __contains__(self, name: object) -> bool:
+    def get(self, name: str, default: Any = None) -> Any:
         try:
-            return isinstance(name, str) and self[name] is not None
+            return self[name]
         except UnknownChoice:
-            return False
+            return default
+
+    def __contains__(self, name: object) -> bool:
+        return self.get(str(name)) is not None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._by_name)
@@ -182,15 +164,9 @@ class Fit(Result[FitOutput]):
 
     @property
     def samples(self) -> pd.DataFrame:
-        """Posterior draws of emcee: a column for each fitted parameter.
+        """Posterior draws of emcee, a column for each fitted parameter; InputError without.
 
-        The rows are ordered by step, then ensemble, then walker (`attrs["ensembles"]`,
-        `attrs["walkers"]`).
-
-        Raises
-        ------
-        InputError
-            No fit by emcee.
+        Rows are ordered by step, then ensemble, then walker (`attrs["ensembles"]`, `["walkers"]`).
         """
         for result in self.found.results:
             if len(result.samples):
@@ -208,15 +184,7 @@ class Fit(Result[FitOutput]):
     def predict(self, z_over_R: Any) -> Array:
         """Return the fitted thrust ratio T_IGE/T_OGE at plate distances, as in figure `ratio`.
 
-        Parameters
-        ----------
-        z_over_R : array_like
-            Plate distance over the rotor radius.
-
-        Returns
-        -------
-        numpy.ndarray
-            Ratio at equal rotor speed, or at the basis of the fit, in the shape of `z_over_R`.
+        The ratio has the shape of `z_over_R`, and is at equal rotor speed or the basis of the fit.
         """
         distances = np.asarray(z_over_R, float)
         if not np.all(distances > 0.0):
