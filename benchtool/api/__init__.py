@@ -6,7 +6,7 @@ Keyword arguments have the names, ranges, defaults and error messages of the com
 
 from benchtool.api.fits import fit, pool
 from benchtool.api.models import explain, export, load_model, load_rig, motor
-from benchtool.api.runs import compare, read, record, sweep
+from benchtool.api.recordings import compare, read, record, sweep
 from benchtool.api.simulations import simulate_flight, simulate_pitch
 from benchtool.core.rig import Rig
 from benchtool.data.catalogue.query import runs

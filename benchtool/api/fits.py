@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchtool.api.messages import keyword_messages, keyword_names
 from benchtool.core.errors import DataWarning, InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs, items
 from benchtool.core.keywords import with_keywords
@@ -27,6 +27,7 @@ from benchtool.results import fit_result, pool_result
 from benchtool.table_fit import prepare_table
 
 
+@keyword_messages()
 @with_keywords(TableFitInputs, omit=("data", "model"))
 def fit(
     data: Data | Sequence[Data] = (),
@@ -97,37 +98,20 @@ def _prepare_table(values: dict[str, Any]) -> None:
     table = {item.name: values[item.name] for item in items(TableInputs) if item.name in values}
 
     def warn(note: str) -> None:
-        warnings.warn(_keyword_names(note), DataWarning, stacklevel=4)
+        warnings.warn(keyword_names(note), DataWarning, stacklevel=7)  # the caller of `fit`
 
-    try:
-        runs = prepare_table(
-            values, build_inputs(TableInputs, table), lambda line: None, warn,
-            folder=temporary_folder(),
-        )  # fmt: skip
-    except InputError as error:
-        error.args = (_keyword_names(str(error)),)
-        raise
+    runs = prepare_table(
+        values,
+        build_inputs(TableInputs, table),
+        lambda line: None,
+        warn,
+        folder=temporary_folder(),
+    )
     if runs:
         raise InputError(
             f"runs={table['runs']!r} are {len(runs)} fits; call fit for each, for example with "
             f"where={runs[0]!r}"
         )
-
-
-def _keyword_names(text: str) -> str:
-    """Return a message of the command line with the names of keywords."""
-    text = text.replace(f"{temporary_folder()}/", "").replace("--map", "--columns")
-    return _OPTION.sub(_keyword, text)
-
-
-_OPTION = re.compile(
-    r"--([a-z][a-z-]*)(?: (?!(?:or|and|are|is|changes|sets|contains)\b)([^\s,;)]+))?"
-)
-
-
-def _keyword(option: re.Match[str]) -> str:
-    name, value = option[1].replace("-", "_"), option[2]
-    return name if value is None else f"{name}={value if value.isupper() else repr(value)}"
 
 
 def pool(

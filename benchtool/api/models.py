@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from benchtool.api.messages import keyword_messages
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import build_inputs
 from benchtool.core.keywords import with_keywords
@@ -143,7 +144,7 @@ def motor(
     >>> thrust = [1e-7 * value**2 for value in rpm]
     >>> log = {"time_s": range(5), "pwm1_us": pwm, "rpm1": rpm, "thrust_N": thrust}
     >>> constants = bt.motor(log, propeller="10x4.5").to_dataframe()
-    >>> round(constants.set_index("parameter").loc["T_max", "value"], 2)
+    >>> constants.set_index("parameter")["value"].round(2)["T_max"].item()
     6.4
     """
     result = Result(
@@ -159,6 +160,7 @@ def motor(
     return result
 
 
+@keyword_messages()
 @with_keywords(ExplainInputs, omit=NEXT_EXPERIMENTS)
 def explain(
     learn: Data | Sequence[Data],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -119,12 +119,12 @@ def rows_to_frame(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
 
 
 def columns_to_frame(
-    columns: Mapping[str, Array], units: Mapping[str, str], index: Sequence[object] | None = None
+    columns: Mapping[str, Array], units: Mapping[str, str], index: Any = None
 ) -> pd.DataFrame:
     """Return columns as a data frame, units in `attrs`; default index: row numbers."""
     import pandas as pd
 
-    table = pd.DataFrame(dict(columns), index=None if index is None else pd.Index(index))
+    table = pd.DataFrame(dict(columns), index=index)
     table.attrs["units"] = dict(units)
     return table
 

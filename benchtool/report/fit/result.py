@@ -75,7 +75,7 @@ class Param:
 def _quantile(level: float, factor_95: float) -> float:
     """Return the coverage factor of a level over that of 95 %."""
     normal, most = (float(stdtrit(dof, 0.975)) for dof in (MAX_DOF, 1.0))
-    dof = stdtridf(0.975, min(factor_95, most)) if factor_95 > normal else MAX_DOF
+    dof = float(stdtridf(0.975, min(factor_95, most))) if factor_95 > normal else MAX_DOF
     return float(stdtrit(dof, 0.5 + 0.5 * level) / stdtrit(dof, 0.975))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.acquire.operator import Operator
 from benchtool.acquire.session import run_keywords
+from benchtool.api.messages import keyword_messages
 from benchtool.core.choices import Over
 from benchtool.core.keywords import with_keywords
 from benchtool.core.rig import Rig
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 EXPERIMENT = ("address", "operator", "dry_run")  # inputs that other parameters replace
 
 
+@keyword_messages()
 def read(path: Data) -> Result[SweepRun] | Result[ReplaySource]:
     """Read a run folder, a recording, a log in an import format, or a table in memory.
 
@@ -184,6 +186,7 @@ def record(
     return read(path)  # type: ignore[return-value]
 
 
+@keyword_messages()
 def compare(
     data: Data | Sequence[Data], *, over: Over = "thrust", at_thrust_N: float | None = None
 ) -> Result[comparing.RunComparison]:
