@@ -1,4 +1,4 @@
-# Written by docs/reference/write_stub.py from the functions of api.py and their inputs.
+# Written by docs/reference/write_stub.py from benchtool.api and its inputs.
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType

@@ -8,7 +8,6 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import count
 from math import isfinite
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -77,22 +76,6 @@ def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
     return data
 
 
-def write_if_new(path: Path, text: str) -> tuple[Path, bool]:
-    """Return a file with this text, and whether it is new; another text of the name stays.
-
-    The file is `path`, or `path` with a number before its suffix.
-    """
-    file = path
-    for number in count(2):
-        if not file.exists():
-            file.write_text(text, encoding="utf-8")
-            return file, True
-        if file.read_text(encoding="utf-8", errors="replace") == text:
-            break
-        file = path.with_name(f"{path.stem}-{number}{path.suffix}")
-    return file, False
-
-
 def make_folder(folder: Path) -> None:
     """Create a folder and missing parents, each synced to disk against power cuts."""
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
@@ -154,3 +137,18 @@ def data_hash(path: str | Path) -> str:
     for file in present:
         total.update(f"{file.name} {file_hash(file, follow=False)}\n".encode())
     return total.hexdigest()
+
+
+def write_if_new(path: Path, text: str) -> tuple[Path, bool]:
+    """Return a file with this text, and whether it is new; another text of the name stays.
+
+    The file is `path`, or `path` with a number before its suffix.
+    """
+    file, number = path, 1
+    while file.exists():
+        if file.read_text(encoding="utf-8", errors="replace") == text:
+            return file, False
+        number += 1
+        file = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    file.write_text(text, encoding="utf-8")
+    return file, True

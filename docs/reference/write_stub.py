@@ -15,7 +15,7 @@ from benchtool import api
 
 PAGE = Path(__file__).parents[2] / "benchtool" / "__init__.pyi"
 
-HEAD = """# Written by docs/reference/write_stub.py from the functions of api.py and their inputs.
+HEAD = """# Written by docs/reference/write_stub.py from benchtool.api and its inputs.
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
