@@ -42,6 +42,8 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.calibration import read_calibration
 from benchtool.data.run.run import Run, check_not_existing
 
+RECORDED = "recorded data are in"  # begin of the last line of a stopped run
+
 
 def base_inputs(values: Mapping[str, Any], source: Source) -> SweepInputs:
     """Return the base inputs with the plan of a file, or the default plan."""
@@ -91,8 +93,9 @@ def run_keywords(
     quiet = Quiet(progress=progress)
     try:
         run = run_experiment(inputs, operator or quiet, permit, rig)
-    except RunInterrupted as error:
-        error.add_note(quiet.last_line)
+    except BenchtoolError as error:
+        if quiet.last_line.startswith(RECORDED):
+            error.add_note(quiet.last_line)
         raise
     assert run is not None
     return run.path
@@ -275,4 +278,4 @@ def _close_stopped(operator: Operator, run: Run, advice: str) -> None:
         operator.warn(f"{run.path} was not closed: {error}")
         return
     with suppress(OSError):
-        operator.inform("; ".join(filter(None, (f"recorded data are in {run.path}", advice))))
+        operator.inform("; ".join(filter(None, (f"{RECORDED} {run.path}", advice))))
