@@ -77,7 +77,7 @@ def fit(
     array([1.045, 1.011])
     """
     values = {name: value for name, value in options.items() if value is not None}
-    values |= {"rpm": f"{rpm}"} if rpm != "" else {}
+    values |= {"rpm": f"{rpm}"} if rpm not in ("", None) else {}
     values |= {"model": str(model)} if model is not None else {}
     if paths := saved_paths(data):
         values["data"] = paths
