@@ -12,6 +12,7 @@ from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
 from benchtool.core.choices import PlateMover, Surface
+from benchtool.core.text import pluralize
 from benchtool.core.toml_text import FiniteTable
 from benchtool.core.units import Array
 
@@ -289,7 +290,7 @@ class Rig(FiniteTable):
     def __repr__(self) -> str:
         return (
             f"Rig {self.name}: {self.title}\n"
-            f"  {self.n_rotors} rotors of radius {self.propulsion.radius_m:g} m, "
+            f"  {pluralize(self.n_rotors, 'rotor')} of radius {self.propulsion.radius_m:g} m, "
             f"mass {self.body.mass_kg:g} kg, thrust at most {self.limits.thrust_N:g} N\n"
             f"  {len(self.assumed)} of {len(self.sources)} numbers assumed"
         )
