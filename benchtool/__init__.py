@@ -31,6 +31,11 @@ class CallablePackage(ModuleType):
         return self.__wrapped__(*args, **options)
 
     @property
+    def __doc__(self) -> str:  # type: ignore[override]
+        """The docstring of the function, for `help`."""
+        return str(self.__wrapped__.__doc__)
+
+    @property
     def __wrapped__(self) -> Any:
         """The function, for `help` and `inspect.signature`."""
         return getattr(import_module("benchtool.api"), self.__name__.rpartition(".")[2])

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from benchtool.explain.request import Request
     from benchtool.explain.result import Explanation
     from benchtool.fit.recipe import FitInputs
-    from benchtool.fit.run_recipe import FitOutput
     from benchtool.report.compare.pooled import PooledFits
+    from benchtool.report.fit.result import Fit
     from benchtool.report.flight.pitch_study import PitchStudy
     from benchtool.simulate.controllers.controller import Controllers
     from benchtool.simulate.flight.study import FlownCase
@@ -38,28 +38,22 @@ def fit_result(
     inputs: FitInputs,
     progress: Callable[[str, int, int], None] = lambda stage, done, expected: None,
     permit: CodePermit = check_code_allowed,
-) -> Result[FitOutput]:
-    """Fit a recipe. Tables: `estimates`, `points` and `ratio`.
+) -> Fit:
+    """Fit a recipe; raise WouldOverwrite for an output folder that is not empty.
 
-    Args:
-        progress: called with the stage, the steps done and the expected steps.
-        permit: called with the user code of a model before it runs.
-
-    Raises:
-        WouldOverwrite: the output folder is not empty.
-        InputError: the data or the model do not allow the fit.
-        EstimationError: no estimate is possible.
+    `progress` is called with the stage, the steps done and the expected steps.
     """
     from benchtool.fit.run_recipe import run_recipe
     from benchtool.report.fit.figures import ratio_rows
     from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
+    from benchtool.report.fit.result import Fit
 
     if inputs.out is not None:
         refuse_full(inputs.out)
     output = run_recipe(
         inputs.recipe, progress, profile=inputs.profile, budget=inputs.budget, permit=permit
     )
-    return Result(
+    return Fit(
         found=output,
         _page=FIT,
         _summary=sentence,
@@ -75,7 +69,7 @@ def fit_result(
 def pool_result(
     folders: Sequence[Path], of: Sequence[str] = (), shared: Sequence[str] = (), seed: int = 1
 ) -> Result[PooledFits]:
-    """Pool fits of several rigs; see `pool_fits`. Tables: `rigs` and `differences`."""
+    """Pool fits of several rigs; see `pool_fits`."""
     from benchtool.report.compare import pooled as pooling
 
     return Result(
@@ -99,17 +93,12 @@ def explain_result(
     minutes: float | None = None,
     commands: Sequence[str] = (),
 ) -> Result[Explanation]:
-    """Identify effects that a model lacks. Tables: `effects`, `gap` and `probabilities`.
+    """Identify effects that a model lacks.
 
     Args:
         progress: called with the stage and the completed fraction.
-        permit: called with each file of user code before it runs.
         request: data of the inputs, if already read.
         minutes: available for further experiments; None without experiments.
-        commands: shown on the page of the answer.
-
-    Raises:
-        InputError: an input is missing or cannot be read.
     """
     from benchtool.explain.request import read_request
     from benchtool.report.answer.page import ANSWER
@@ -139,12 +128,7 @@ def pitch_result(
     controllers: Controllers | None = None,
     permit: CodePermit = check_code_allowed,
 ) -> Result[PitchStudy]:
-    """Simulate the pitch bench with each controller. Tables: one per controller, and `visits`.
-
-    Args:
-        controllers: names and classes that replace those of the inputs.
-        permit: called with each file of user code before it runs.
-    """
+    """Simulate the pitch bench with each controller, default: those of the inputs."""
     from benchtool.report.flight import pitch_study as pitch_report
     from benchtool.simulate.controllers.controller import split_controllers
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
@@ -178,12 +162,7 @@ def flight_result(
     controllers: Controllers | None = None,
     permit: CodePermit = check_code_allowed,
 ) -> Result[Sequence[FlownCase]]:
-    """Simulate flights with each controller. Tables: `oge` (PID, no obstacle), one per controller.
-
-    Args:
-        controllers: names and classes that replace those of the inputs.
-        permit: called with each file of user code before it runs.
-    """
+    """Simulate flights with each controller, default: those of the inputs."""
     from benchtool.report.flight import flight as flight_report
     from benchtool.simulate.controllers.controller import split_controllers
     from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS

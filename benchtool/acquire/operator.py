@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Collection, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
 from datetime import date
 from hashlib import sha256
@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from benchtool.acquire.check_plan import PlanExtremes
 from benchtool.acquire.plan import Plan
-from benchtool.acquire.record import ProgressLines, RunProgress
+from benchtool.acquire.record import ProgressBar, ProgressLines, RunProgress
 from benchtool.acquire.visit_order import (
     expected_duration_s,
     format_duration,
@@ -29,6 +29,7 @@ from benchtool.data.run.state import load_state, store_state
 
 CONFIRMATION = "ARM"  # typed by the operator
 ARMING_QUESTION = f"type {CONFIRMATION} to arm: "
+WARNING = "warning: "  # begin of a line that warns the operator
 POLL_INTERVAL_S = 0.05  # reads of the bench while waiting for an answer
 
 
@@ -69,6 +70,32 @@ class Unattended:
 
     def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
         return nullcontext(ProgressLines(radius_m, self.inform))
+
+
+class Quiet(Unattended):
+    """Operator of `bt.sweep` and `bt.record`: warnings, and a progress bar if requested."""
+
+    def __init__(self, *, progress: bool) -> None:
+        self._progress = progress
+        self.last_line = ""
+
+    def inform(self, text: str) -> None:
+        self.last_line = text
+        if text.startswith(WARNING):
+            self.warn(text.removeprefix(WARNING))
+
+    def warn(self, text: str) -> None:
+        sys.stderr.write(f"{WARNING}{text}\n")  # each time, unlike `warnings.warn`
+
+    @contextmanager
+    def display(self, radius_m: float | None) -> Iterator[RunProgress]:
+        if not self._progress:
+            yield RunProgress()
+            return
+        try:
+            yield ProgressBar()
+        finally:
+            sys.stderr.write("\n")
 
 
 def plan_text(plan: Plan, rig: Rig, expected: PlanExtremes, done: Collection[int] = ()) -> str:

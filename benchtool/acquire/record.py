@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from time import monotonic
@@ -217,6 +218,7 @@ class RunProgress:
         return False
 
 
+BAR_WIDTH = 30  # characters
 NO_PROGRESS = frozenset({"device"})  # events in events.jsonl that are not shown
 
 
@@ -247,6 +249,29 @@ class ProgressLines(RunProgress):
     def happened(self, event: Event) -> None:
         if event.event not in NO_PROGRESS:
             self._write(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
+
+
+class ProgressBar(RunProgress):
+    """One line on standard error with a bar, the measured visits and the remaining time."""
+
+    def __init__(self) -> None:
+        self._visits = self._done = 0
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._visits, self._done = visits, done
+        self._show(expected_s)
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._done += 1
+        self._show(remaining_s)
+
+    def _show(self, remaining_s: float) -> None:
+        bar = "#" * (BAR_WIDTH * self._done // max(self._visits, 1))
+        left = format_duration(remaining_s)
+        sys.stderr.write(
+            f"\r[{bar:<{BAR_WIDTH}}] {self._done}/{self._visits} visits, {left} left  "
+        )
+        sys.stderr.flush()
 
 
 class SafeProgress(RunProgress):

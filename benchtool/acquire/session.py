@@ -19,8 +19,9 @@ from benchtool.acquire.operator import (
     ARMING_QUESTION,
     CONFIRMATION,
     POLL_INTERVAL_S,
+    WARNING,
     Operator,
-    Unattended,
+    Quiet,
     arming_warnings,
     require_unattended,
 )
@@ -41,6 +42,8 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.calibration import read_calibration
 from benchtool.data.run.run import Run, check_not_existing
 
+RECORDED = "recorded data are in"  # begin of the last line of a stopped run
+
 
 def base_inputs(values: Mapping[str, Any], source: Source) -> SweepInputs:
     """Return the base inputs with the plan of a file, or the default plan."""
@@ -59,10 +62,19 @@ def run_keywords(
     command: Literal["sweep", "record"],
     values: dict[str, Any],
     rig: Rig | str | Path | None,
-    operator: Operator | None,
+    operator: Operator | str | None,
     permit: CodePermit,
+    *,
+    progress: bool = False,
 ) -> Path:
-    """Run an experiment from keyword arguments; return its run folder."""
+    """Run an experiment from keyword arguments; return its run folder.
+
+    Args:
+        operator: interface for the arming confirmation, or name of the operator.
+        progress: show a progress bar, if `operator` has no display.
+    """
+    if isinstance(operator, str):
+        values, operator = {"operator": operator} | values, None
     if not values["yes"] and operator is None:
         raise InputError(
             f"not armed: bt.{command} turns motors and needs a confirmation; use yes=True (for a "
@@ -78,7 +90,13 @@ def run_keywords(
         inputs = build_inputs(SweepInputs, values, base=base_inputs(values, "keyword"))
     else:
         inputs = build_inputs(RecordInputs, values)
-    run = run_experiment(inputs, operator or Unattended(), permit, rig)
+    quiet = Quiet(progress=progress)
+    try:
+        run = run_experiment(inputs, operator or quiet, permit, rig)
+    except BenchtoolError as error:
+        if quiet.last_line.startswith(RECORDED):
+            error.add_note(quiet.last_line)
+        raise
     assert run is not None
     return run.path
 
@@ -220,7 +238,7 @@ def open_motor_test(
 def _describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
     """Show the warnings of a bench before arming."""
     for warning in arming_warnings(identity, rig):
-        operator.inform(f"warning: {warning}")
+        operator.inform(f"{WARNING}{warning}")
     if identity.speed != 1.0:
         operator.inform(f"bench at {identity.speed:g} times real time; all times are bench time")
 
@@ -228,7 +246,7 @@ def _describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
 def _describe_end(operator: Operator, bench: GuardedBench) -> None:
     """Show rotors without confirmed standstill at a normal end."""
     if (state := bench.standstill) is not None and not state.is_confirmed:
-        operator.inform(f"warning: {state.text}")
+        operator.inform(f"{WARNING}{state.text}")
 
 
 def _confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
@@ -260,4 +278,4 @@ def _close_stopped(operator: Operator, run: Run, advice: str) -> None:
         operator.warn(f"{run.path} was not closed: {error}")
         return
     with suppress(OSError):
-        operator.inform("; ".join(filter(None, (f"recorded data are in {run.path}", advice))))
+        operator.inform("; ".join(filter(None, (f"{RECORDED} {run.path}", advice))))

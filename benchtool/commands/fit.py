@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge
 
 from benchtool.commands.input_commands import Verbose, command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, typed_command
 from benchtool.core.errors import InputError, ModelRejected
 from benchtool.core.inputs import Input, Inputs, build_inputs, items
 from benchtool.core.user_code import CodePermit, check_code_allowed
-from benchtool.core.user_file import list_names, read_library_file
+from benchtool.core.user_file import read_library_file
 from benchtool.data.atomic import data_hash
-from benchtool.fit.recipe import FitInputs, Recipe, read_recipe
+from benchtool.fit.recipe import FitInputs, Recipe, TableFitInputs, TableInputs, base_recipe
 from benchtool.tasks import Cluster
 
 if TYPE_CHECKING:
@@ -28,38 +28,13 @@ MAX_COLUMNS = 5  # of a table on a terminal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TableInputs(Inputs):
-    """Columns of a table; by default found by their names."""
-
-    TITLE = "User tables"
-
-    z: Annotated[str, Input("Column of the plate distance; none without a plate.")] = ""
-    thrust: Annotated[str, Input("Column of the thrust.")] = ""
-    ratio: Annotated[str, Input("Column of T/T_OGE, if there is no thrust.")] = ""
-    rpm: Annotated[str, Input("Column of the rotor speed, or one value in rpm.")] = ""
-    unit: Annotated[str, Input("Unit of the thrust, if its column name has none: gf.")] = ""
-    z_unit: Annotated[str, Input("Unit of the distance, if its column name has none: mm, R.")] = ""
-    error: Annotated[str, Input("Column of the error of thrust or ratio, or none.")] = ""
-    error_is: Annotated[
-        Literal["sd", "se"] | None,
-        Input("Kind of error: standard deviation (sd) or standard error (se)."),
-    ] = None
-    reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
-    runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""
-    radius: Annotated[
-        Annotated[float, Gt(0.0), Le(100.0)] | None, Input("Rotor radius, instead of --rig.", "m")
-    ] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FitArguments(FitInputs):
+class FitArguments(TableFitInputs):
     """Command-line options of `benchtool fit`.
 
     Attributes:
         run_filters: row filters, one for each run of a table that is fitted separately.
     """
 
-    table: TableInputs = field(default_factory=TableInputs)
     each: Annotated[
         bool,
         Input("Fit each DATA separately; --out contains one folder each.", group="Several runs"),
@@ -80,37 +55,16 @@ def _base_inputs(options: dict[str, Any]) -> FitArguments:
         for kind in ("model", "rig"):
             if kind in options:
                 read_library_file(kind, f"{kind}s", options[kind])
-        from benchtool.commands.terminal.table_fit import prepare_table
+        from benchtool.table_fit import prepare_table
 
-        run_filters = prepare_table(options, build_inputs(TableInputs, given, source="option"))
-    inputs = FitArguments(recipe=_base_recipe(options), run_filters=run_filters)
+        table = build_inputs(TableInputs, given, source="option")
+        run_filters = prepare_table(
+            options, table, print, lambda line: print(f"note: {line}"), command=typed_command()
+        )
+    inputs = FitArguments(recipe=base_recipe(options), run_filters=run_filters)
     for name in given:
         del options[name]  # already in the column map
     return inputs
-
-
-def _base_recipe(options: dict[str, Any]) -> Recipe:
-    """Return the base recipe of the options: from a recipe folder, or of data and model."""
-    if fixed := options.pop("fix", []):
-        # A name without a value is fixed at the value of the model.
-        options["hold"] = [*options.get("hold", []), *(text for text in fixed if "=" not in text)]
-        options["fix"] = [text for text in fixed if "=" in text]
-    if (folder := options.get("recipe")) is not None:
-        if "data" in options or "model" in options:
-            raise InputError("--recipe contains data and model; remove DATA and --model")
-        return read_recipe(folder)
-    if "data" not in options:
-        raise InputError(
-            "no data to fit; give run folders or CSV files, for example "
-            "benchtool fit runs/NAME --model quad_body_lift"
-        )
-    if "model" not in options:
-        for path in options["data"]:
-            data_hash(path)  # raises for a folder that is no run
-        names = ", ".join(list_names("models"))
-        raise InputError(f"model is missing; add --model with one of: {names}")
-    data = tuple(options["data"])
-    return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
 
 
 @command_from_inputs(FitArguments, _base_inputs)
@@ -145,7 +99,7 @@ def fit(inputs: FitArguments) -> None:
         result = fit_result(inputs, report, _permit(inputs))
     _print_fit(result.found, verbose=inputs.verbose)
     if inputs.out is not None:
-        (page,) = result.save(inputs.out, [typed_command()])
+        page, *_ = result.save(inputs.out, [typed_command()])
         has_model = (inputs.out / "model.toml").is_file()
         model = "model.toml" if has_model else "no model (the fit failed)"
         print(f"written: {page}, result.json, {model} and figures in the same folder")

@@ -105,7 +105,8 @@ def _print_study(result: Result[Any], out: Path | None) -> None:
             f"{out} cannot be written: {error.strerror or error}; use another folder with --out"
         ) from error
     for path in written:
-        print(f"written: {path}")
+        if path.suffix != ".json":  # metadata of a recording
+            print(f"written: {path}")
 
 
 def _run_campaign(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
+from math import isfinite, nan
 
 import numpy as np
 
 from benchtool.core.choices import Method, Status
+from benchtool.core.errors import InputError
 from benchtool.core.parameter import resolve_name
 from benchtool.core.units import Array
+
+MAX_DOF = 1e6  # Student's t distribution with more degrees of freedom is normal
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,30 @@ class Estimate:
     open: str = ""
     combined_sd: float = nan
     combined_95: tuple[float, float] = (nan, nan)
+
+    @property
+    def se(self) -> float:
+        """Standard uncertainty: combined, or statistical without a budget."""
+        return self.combined_sd if isfinite(self.combined_sd) else self.sd
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Return the ends of the interval of a probability: combined, or statistical as `se`.
+
+        Other levels than 0.95 scale both sides of the 95 % interval, by Student's t distribution
+        of its coverage factor.
+        """
+        from scipy.special import stdtridf, stdtrit
+
+        if not 0.0 < level < 1.0:
+            raise InputError(f"level is {level:g}; give a probability above 0 and below 1")
+        low, high = self.combined_95 if isfinite(self.combined_sd) else self.interval_95
+        if level == 0.95 or not isfinite(high - low):
+            return low, high
+        normal, most = (float(stdtrit(dof, 0.975)) for dof in (MAX_DOF, 1.0))
+        factor = 0.5 * (high - low) / self.se if self.se > 0.0 else normal
+        dof = float(stdtridf(0.975, min(factor, most))) if factor > normal else MAX_DOF
+        share = float(stdtrit(dof, 0.5 + 0.5 * level) / stdtrit(dof, 0.975))
+        return self.value + share * (low - self.value), self.value + share * (high - self.value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

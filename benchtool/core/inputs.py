@@ -170,6 +170,8 @@ class InputField:
             value = read_numbers(value, display_name, self.kind, self.count, self.metadata.unit)
         elif self.is_sequence and isinstance(value, int | float):
             value = (value,)
+        elif isinstance(value, Path) and self.kind is str:
+            value = str(value)
         elif isinstance(value, str) and self.kind in (int, float):
             value = read_number(value, display_name, self.kind, self.metadata.unit)
         if self.kind in (str, bool, Path) and not self.choices:

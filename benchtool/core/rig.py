@@ -12,6 +12,7 @@ from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
 from benchtool.core.choices import PlateMover, Surface
+from benchtool.core.text import pluralize
 from benchtool.core.toml_text import FiniteTable
 from benchtool.core.units import Array
 
@@ -256,14 +257,20 @@ UNSPECIFIED = "not stated, typical"  # prefix of the source of a value missing i
 class Rig(FiniteTable):
     """Description of a bench for models and devices.
 
-    Attributes:
-        rotors: positions, in the order of channels pwm1, rpm1 and so on.
-        blade: None if unknown; eq. (10) is then used as printed.
-        motor: None if unknown.
-        propeller: geometry of the rotors, with the diameter of `propulsion`; None if unknown.
-        sensors: by channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
-        sources: source of each number, by dotted key.
-        assumed: dotted keys of assumed values.
+    Attributes
+    ----------
+    rotors : tuple of RotorPosition
+        In the order of channels pwm1, rpm1 and so on.
+    blade, motor : Blade, Motor
+        None if unknown; without blade eq. (10) is used as printed.
+    propeller : Propeller
+        Geometry of the rotors, with the diameter of `propulsion`; None if unknown.
+    sensors : mapping of Sensor
+        By channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
+    sources : mapping of str
+        Source of each number, by dotted key.
+    assumed : tuple of str
+        Dotted keys of assumed values.
     """
 
     name: str
@@ -279,6 +286,14 @@ class Rig(FiniteTable):
     propeller: Propeller | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"Rig {self.name}: {self.title}\n"
+            f"  {pluralize(self.n_rotors, 'rotor')} of radius {self.propulsion.radius_m:g} m, "
+            f"mass {self.body.mass_kg:g} kg, thrust at most {self.limits.thrust_N:g} N\n"
+            f"  {len(self.assumed)} of {len(self.sources)} numbers assumed"
+        )
 
     @cached_property
     def not_stated(self) -> frozenset[str]:

@@ -137,3 +137,18 @@ def data_hash(path: str | Path) -> str:
     for file in present:
         total.update(f"{file.name} {file_hash(file, follow=False)}\n".encode())
     return total.hexdigest()
+
+
+def write_if_new(path: Path, text: str) -> tuple[Path, bool]:
+    """Return a file with this text, and whether it is new; another text of the name stays.
+
+    The file is `path`, or `path` with a number before its suffix.
+    """
+    file, number = path, 1
+    while file.exists():
+        if file.read_text(encoding="utf-8", errors="replace") == text:
+            return file, False
+        number += 1
+        file = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    file.write_text(text, encoding="utf-8")
+    return file, True

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchtool.core.channel import Channel, unit_from_name
-from benchtool.core.errors import FileFormatError, UnknownChoice
+from benchtool.core.channel import Channel, is_known_channel, unit_from_name
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
+from benchtool.core.units import Array
 from benchtool.core.user_file import MAX_NUMBER
+from benchtool.data.column_map import IDENTITY, find_conversion, parse_header_cell
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,6 +118,17 @@ def rows_to_frame(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     return table
 
 
+def columns_to_frame(
+    columns: Mapping[str, Array], units: Mapping[str, str], index: Any = None
+) -> pd.DataFrame:
+    """Return columns as a data frame, units in `attrs`; default index: row numbers."""
+    import pandas as pd
+
+    table = pd.DataFrame(dict(columns), index=index)
+    table.attrs["units"] = dict(units)
+    return table
+
+
 def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
     """Return the concatenated recordings as a data frame, with their names in column `run`."""
     import pandas as pd
@@ -127,11 +140,49 @@ def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
     return table
 
 
+def table_to_csv(table: pd.DataFrame | Mapping[str, object]) -> str:
+    """Return a data frame or a mapping of arrays as CSV text, units of `attrs` in the header.
+
+    Raises:
+        InputError: columns of different lengths, or a unit that contradicts a channel's name.
+    """
+    import pandas as pd
+
+    if isinstance(table, Mapping):
+        try:
+            table = pd.DataFrame({str(name): column for name, column in table.items()})
+        except ValueError as error:
+            raise InputError(f"columns are not arrays of one length ({error})") from error
+    elif any(name is not None for name in table.index.names):
+        table = table.reset_index()
+    units = table.attrs.get("units") or {}
+    return table.to_csv(index=False, header=[_header_cell(name, units) for name in table])
+
+
+def _header_cell(name: object, units: Mapping[object, str]) -> str:
+    """Return the name of a column, with its unit in brackets unless the name contains it."""
+    text, unit = str(name), units.get(name) or "1"
+    if unit in ("1", unit_from_name(text)) or parse_header_cell(text).unit is not None:
+        return text
+    if not is_known_channel(text):
+        return f"{text} [{unit}]"
+    if find_conversion(unit, unit_from_name(text)) != IDENTITY:
+        raise InputError(
+            f"attrs['units'] contain {unit!r} for {text}, which is in {unit_from_name(text)}; "
+            f"convert the column, or rename it"
+        )
+    return text
+
+
 def to_frame(recording: Recording) -> pd.DataFrame:
     """Return a recording as a data frame, labels instead of codes, units in `attrs`."""
     import pandas as pd
 
     table = pd.DataFrame(recording.values, columns=list(recording.names))
+    for name in filter(is_whole, recording.names):
+        values = recording.column(name)
+        if np.isfinite(values).all() and (values == np.floor(values)).all():
+            table[name] = values.astype(np.int64)
     for name, labels in WORDS.items():
         if name in table:
             codes = table[name].to_numpy().astype(int)

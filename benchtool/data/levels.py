@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
+from benchtool.core.user_file import open_file
+from benchtool.data.csv_header import has_columns
 from benchtool.data.derived import (
     MeasurementContext,
     build_recording_context,
     measurement_context,
 )
-from benchtool.data.formats.formats import import_file, is_stand_table
+from benchtool.data.formats.formats import HEAD_BYTES, import_file, is_stand_table
 from benchtool.data.run.recording_file import metadata_path, read_recording, read_recording_facts
 
 AVERAGED_SHARE = 0.5  # last part of a level, after it has settled, that is averaged; assumed
@@ -33,7 +35,7 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
         return split_levels(read_recording(path)), context
     if not path.exists():
         raise FileFormatError(str(path), "there is no such file or run folder; check the path")
-    if not path.is_file() or not is_stand_table(path):
+    if not path.is_file() or not (is_stand_table(path) or _has_channels(path)):
         raise FileFormatError(
             str(path),
             "it is not a run folder, recording or log of a known test stand; make a recording with "
@@ -41,6 +43,12 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
         )
     result = import_file(path)
     return split_levels(result.recording), measurement_context(result.propeller)
+
+
+def _has_channels(path: Path) -> bool:
+    """Return whether a table names the channels of a thrust curve."""
+    with open_file(path) as file:
+        return has_columns("pwm1_us", "thrust_N")(file.read(HEAD_BYTES))
 
 
 def split_levels(recording: Recording) -> Recording:

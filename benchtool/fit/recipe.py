@@ -6,16 +6,18 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from annotated_types import Ge, Len
+from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.air import Air
 from benchtool.core.choices import BudgetMethod, Loss, Method
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.text import read_texts
 from benchtool.core.toml_text import FiniteTable, read_strict
-from benchtool.core.user_file import read_text
+from benchtool.core.user_file import list_names, read_text
+from benchtool.data.atomic import data_hash
 
 # Fitted quantity: thrust in newtons ("joint"), or the ratio T_IGE/T_OGE at equal rotor speed, pulse
 # width or electrical power.
@@ -144,8 +146,71 @@ class FitInputs(Inputs):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TableInputs(Inputs):
+    """Columns of a table; by default found by their names."""
+
+    TITLE = "User tables"
+
+    z: Annotated[str, Input("Column of the plate distance; none without a plate.")] = ""
+    thrust: Annotated[str, Input("Column of the thrust.")] = ""
+    ratio: Annotated[str, Input("Column of T/T_OGE, if there is no thrust.")] = ""
+    rpm: Annotated[str, Input("Column of the rotor speed, or one value in rpm.")] = ""
+    unit: Annotated[str, Input("Unit of the thrust, if its column name has none: gf.")] = ""
+    z_unit: Annotated[str, Input("Unit of the distance, if its column name has none: mm, R.")] = ""
+    error: Annotated[str, Input("Column of the error of thrust or ratio, or none.")] = ""
+    error_is: Annotated[
+        Literal["sd", "se"] | None,
+        Input("Kind of error: standard deviation (sd) or standard error (se)."),
+    ] = None
+    reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
+    runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""
+    radius: Annotated[
+        Annotated[float, Gt(0.0), Le(100.0)] | None, Input("Rotor radius, instead of --rig.", "m")
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableFitInputs(FitInputs):
+    """Inputs of a fit, with those of user tables."""
+
+    table: TableInputs = field(default_factory=TableInputs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _RecipeFile(FiniteTable):
     recipe: Recipe
+
+
+def base_recipe(options: dict[str, Any]) -> Recipe:
+    """Return the base recipe of options: from a recipe folder, or of data and model.
+
+    Entries of `fix` without a value become `hold`.
+
+    Raises:
+        InputError: data or model are missing, or given beside a recipe folder.
+    """
+    fix, hold = (options.get(name) or () for name in ("fix", "hold"))
+    if not isinstance(fix, Mapping) and (fixed := read_texts(fix, commas=False)):
+        # A name without a value is fixed at the value of the model.
+        held = [text for text in fixed if "=" not in text]
+        options["hold"] = [*read_texts(hold, commas=False), *held]
+        options["fix"] = [text for text in fixed if "=" in text]
+    if (folder := options.get("recipe")) is not None:
+        if "data" in options or "model" in options:
+            raise InputError("--recipe contains data and model; remove DATA and --model")
+        return read_recipe(Path(folder))
+    if "data" not in options:
+        raise InputError(
+            "no data to fit; give run folders or CSV files, for example "
+            "benchtool fit runs/NAME --model quad_body_lift"
+        )
+    if "model" not in options:
+        for path in options["data"]:
+            data_hash(path)  # raises for a folder that is no run
+        names = ", ".join(list_names("models"))
+        raise InputError(f"model is missing; add --model with one of: {names}")
+    data = tuple(options["data"])
+    return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
 
 
 def read_recipe(folder: Path) -> Recipe:

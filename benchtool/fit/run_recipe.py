@@ -71,13 +71,16 @@ class FitSummary:
     budget: Budget | None = None
     laws: LawComparison | None = None
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__} of model {self.model}: {self.used} of {self.read} points"
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings of all results, each once."""
         return tuple(dict.fromkeys(line for result in self.results for line in result.warnings))
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class FitOutput(FitSummary):
     """Output of a fit: its results, data and model."""
 

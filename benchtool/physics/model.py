@@ -50,6 +50,14 @@ class Model:
     description: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} = {self.parameters[name].value:g}" for name in ("k", "R_m"))
+        return (
+            f"Model {self.name} on rig {self.rig.name}\n"
+            f"  effects: {', '.join(effect.name for effect in self.effects) or 'none'}\n"
+            f"  {values}; free: {', '.join(self.parameters.free_names) or 'none'}"
+        )
+
     @classmethod
     def single(cls, rig: Rig, name: str = "single") -> Model:
         """Return the baseline and the default law for the rig's surface: eq. (2) for one below."""

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from shutil import rmtree
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate
-from benchtool.data.columns import rows_to_frame
+from benchtool.data.atomic import write_if_new
+from benchtool.data.columns import rows_to_frame, table_to_csv
 from benchtool.report.figure import figure_bytes, render_figures
 from benchtool.report.page import PAGE, Page, inline_svg, write_report
 
@@ -22,11 +27,21 @@ if TYPE_CHECKING:
     from benchtool.fit.run_recipe import FitOutput
 
 Found = TypeVar("Found")
+R = TypeVar("R", bound="Result[Any]")
+MAX_REPR_LINES = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Result(Generic[Found]):
-    """Result of a call; it can be shown as text, figures, tables or a page."""
+    """Result of a call; it can be shown as text, figures, tables or a page.
+
+    Examples
+    --------
+    >>> import benchtool as bt
+    >>> result = bt.read({"time_s": [0.0, 0.5], "thrust_N": [0.0, 1.0]})
+    >>> result.tables
+    ('samples',)
+    """
 
     found: Found
     path: Path | None = None  # run or recording that was read, if any
@@ -70,25 +85,37 @@ class Result(Generic[Found]):
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> Path:
         """Write the report page, one self-contained HTML file, and return its path.
 
-        Raises:
-            WouldOverwrite: the file exists.
+        Raises
+        ------
+        WouldOverwrite
+            The file exists.
         """
         return write_report(Path(path), self._page.report(self.found, commands))
 
     def save(self, folder: str | Path, commands: Sequence[str] = ()) -> list[Path]:
-        """Write the output of the command's ``--out`` into a new folder; return the main files.
+        """Write the output of the command's ``--out`` into a new folder; return all files.
 
-        Results without such an output write only their report page.
+        The main files are first. Results without such an output write only their report page.
 
-        Raises:
-            WouldOverwrite: the folder is not empty or a file exists.
+        Raises
+        ------
+        WouldOverwrite
+            The folder is not empty or a file exists.
         """
-        if self._write is not None:
-            return list(self._write(Path(folder), self.found, commands))
-        return [self.report(Path(folder) / PAGE, commands)]
+        folder = Path(folder)
+        if self._write is None:
+            return [self.report(folder / PAGE, commands)]
+        before = _modified_ns(folder)
+        main = list(self._write(folder, self.found, commands))
+        changed = sorted(path for path, _ in _modified_ns(folder) - before)
+        return [*dict.fromkeys((*main, *changed))]
 
     def __repr__(self) -> str:
-        return self.summary()
+        lines = self.summary().splitlines()
+        if len(lines) > MAX_REPR_LINES:
+            kept = MAX_REPR_LINES - 1
+            lines[kept:] = [f"... and {len(lines) - kept} lines of summary()"]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return summary, first table and first figure for a notebook."""
@@ -102,19 +129,60 @@ class Result(Generic[Found]):
         return "<div>" + "\n".join(parts) + "</div>"
 
 
-Data = str | Path | Result[Any]  # path of a run folder or CSV, or result of `read`
+def _modified_ns(folder: Path) -> set[tuple[Path, int]]:
+    """Return the files of a folder with their times of modification."""
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {(path, path.stat().st_mtime_ns) for path in files}
+
+
+def save_if_requested(result: R, out: str | Path | None) -> R:
+    """Write a result if a folder is given, and return it."""
+    if out is not None:
+        result.save(out)
+    return result
+
+
+# Path of a run folder or file, result of `read`, data frame, or arrays by column name
+Data: TypeAlias = "str | Path | Result[Any] | pd.DataFrame | Mapping[str, Any]"
 
 
 def saved_paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
-    """Return the paths of one or several data sets."""
-    items = [data] if isinstance(data, str | Path | Result) else data
-    paths = []
-    for item in items:
-        path = item.path if isinstance(item, Result) else item
-        if path is None:
-            raise InputError("this result was not read from a file; give the path of its data")
-        paths.append(str(path))
-    return tuple(paths)
+    """Return the paths of one or several data sets; a table in memory is written to a CSV file."""
+    is_one = isinstance(data, str | Path | Result) or _is_table(data)
+    items: Any = (data,) if is_one else data
+    if isinstance(items, Iterable):
+        return tuple(str(_saved_path(item)) for item in items)
+    raise _not_data(data)
+
+
+def _saved_path(item: Any) -> Path | str:
+    if _is_table(item):
+        return write_if_new(temporary_folder() / "table.csv", table_to_csv(item))[0]
+    path = item.path if isinstance(item, Result) else item
+    if path is None:
+        raise InputError("this result was not read from a file; give the path of its data")
+    if not isinstance(path, str | Path):
+        raise _not_data(item)
+    return path
+
+
+def _is_table(data: object) -> bool:
+    return isinstance(data, Mapping) or (hasattr(data, "to_csv") and hasattr(data, "columns"))
+
+
+def _not_data(item: object) -> InputError:
+    return InputError(
+        f"data are {type(item).__name__}; give paths, results of bt.read, data frames, or "
+        f"mappings of column names to arrays"
+    )
+
+
+@cache
+def temporary_folder() -> Path:
+    """Return the folder of tables in memory and their column maps; deleted at exit."""
+    folder = Path(mkdtemp(prefix="benchtool-"))
+    atexit.register(rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def estimates_frame(output: FitOutput) -> pd.DataFrame:

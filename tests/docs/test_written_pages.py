@@ -29,6 +29,13 @@ def test_a_written_page_is_up_to_date(name):
     )
 
 
+def test_the_stub_is_up_to_date():
+    script = runpy.run_path(str(DOCS / "reference/write_stub.py"))
+    assert script["PAGE"].read_text("utf-8") == script["page"](), (
+        "run: python docs/reference/write_stub.py"
+    )
+
+
 TABLES = runpy.run_path(str(DOCS / "reference/write_tables.py"))
 
 

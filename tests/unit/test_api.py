@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import doctest
 import inspect
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import benchtool as bt
-from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
+from benchtool.core.errors import DataWarning, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.run.read import read_points
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -38,8 +40,9 @@ def test_every_public_name_exists_after_submodule_imports():
 
     for name in benchtool.__all__:
         assert getattr(bt, name) is not None
-    assert "model" in inspect.signature(bt.fit).parameters
+    assert inspect.signature(bt.fit).parameters["walkers"].default == 32
     assert "check" in inspect.signature(bt.explain).parameters
+    assert "Rotor radius, instead of rig. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
 
 
 def test_a_run_has_summary_tables_and_plots():
@@ -95,6 +98,122 @@ def test_a_fit_takes_a_read_run_and_writes_its_report(fitted, tmp_path):
     assert {"ratio", "residuals"} <= set(fitted.figures())
 
 
+@pytest.fixture
+def heights():
+    """Thrust over height of one rotor, R_m 0.105 m."""
+    z_m = np.array([0.08, 0.1, 0.13, 0.2, 0.4, 0.8])
+    thrust_N = 4.0 / (1.0 - (0.105 / (4.0 * z_m)) ** 2) * (1.0 + 1e-3 * np.array([1, -1] * 3))
+    return pd.DataFrame({"height": 1e3 * z_m, "F": thrust_N / 9.80665e-3, "rpm": 6000})
+
+
+def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    columns = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
+    heights.to_csv("heights.csv", index=False)
+    expected = bt.fit("heights.csv", **columns).params["R_m"]
+    mapping = {name: heights[name].to_numpy() for name in heights}
+    for table in (heights, heights.set_index("height"), mapping):
+        assert bt.fit(table, "single", **columns).params["R_m"] == expected
+    heights.attrs["units"] = {"height": "mm", "F": "gf", "rpm": "rpm"}
+    fit = bt.fit(heights, z="height", thrust="F", radius="127mm")
+    assert fit.params["R_m"] == expected
+    assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
+    with pytest.warns(DataWarning, match="6000 rpm is assumed"):
+        bt.fit(heights.drop(columns="rpm"), z="height", thrust="F", radius=0.127)
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS_M"),
+        ({}, {"z": ""}, "no column name matches the plate distance .* add z=COLUMN or z='none'"),
+        ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='motor' or runs='none'"),
+        ({"motor": list("aaabbb")}, {"runs": "motor"}, "2 fits; .* with where='motor=a'"),
+        ({}, {"thrst": "F"}, "unknown input 'thrst'; did you mean 'thrust'"),
+        ({}, {"rig": "pquad"}, "radius and rig are both given"),
+    ],
+)
+def test_a_table_that_lacks_something_is_an_error_in_keywords(heights, change, options, message):
+    columns = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
+    with pytest.raises(InputError, match=message):
+        bt.fit(heights.assign(**change), **columns | options)
+
+
+def test_data_of_another_type_are_refused():
+    with pytest.raises(InputError, match="data are int; give paths, results of"):
+        bt.fit(5)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="not arrays of one length"):
+        bt.read({"time_s": [1.0], "thrust_N": [1.0, 2.0]})
+    wrong = pd.DataFrame({"thrust_N": [1.0]})
+    wrong.attrs["units"] = {"thrust_N": "gf"}
+    with pytest.raises(InputError, match="'gf' for thrust_N, which is in N"):
+        bt.read(wrong)
+
+
+def test_numbers_of_a_fit_come_in_one_step(fitted):
+    row = fitted.to_dataframe().set_index("parameter").loc["body_lift.K_b"]
+    param = fitted.params["K_b"]
+    assert (param.value, param.se) == (row["value"], row["combined_sd"])
+    assert param.interval() == (row["combined_low_95"], row["combined_high_95"])
+    _, high = param.interval(0.6827)
+    assert 0.9 * param.se < high - param.value < 1.2 * param.se
+    assert "R_m" in fitted.params
+    assert "R" not in fitted.params
+    assert list(fitted.params)[: len(fitted.covariance)] == list(fitted.covariance)
+    with pytest.raises(UnknownChoice, match="unknown parameter 'R'; known: R_m"):
+        fitted.params["R"]
+    residuals = fitted.residuals
+    points = fitted.to_dataframe("points").loc[residuals.index]
+    assert residuals["observed"].to_numpy() == pytest.approx(points["thrust_N"].to_numpy())
+    assert fitted.predict([1.0, 4.0])[0] > fitted.predict(4.0) > 1.0
+    assert "body_lift.K_b" in fitted.params._repr_html_()
+    for wrong in (lambda: param.interval(95), lambda: fitted.samples, lambda: fitted.predict(-1)):
+        with pytest.raises(InputError, match=r"level is 95|method='emcee'|z_over_R is -1"):
+            wrong()
+    for value in (fitted, fitted.model, fitted.model.rig, fitted.found):
+        assert len(repr(value).splitlines()) <= 6
+
+
+def test_draws_have_the_shape_of_the_chains(heights):
+    fit = bt.fit(
+        heights, z="height", z_unit="mm", thrust="F", unit="gf", radius=0.127, method="emcee",
+        fix=["k"], noise="stated",
+    )  # fmt: skip
+    shape = (-1, fit.samples.attrs["ensembles"] * fit.samples.attrs["walkers"])
+    assert fit.samples["R_m"].to_numpy().reshape(shape).shape[0] > 1
+    assert fit.samples["R_m"].median() == pytest.approx(fit.params["R_m"].value, rel=0.05)
+
+
+def test_examples_of_docstrings_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
+    runner, parser = doctest.DocTestRunner(), doctest.DocTestParser()
+    names = [name for name in bt.__all__ if "Examples\n" in (getattr(bt, name).__doc__ or "")]
+    assert len(names) == 15
+    for name in sorted(names, key=lambda name: name != "sweep"):  # others read its run
+        runner.run(parser.get_doctest(getattr(bt, name).__doc__, {}, name, None, None))
+    assert runner.summarize().failed == 0, capsys.readouterr().out
+
+
+def test_mypy_knows_the_keywords(tmp_path):
+    (tmp_path / "script.py").write_text(
+        "import benchtool as bt\n"
+        'bt.sweep("sim:pquad", z_over_r=(1, 2), pwm=1500, yes=True, progress=True)\n'
+        'bt.motor("run"), bt.compare("run"), bt.export("quad", "c"), bt.runs(rig="a"), bt.fly\n'
+        'bt.fit({"F": [1.0]}, radius=0.1, method="emcee").params["R_m"]\n'
+        "bt.fit({}, raduis=0.1)\n"
+    )
+    stub = Path(bt.__file__).with_suffix(".pyi")
+    options = ["--strict", "--follow-imports=skip", f"--cache-dir={tmp_path / 'cache'}"]
+    output = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, tmp_path / "script.py", stub],
+        capture_output=True, text=True, check=False, cwd=stub.parents[1],
+    ).stdout  # fmt: skip
+    errors = [line for line in output.splitlines() if "script.py" in line and "error" in line]
+    assert len(errors) == 1, output
+    assert 'script.py:5: error: Unexpected keyword argument "raduis" for "fit"' in errors[0]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -143,8 +262,9 @@ def test_an_explanation_has_verdict_and_tables(tmp_path):
 
 
 def test_a_fit_is_saved_like_the_command(fitted, tmp_path):
-    (page,) = fitted.save(tmp_path / "fit")
+    page, *others = fitted.save(tmp_path / "fit")
     assert page.name == "report.html"
+    assert {page, *others} == {path for path in (tmp_path / "fit").rglob("*") if path.is_file()}
     assert bt.load_model(tmp_path / "fit" / "model.toml").name
     with pytest.raises(WouldOverwrite):
         fitted.save(tmp_path / "fit")

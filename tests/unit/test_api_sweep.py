@@ -16,7 +16,7 @@ from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from tests.unit.acquire.fake_bench import FakeBench
-from tests.unit.acquire.interrupted import Interrupted
+from tests.unit.acquire.interrupted import Interrupting
 
 PLAN = {"z_over_r": (1, 2), "pwm": 1500, "repeats": 1, "sample_s": 0.5, "anchor_every": 0}
 
@@ -29,13 +29,20 @@ def here(tmp_path, monkeypatch):
 
 
 def test_a_sweep_returns_the_result_of_read(capsys):
-    result = bt.sweep("sim:pquad", **PLAN, yes=True, out="run")
-    output = capsys.readouterr().out
-    assert "rotors that will turn: 1 (front), 2 (left), 3 (rear), 4 (right)" in output
-    assert "3/3" in output
+    result = bt.sweep("sim:pquad", **PLAN, yes=True, out="run", operator="Ada")
+    assert capsys.readouterr() == ("", "")
+    bt.sweep("sim:pquad", **PLAN, yes=True, out="shown", progress=True)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    assert f"[{30 * '#'}] 3/3 visits" in shown.err
+    assert result.found.metadata["operator"] == "Ada"
+    assert len(repr(result.found)) < 100
     assert result.summary() == bt.read("run").summary()
     assert result.tables == ("points", "settings", "samples")
-    assert result.to_dataframe()["thrust_N"].to_numpy() == pytest.approx(
+    points = result.to_dataframe()
+    assert {str(points[name].dtype) for name in ("point", "n_samples")} == {"int64"}
+    assert points["thrust_N"].to_numpy() == pytest.approx(
         read_points(Path("run")).column("thrust_N")
     )
     assert result.plot().axes
@@ -95,11 +102,12 @@ def assert_stopped(run: Path) -> None:
     assert pulses_us[-1] <= 1000.0
 
 
-def test_ctrl_c_stops_motors_and_the_run_resumes(capsys):
-    with pytest.raises(RunInterrupted, match="stopped by Ctrl-C; zero was commanded"):
-        bt.sweep("sim:pquad", **PLAN, yes=True, out="run", operator=Interrupted())
+def test_ctrl_c_stops_motors_and_the_run_resumes(monkeypatch):
+    monkeypatch.setattr("benchtool.acquire.operator.ProgressBar", Interrupting)
+    with pytest.raises(RunInterrupted, match="stopped by Ctrl-C; zero was commanded") as stopped:
+        bt.sweep("sim:pquad", **PLAN, yes=True, out="run", progress=True)
     assert_stopped(Path("run"))
-    assert "resume with: benchtool sweep --resume run" in capsys.readouterr().out
+    assert "resume with: benchtool sweep --resume run" in stopped.value.__notes__[0]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     bt.sweep(resume="run", yes=True)
     assert sorted(read_points(Path("run")).column("point")) == [1, 2, 3]

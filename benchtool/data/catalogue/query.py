@@ -15,6 +15,7 @@ import numpy as np
 
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
 from benchtool.core.inputs import build_inputs
+from benchtool.core.keywords import with_keywords
 from benchtool.core.text import pluralize
 from benchtool.core.user_file import MAX_TABLE_BYTES, read_file
 from benchtool.data.catalogue.entry import SWEEPS, ChoiceInputs, Entry
@@ -67,18 +68,31 @@ class RunSelection:
             return table
 
 
+@with_keywords(ChoiceInputs, omit=("folder",))
 def runs(*folders: str | Path, **by: Any) -> RunSelection:
     """Select runs, fits and recordings of folders by their catalogue, as `benchtool runs list`.
 
-    The selection iterates over paths, for `read` and `fit`; `.table()` returns a data frame,
-    `.query(sql)` the result of an SQL query of all points, settings and samples (DuckDB).
+    Parameters
+    ----------
+    *folders : str or Path
+        Folders of runs; default: ``runs``.
 
-    Args:
-        folders: of runs; default: ``runs``.
-        by: options of the command by name: ``rig="pquad"``, ``z_over_r=(0.5, 1)``, ``tag="lab"``.
+    Returns
+    -------
+    RunSelection
+        Iterates over paths, for `read` and `fit`; `.table()` returns a data frame, `.query(sql)`
+        the result of an SQL query of all points, settings and samples (DuckDB).
 
-    Raises:
-        InputError: a folder does not exist, or an option is unknown.
+    Raises
+    ------
+    InputError
+        A folder does not exist, or an option is unknown.
+
+    Examples
+    --------
+    >>> import benchtool as bt
+    >>> bt.runs(".", rig="pquad_single").table()["kind"].unique().tolist()
+    ['sweep']
     """
     options: dict[str, Any] = {"folder": tuple(map(Path, folders))} if folders else {}
     return RunSelection(find_entries(build_inputs(ChoiceInputs, options | by)))

@@ -55,6 +55,9 @@ class ReplaySource:
     provenance: Mapping[str, str]  # controller, gains and so on
     sha256: str
 
+    def __repr__(self) -> str:
+        return f"ReplaySource {self.path}: {len(self.recording)} rows"
+
     @property
     def name(self) -> str:
         return self.path.resolve().name

@@ -69,6 +69,9 @@ class SweepRun:
     model: NominalModel | None = None  # drawn with the run
     budget: Budget | None = None  # of its thrusts
 
+    def __repr__(self) -> str:
+        return f"SweepRun {self.path}: {len(self.points)} points, {len(self.settings)} settings"
+
     @property
     def name(self) -> str:
         return self.path.resolve().name

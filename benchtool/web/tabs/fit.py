@@ -10,7 +10,6 @@ from typing import Any, NamedTuple, get_args
 
 from nicegui import ui
 
-from benchtool.commands.terminal.table_fit import MODEL
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs
@@ -28,6 +27,7 @@ from benchtool.fit.nominal import rig_for_data
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
 from benchtool.physics.model_file import load_model
 from benchtool.report.numbers import display_unit
+from benchtool.table_fit import MODEL
 from benchtool.web.cards.data import DataCard
 from benchtool.web.choices import check_rig_choice, model_choices, model_path, rig_choices
 from benchtool.web.command_jobs import CommandJob

@@ -10,13 +10,16 @@ from benchtool.acquire.record import RunProgress
 from benchtool.data.run.points import Point
 
 
-class Interrupted(Unattended):
+class Interrupting(RunProgress):
     """Raise the signal of Ctrl-C at the second point."""
 
-    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
-        class Display(RunProgress):
-            def measured(self, point: Point, remaining_s: float) -> None:
-                if point.point == 2:
-                    signal.raise_signal(signal.SIGINT)
+    def measured(self, point: Point, remaining_s: float) -> None:
+        if point.point == 2:
+            signal.raise_signal(signal.SIGINT)
 
-        return nullcontext(Display())
+
+class Interrupted(Unattended):
+    """Operator with that display."""
+
+    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
+        return nullcontext(Interrupting())

@@ -1,21 +1,20 @@
-"""Column map, rig and model of a CSV table for `benchtool fit`, from header and options."""
+"""Column map, rig and model of a CSV table for a fit, from header and options."""
 
 from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Mapping, Sequence
-from itertools import count
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite, isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchtool.commands.terminal.messages import typed_command
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.inputs import with_changes
 from benchtool.core.rig_file import load_rig_by_name, parse_rig
 from benchtool.core.user_file import list_names
+from benchtool.data.atomic import write_if_new
 from benchtool.data.column_map import (
     RADII_PER_UNIT,
     column_map_to_text,
@@ -31,9 +30,9 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.read import load_rig_for_data
 from benchtool.data.table import RowFilter, filter_rows, parse_column, read_table
 from benchtool.data.table_rig import build_radius_rig
+from benchtool.fit.recipe import TableInputs
 
 if TYPE_CHECKING:
-    from benchtool.commands.fit import TableInputs
     from benchtool.core.rig import Rig
 
 MODEL = "single"  # one rotor over a plate
@@ -48,12 +47,25 @@ _ERROR = re.compile(
 )
 
 
-def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...]:
-    """Add column map, rig, model and basis of a table to the options of `benchtool fit`.
+def prepare_table(
+    options: dict[str, Any],
+    table: TableInputs,
+    inform: Callable[[str], object],
+    note: Callable[[str], object],
+    *,
+    command: str = "",
+    folder: Path = Path(),
+) -> tuple[str, ...]:
+    """Add column map, rig, model and basis of a table to the options of a fit.
 
     Return row filters COLUMN=VALUE, one for each run of the table to fit separately. No-op for
     runs, and for tables with a column map, a model file that describes the columns, or our own
     names and a known rig. The error for missing items ends with the completed command.
+
+    Args:
+        inform, note: called with each message about written files, and about assumptions.
+        command: the typed command; empty for a call from Python.
+        folder: for the map and the rig.
     """
     data = options["data"]
     if not all(Path(path).is_file() for path in data):
@@ -85,29 +97,36 @@ def prepare_table(options: dict[str, Any], table: TableInputs) -> tuple[str, ...
     columns = _Columns(first, table, radius_m)
     if not has_map:
         columns.choose(where)
-    columns.require_all()
+    columns.require_all(command)
+
+    def write(kind: str, text: str) -> str:
+        path, is_new = write_if_new(folder / f"{Path(first).stem}.{kind}.toml", text)
+        if is_new:
+            inform(f"written: {path}")
+        return str(path)
+
     if rig_text:
-        options["rig"] = str(_write_if_new(f"{Path(first).stem}.rig", rig_text))
+        options["rig"] = write("rig", rig_text)
     if has_map:
         return ()
     run_filters = tuple(f"{columns.run_column}={name}" for name in columns.runs)
     recording = read_table(first, columns.map, (*where, *run_filters[:1]))
     text = column_map_to_toml(columns.map)
-    options["columns"] = str(_write_if_new(f"{Path(first).stem}.columns", text))
+    options["columns"] = write("columns", text)
     if "thrust_ratio" in columns.map:
         options["basis"] = options.get("basis") or "equal_rpm2"
     if any(name.endswith(("_sd", "_sd_N")) for name in columns.map):
         options.setdefault("noise", "scale")
     if options.get("verbose"):
-        print(f"{first}: {len(recording)} rows, read with this column map:\n{text}", end="")
+        inform(f"{first}: {len(recording)} rows, read with this column map:\n{text.rstrip()}")
     else:
-        print(f"{first}: {len(recording)} rows; {column_map_to_text(columns.map)}")
-    for note in filter(None, (*columns.notes, *recording.provenance["repairs"].split("; "))):
-        print(f"note: {note}")
-    command = ["benchtool", "fit", *map(str, options["data"]), "--map", options["columns"]]
+        inform(f"{first}: {len(recording)} rows; {column_map_to_text(columns.map)}")
+    for line in filter(None, (*columns.notes, *recording.provenance["repairs"].split("; "))):
+        note(line)
+    arguments = ["benchtool", "fit", *map(str, options["data"]), "--map", options["columns"]]
     for option in ("rig", "model", "basis", "noise"):
-        command += [f"--{option}", str(options[option])] if options.get(option) else []
-    print(f"repeat with: {shlex.join(command)}")
+        arguments += [f"--{option}", str(options[option])] if options.get(option) else []
+    inform(f"repeat with: {shlex.join(arguments)}")
     return run_filters
 
 
@@ -131,19 +150,6 @@ def _radius(
         return user_rig.propulsion.radius_m, ""
     text = build_radius_rig(first, table.radius, is_stand=is_stand)
     return (parse_rig(text, f"rig of {first}").propulsion.radius_m if text else nan), text
-
-
-def _write_if_new(stem: str, text: str) -> Path:
-    """Return a file with this text in the working directory, existing or newly written."""
-    for number in count(1):
-        path = Path(f"{stem}.toml" if number == 1 else f"{stem}-{number}.toml")
-        if not path.exists():
-            path.write_text(text, encoding="utf-8")
-            print(f"written: {path}")
-            break
-        if path.read_text(encoding="utf-8", errors="replace") == text:
-            break
-    return path
 
 
 class _Columns:
@@ -176,13 +182,13 @@ class _Columns:
             if source.column in self.header and not source.reference:
                 self._check_numbers(source.column)
 
-    def require_all(self) -> None:
+    def require_all(self, command: str) -> None:
         """Raise InputError if anything is missing, with the completed command."""
         if not self.problems:
             return
         lines = [f"{self.path}: {problem}" for problem in self.problems]
-        if self.completion:
-            lines += [f"complete the command: {' '.join([typed_command(), *self.completion])}"]
+        if self.completion and command:
+            lines += [f"complete the command: {' '.join([command, *self.completion])}"]
         raise InputError("\n".join(lines))
 
     def _add_missing(self, problem: str, hint: str, option: str = "") -> None:
