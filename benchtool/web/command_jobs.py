@@ -16,7 +16,7 @@ from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.recipe import FitInputs
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.tasks import Job, ReportProgress
-from benchtool.web.drawing import PageSection
+from benchtool.web.drawing import PageSection, Tiles, Verdict
 from benchtool.web.entries import view_fit
 
 if TYPE_CHECKING:
@@ -113,11 +113,9 @@ def simulate_to_folder(
 class Explanation:
     """Result of an explanation for the page."""
 
-    sentence: str  # verdict with its cautions
+    head: PageSection  # verdict with its cautions, most important values
+    section: PageSection
     new_effects: tuple[str, ...]  # added to the model; () if none was identified
-    sections: tuple[PageSection, ...]
-    highlights: PageSection | None  # most important values
-    simulated: bool
     seconds: float
 
 
@@ -142,19 +140,20 @@ def explain(
     shutil.rmtree(hidden_folder, ignore_errors=True)
     write_folder(hidden_folder, answer, display_path=out)
     page = answer_page(answer, render_figures("answer", answer), next_file(answer)[0])
+    now, where, *others = page.sections
     # The page shows this sentence next to its button, as its text changes.
     skipped_blocks = [added_sentence(answer)] if answer.effects else []
+    next_blocks = [block for block in now.blocks if block not in skipped_blocks]
+    verdict = [Verdict(page.summary), Tiles(page.highlights)]
     return Explanation(
-        sentence=page.summary,
-        new_effects=tuple(effect.name for effect in added_effects(answer)),
-        sections=tuple(
-            PageSection.draw(
-                section.title, [block for block in section.blocks if block not in skipped_blocks]
-            )
-            for section in page.sections
+        head=PageSection.draw("Result", verdict, simulated=answer.simulated),
+        section=PageSection.draw(
+            "",
+            [*where.blocks, *next_blocks],
+            command=command,
+            details=[PageSection.draw(section.title, section.blocks) for section in others],
         ),
-        highlights=PageSection.draw("", [page.highlights]) if page.highlights else None,
-        simulated=answer.simulated,
+        new_effects=tuple(effect.name for effect in added_effects(answer)),
         seconds=answer.seconds,
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from benchtool.data.atomic import read_json, replace_text
 from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.formats.formats import detect_format, import_bytes, import_file, is_stand_table
-from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
+from benchtool.data.propeller_file import load_propeller
+from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.points import export_table
 from benchtool.data.run.runs_folder import (
     RunsFolder,
@@ -28,7 +29,7 @@ from benchtool.data.run.runs_folder import (
     upload_name,
 )
 from benchtool.data.table import read_table
-from benchtool.web.drawing import Content, FigureImage, PageSection
+from benchtool.web.drawing import Content, FigureImage, PageSection, Tiles, Verdict
 
 if TYPE_CHECKING:
     from benchtool.commands.import_file import ImportInputs
@@ -151,26 +152,28 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has no measured point yet; try again later")
     report = _report(path, entry)
-    blocks: list[Content] = [report.summary]
+    details = []
     if entry.kind in SWEEPS:
         from benchtool.report.run_facts import simple_facts
 
-        blocks.append(simple_facts(read_json(path / "metadata.json")))
+        facts = simple_facts(read_json(path / "metadata.json"))
+        details.append(PageSection.draw("Rig, device and conditions", [facts]))
     section = PageSection.draw(
         name,
-        [*blocks, *report.sections[0].blocks],
+        [report.summary, Tiles(report.highlights), *report.sections[0].blocks],
         simulated=report.simulated,
         command=("report", str(path)),
+        details=details,
     )
     extra = _motor_parts(path) if entry.kind == "recording" else ()
     return section, (*(section.title for section in report.sections[1:-1]), *extra)
 
 
-def view_part(root: Path, name: str, title: str) -> PageSection:
-    """Return a further section of an entry by title."""
+def view_part(root: Path, name: str, title: str, propeller: str = "") -> PageSection:
+    """Return a further section of an entry by title; `propeller` of a log that names none."""
     folder = RunsFolder(root)
     if title == MOTOR_PART:
-        return _view_motor(folder.find_path(name))
+        return _view_motor(folder.find_path(name), propeller)
     report = _report(folder.find_path(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == title:
@@ -179,24 +182,38 @@ def view_part(root: Path, name: str, title: str) -> PageSection:
 
 
 def view_fit(root: Path, name: str) -> PageSection:
-    """Return the result of a stored fit, as printed by `benchtool fit`, with its figures."""
+    """Return the result of a stored fit: verdict, tiles, one figure and table; the rest folded."""
     from benchtool.fit.result_file import read_fit
     from benchtool.report.figure import captions
-    from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
+    from benchtool.report.fit.page import FIT, SIMULATED, figure_files, terminal_blocks, verdict
+    from benchtool.report.page import Warnings
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
     blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
-    warnings, tables = blocks[-1], blocks[1:-1]
+    warnings = [block for block in blocks if isinstance(block, Warnings)]
+    table, *tables = [block for block in blocks[1:] if block not in warnings]
+    # The part of the uncertainty that is statistical is in the table.
+    tiles = {key: value.partition(" (stat")[0] for key, value in FIT.highlights(stored).items()}
     texts = captions("fit")
     figures = [
         FigureImage(file.read_bytes(), texts[key]) for key, file in figure_files(path).items()
     ]
     return PageSection.draw(
         name,
-        [blocks[0], warnings, *figures[:1], *tables, *figures[1:]],
+        [
+            Verdict(verdict(stored) or "The agreement of model and data was not judged."),
+            Tiles(tiles),
+            *warnings,
+            *figures[:1],
+            table,
+        ],
         simulated=stored.simulated,
         command=("report", str(path)),
+        details=(
+            PageSection.draw("Method, uncertainty and comparisons", [blocks[0], *tables]),
+            PageSection.draw("More figures", figures[1:]),
+        ),
     )
 
 
@@ -214,72 +231,58 @@ def _motor_parts(path: Path) -> tuple[str, ...]:
     return (MOTOR_PART,) if {"pwm1_us", "thrust_N"} <= set(names) else ()
 
 
-def _view_motor(path: Path) -> PageSection:
+def _view_motor(path: Path, propeller: str) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
     from benchtool.report.motor import MOTOR, motor_sentence
 
-    fit = fit_motor([path])
+    fit = fit_motor([path], propeller=load_propeller(propeller) if propeller else None)
+    option = ("--propeller", propeller) if propeller else ()
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
     return PageSection.draw(
         MOTOR_PART,
         [motor_sentence(fit), *blocks],
         simulated=fit.simulated,
-        command=("motor", str(path)),
+        command=("motor", str(path), *option),
     )
 
 
-def export_file(root: Path, name: str, target: str) -> tuple[str, bytes]:
+def export_file(root: Path, name: str, target: str, propeller: str) -> tuple[str, bytes]:
     """Return name and content of the export file for a simulator, an autopilot or firmware."""
     from benchtool.export.targets import file_for
     from benchtool.export.vehicle import build_vehicle
 
-    file, text = file_for(build_vehicle(RunsFolder(root).find_path(name)), target)
+    known = load_propeller(propeller) if propeller else None
+    file, text = file_for(build_vehicle(RunsFolder(root).find_path(name), propeller=known), target)
     return file, text.encode("utf-8")
 
 
-def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
-    """Return runs, recordings and test-stand tables over a quantity, ranked at a thrust if any."""
-    from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
-
-    paths = [RunsFolder(root).find_path(name) for name in names]
-    comparison = compare_runs(paths, over, thrust_N)
-    blocks = [block for section in COMPARISON.sections(comparison) for block in section.blocks]
-    option = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
-    return PageSection.draw(
-        f"{len(names)} compared over {over}",
-        [comparison_sentence(comparison), *blocks],
-        simulated=comparison.simulated,
-        command=("report", *map(str, paths), "--over", over, *option),
-    )
-
-
-def view_fits(root: Path, names: Sequence[str]) -> PageSection:
-    """Return a comparison of parameter values of several fits."""
+def view_comparison(
+    root: Path, names: Sequence[str], over: Over | Literal[""] = "", thrust_N: float | None = None
+) -> PageSection:
+    """Return a comparison of fits, of sweeps, or over a quantity, ranked at a thrust if any."""
     from benchtool.fit.result_file import read_fit
+    from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
     from benchtool.report.fit.tables import fits_table
-
-    fits = {name: read_fit(RunsFolder(root).find_path(name)) for name in names}
-    return PageSection.draw(
-        f"{len(names)} fits compared",
-        [fits_table({name: fit.results for name, fit in fits.items()})],
-        simulated=any(fit.simulated for fit in fits.values()),
-    )
-
-
-def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
-    """Return a comparison plot of several sweeps with their common settings."""
     from benchtool.report.report_file import build_report
 
     paths = [RunsFolder(root).find_path(name) for name in names]
-    if len(paths) < 2:
-        raise InputError("a comparison needs two sweeps or more; select more")
-    report = build_report(paths, "sweep")
-    return PageSection.draw(
-        f"{len(names)} sweeps compared",
-        report.sections[0].blocks,
-        simulated=report.simulated,
-        command=("report", *map(str, paths)),
-    )
+    command: tuple[str, ...] = ("report", *map(str, paths))
+    if over:
+        comparison = compare_runs(paths, over, thrust_N)
+        sections, is_simulated = COMPARISON.sections(comparison), comparison.simulated
+        blocks = [block for section in sections for block in section.blocks]
+        blocks.insert(0, Verdict(comparison_sentence(comparison)))
+        command += ("--over", over)
+        command += () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
+    elif (paths[0] / FIT_FILE).is_file():
+        fits = {name: read_fit(path) for name, path in zip(names, paths, strict=True)}
+        blocks, command = [fits_table({name: fit.results for name, fit in fits.items()})], ()
+        is_simulated = any(fit.simulated for fit in fits.values())
+    else:
+        report = build_report(paths, "sweep")
+        blocks, is_simulated = [*report.sections[0].blocks], report.simulated
+    title = f"{len(names)} compared" + (f" over {over}" if over else "")
+    return PageSection.draw(title, blocks, simulated=is_simulated, command=command)
 
 
 def _report(path: Path, entry: Entry) -> Report:
@@ -308,7 +311,7 @@ def _view_explanation(path: Path, name: str) -> PageSection:
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
     texts = captions("answer") | {"which": WHICH}
-    images = {path / f"{key}.svg": texts[key] for key in ("gap", "where", "parameters", "which")}
+    images = {path / f"{key}.svg": texts[key] for key in ("where", "gap", "parameters", "which")}
     images |= dict.fromkeys(sorted(path.glob("which_*.svg")), WHICH_OF_SEVERAL)
     images |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
     figures = [
@@ -323,9 +326,10 @@ def _view_explanation(path: Path, name: str) -> PageSection:
         rows["next experiment"] = str(next_title)
     return PageSection.draw(
         name,
-        [str(facts["sentence"]), rows, *figures],
+        [Verdict(facts["sentence"]), *figures[:1], rows],
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
+        details=[PageSection.draw("More figures", figures[1:])],
     )
 
 
@@ -338,7 +342,10 @@ def _view_table(path: Path, name: str) -> PageSection:
         size += f" Repairs: {'; '.join(table.repairs)}."
     caption = f"First {min(PREVIEW_ROWS, len(table.rows))} rows."
     rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS].tolist(), text_columns=0)
-    return PageSection.draw(name, [size, *stand_blocks(path), rows])
+    if blocks := stand_blocks(path):
+        details = [PageSection.draw("Import", blocks), PageSection.draw("First rows", [rows])]
+        return PageSection.draw(name, [size], details=details)
+    return PageSection.draw(name, [size, rows])
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:

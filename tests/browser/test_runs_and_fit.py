@@ -62,7 +62,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled, open_page):
     page.get_by_text("1 of 4 in runs").wait_for()
     expect(names).to_have_text(["single_rotor"])
     page.get_by_role("button", name="single_rotor").click()
-    page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
+    page.get_by_text("1.2343 ± 0.0016").first.wait_for(timeout=COLD_MS)
     expect(page.get_by_role("img", name=re.compile("Thrust near the plate"))).to_be_visible()
     expect(page.locator(".command-text").last).to_contain_text("benchtool report")
     with page.expect_download(timeout=COLD_MS) as download:
@@ -81,7 +81,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled, open_page):
     # A pending report is downloaded even if another entry is opened meanwhile.
     page.get_by_label("Search name, rig, date, state, note").fill("")
     page.get_by_role("button", name="single_rotor").click()
-    page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
+    page.get_by_text("1.2343 ± 0.0016").first.wait_for(timeout=COLD_MS)
     with page.expect_download(timeout=COLD_MS) as pending:
         page.get_by_role("button", name="Report, HTML").click()
         page.get_by_role("button", name="earlier").click()

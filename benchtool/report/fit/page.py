@@ -65,7 +65,7 @@ def _facts(fit: FitOutput) -> dict[str, str]:
     return facts
 
 
-def _highlights(fit: FitOutput) -> dict[str, str]:
+def _highlights(fit: FitSummary) -> dict[str, str]:
     """Return up to four estimates, main quantities before nuisance parameters and noise."""
     result = fit.results[0]
     estimates = [*result.estimates, *result.derived]
@@ -132,26 +132,31 @@ def sentence(fit: FitSummary) -> str:
     """Return a summary of a fit in one or two sentences."""
     first = fit.results[0]
     if first.outcome.status != "converged":
-        return f"No valid result from {fit.used} of {fit.read} points: {first.outcome.message}."
+        return verdict(fit)
     values = ", ".join(
         f"{item.name} not determined" if item.open else f"{item.name} = {printed(item, item.unit)}"
         for item in first.estimates
         if not item.name.startswith("noise.")
     )
+    basis = "thrust itself (joint fit)" if fit.basis == "joint" else fit.basis
+    rig = f" on rig {fit.rig}" if fit.rig else ""
+    text = f"{fit.used} of {fit.read} points, model {fit.model}{rig}, basis {basis}: {values}."
+    return f"{text} {verdict(fit)}".rstrip()
+
+
+def verdict(fit: FitSummary) -> str:
+    """Return a sentence on the agreement of model and data; "" if it was not judged."""
+    first = fit.results[0]
+    if first.outcome.status != "converged":
+        return f"No valid result from {fit.used} of {fit.read} points: {first.outcome.message}."
     scatter = (
         f"points scatter {format_scatter_ratio(first)} as much as their stated errors (chi2/dof = "
         f"{first.chi2_per_dof:.3g})"
     )
     if has_misfit(first):
         scatter += ", so the model is incomplete and the intervals are too narrow"
-    verdict = {
-        "rejected": f" The model is rejected: {scatter}.",
-        "scatter": f" {scatter[:1].upper()}{scatter[1:]}.",
-        "consistent": f" Residuals agree with the scatter: chi2/dof = {first.chi2_per_dof:.3g}.",
+    return {
+        "rejected": f"The model is rejected: {scatter}.",
+        "scatter": f"{scatter[:1].upper()}{scatter[1:]}.",
+        "consistent": f"Residuals agree with the scatter: chi2/dof = {first.chi2_per_dof:.3g}.",
     }.get(str(first.facts.get("verdict")), "")
-    basis = "thrust itself (joint fit)" if fit.basis == "joint" else fit.basis
-    rig = f" on rig {fit.rig}" if fit.rig else ""
-    return (
-        f"{fit.used} of {fit.read} points, model {fit.model}{rig}, basis {basis}: "
-        f"{values}.{verdict}"
-    )

@@ -25,6 +25,7 @@ from benchtool.web.widgets import (
     multiple_choice,
     notify,
     notify_error,
+    open_tab,
     replace_options,
     show_errors,
     show_html,
@@ -148,7 +149,10 @@ class DataCard:
     async def _uploaded(self, name: str) -> None:
         await self.refresh()
         notify(f"saved as {name}")
-        self.choice.set_value([*self.names, name])
+        if is_stand_table(self._folder.find_file(name)):
+            open_tab("runs", run=name)  # motor constants and comparisons; a fit needs a plate
+        else:
+            self.choice.set_value([*self.names, name])
 
     def _add_radius_field(self, name: str) -> None:
         """Add a field and a button to write a rig file with only the rotor radius."""
