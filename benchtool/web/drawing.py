@@ -7,7 +7,7 @@ are slow to import, so the functions are called in worker processes only.
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, TypeAlias
@@ -53,7 +53,7 @@ class PageSection:
     html: str  # with escaped text
     simulated: bool = False
     command: tuple[str, ...] = ()  # arguments of the equivalent `benchtool` command
-    details: tuple[PageSection, ...] = ()  # folded below
+    details: Sequence[PageSection] = ()  # folded below
 
     @classmethod
     def draw(
@@ -63,31 +63,15 @@ class PageSection:
         *,
         simulated: bool = False,
         command: tuple[str, ...] = (),
-        details: Iterable[PageSection] = (),
+        details: Sequence[PageSection] = (),
     ) -> PageSection:
-        """Return a section of blocks; figures and small tables may be placed side by side."""
-        html = "".join(
-            f'<div class="block-beside">{as_html(block)}</div>'
-            if _is_small(block)
-            else as_html(block)
-            for block in blocks
-        )
-        return cls(
-            title=title, html=html, simulated=simulated, command=command, details=tuple(details)
-        )
-
-
-def _is_small(block: Content) -> bool:
-    from benchtool.report.figure import FigureBlock
-    from benchtool.report.page import Table
-
-    if isinstance(block, Table):
-        return all(len(cell) <= MAX_CELL_LENGTH for row in block.rows for cell in row)
-    return isinstance(block, FigureBlock | FigureImage)
+        """Return a section of blocks."""
+        html = "".join(map(as_html, blocks))
+        return cls(title=title, html=html, simulated=simulated, command=command, details=details)
 
 
 def as_html(block: Content) -> str:
-    """Return a block as HTML with escaped text."""
+    """Return a block as HTML with escaped text; figures and small tables may be side by side."""
     from benchtool.report import page
     from benchtool.report.figure import FigureBlock, figure_axes
 
@@ -97,7 +81,7 @@ def as_html(block: Content) -> str:
         source = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         caption = escape(block.caption)
         return (
-            f'<figure class="shown"><img src="{source}" alt="{caption}" '
+            f'<figure class="shown block-beside"><img src="{source}" alt="{caption}" '
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
@@ -144,7 +128,8 @@ def _table(table: Table) -> str:
         "<tr>" + "".join(map(cell, tags, map(escape, row), range(len(row)))) + "</tr>"
         for row in table.rows
     )
+    is_small = all(len(text) <= MAX_CELL_LENGTH for row in table.rows for text in row)
     return (
-        f'<div class="wide" tabindex="0"><table class="shown"><caption>{escape(table.caption)}'
-        f"</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+        f'<div class="wide{" block-beside" * is_small}" tabindex="0"><table class="shown">'
+        f"<caption>{escape(table.caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )

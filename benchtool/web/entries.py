@@ -170,7 +170,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
 
 
 def view_part(root: Path, name: str, title: str, propeller: str = "") -> PageSection:
-    """Return a further section of an entry by title; `propeller` of a log that names none."""
+    """Return a further section of an entry by title; `propeller` is that of a stand's log."""
     folder = RunsFolder(root)
     if title == MOTOR_PART:
         return _view_motor(folder.find_path(name), propeller)
@@ -185,33 +185,32 @@ def view_fit(root: Path, name: str) -> PageSection:
     """Return the result of a stored fit: verdict, tiles, one figure and table; the rest folded."""
     from benchtool.fit.result_file import read_fit
     from benchtool.report.figure import captions
-    from benchtool.report.fit.page import FIT, SIMULATED, figure_files, terminal_blocks, verdict
+    from benchtool.report.fit.page import FIT, SIMULATED, figure_files, sentence, terminal_blocks
+    from benchtool.report.fit.tables import short_table
     from benchtool.report.page import Warnings
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
-    blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
-    warnings = [block for block in blocks if isinstance(block, Warnings)]
-    table, *tables = [block for block in blocks[1:] if block not in warnings]
-    # The part of the uncertainty that is statistical is in the table.
+    # Statistical errors are in the details.
+    table = short_table(stored.results[0]).select_columns(range(4))
     tiles = {key: value.partition(" (stat")[0] for key, value in FIT.highlights(stored).items()}
+    head: list[Content] = [
+        Verdict(sentence(stored, short=True)),
+        Tiles(tiles),
+        Warnings(stored.warnings),
+    ]
+    blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
     texts = captions("fit")
     figures = [
         FigureImage(file.read_bytes(), texts[key]) for key, file in figure_files(path).items()
     ]
     return PageSection.draw(
         name,
-        [
-            Verdict(verdict(stored) or "The agreement of model and data was not judged."),
-            Tiles(tiles),
-            *warnings,
-            *figures[:1],
-            table,
-        ],
+        [*head, *figures[:1], table],
         simulated=stored.simulated,
         command=("report", str(path)),
         details=(
-            PageSection.draw("Method, uncertainty and comparisons", [blocks[0], *tables]),
+            PageSection.draw("Values, methods and comparisons", blocks[:-1]),
             PageSection.draw("More figures", figures[1:]),
         ),
     )
@@ -235,7 +234,13 @@ def _view_motor(path: Path, propeller: str) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
     from benchtool.report.motor import MOTOR, motor_sentence
 
-    fit = fit_motor([path], propeller=load_propeller(propeller) if propeller else None)
+    try:
+        fit = fit_motor([path], propeller=load_propeller(propeller) if propeller else None)
+    except InputError as error:
+        if propeller or "propeller" not in str(error):
+            raise
+        text = "The log names no propeller; type it to fit the motor constants."
+        return PageSection.draw(MOTOR_PART, [text])
     option = ("--propeller", propeller) if propeller else ()
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
     return PageSection.draw(

@@ -178,10 +178,8 @@ def show_title(section: PageSection, subtitle: str = "") -> None:
             ui.label("SIMULATED").classes("stamp")
 
 
-def show_section(section: PageSection, *, has_title: bool = True) -> None:
+def show_section(section: PageSection) -> None:
     """Show a section, its details as expansions, and its command."""
-    if has_title:
-        show_title(section)
     show_html(section)
     if section.details:
         with ui.element("div").classes("w-full details"):
@@ -193,8 +191,9 @@ def show_section(section: PageSection, *, has_title: bool = True) -> None:
 
 
 def show_card(section: PageSection) -> None:
-    """Show a section in a card."""
+    """Show a section with its title in a card."""
     with ui.card().classes("w-full"):
+        show_title(section)
         show_section(section)
 
 
@@ -217,20 +216,27 @@ def add_section_expansion(
     with ui.expansion(title).classes("w-full") as expansion:
         container = ui.column().classes("w-full")
 
-    @show_errors
     async def fill() -> None:
-        if not expansion.value or container.default_slot.children:
-            return
-        with container:
-            show_spinner(text)
-        try:
-            section = await load()
-        finally:
-            container.clear()
-        with container:
-            show_html(section)
+        if expansion.value and not container.default_slot.children:
+            await load_section(container, load, text)
 
     return expansion.on_value_change(fill)
+
+
+@show_errors
+async def load_section(
+    container: ui.element, load: Callable[[], Awaitable[PageSection]], text: str
+) -> None:
+    """Replace the contents of a container by a section; `text` is shown meanwhile."""
+    container.clear()
+    with container:
+        show_spinner(text)
+    try:
+        section = await load()
+    finally:
+        container.clear()
+    with container:
+        show_section(section)
 
 
 def multiple_choice(label: str, on_change: Callable[[], object]) -> ui.select:

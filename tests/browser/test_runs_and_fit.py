@@ -25,6 +25,7 @@ TOP = Path(__file__).parents[2]
 
 COLD_MS = 90_000  # start of a process with the plot libraries on a busy machine
 
+STAND = "rcbenchmark_1580/StepsTest_2020-05-22_102946.csv"
 REPORT = "<!doctype html><title>Fit: earlier</title>"
 
 Opens = Callable[[str], "Page"]
@@ -122,3 +123,16 @@ def test_a_fit_gives_the_numbers_of_the_command(filled, open_page):
     files = {path.name for path in (filled.runs / "fit-here").iterdir()}
     assert {"result.json", "model.toml", "report.html", "ratio.svg"} <= files
     assert not (filled.runs.parent / "evil").exists()
+
+
+def test_a_stands_log_leads_to_its_motor_constants(filled, open_page, reference_data):
+    page = open_page(f"{filled.url}?tab=fit")
+    page.get_by_label("body_lift.K_b is free").wait_for()
+    wait_for_controls(page)
+    page.locator("input[type=file]").set_input_files(reference_data / STAND)
+    page.get_by_label("Propeller, if the log names none").fill("5x4.5")
+    page.get_by_role("button", name="Motor constants").click()
+    page.get_by_text("Thrust of one rotor over throttle").wait_for(timeout=COLD_MS)
+    page.get_by_role("button", name="Compare", exact=True).last.click()
+    page.get_by_text("is selected; select others").wait_for()
+    expect(page.get_by_role("checkbox", name=re.compile("Choose .*StepsTest"))).to_be_checked()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
+from benchtool.core.text import pluralize
 from benchtool.data.atomic import make_folder
 from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
@@ -25,6 +27,7 @@ from benchtool.report.fit.tables import (
 from benchtool.report.page import Block, Page, Warnings
 from benchtool.report.run_facts import run_sections
 
+MAX_ROWS = 10  # of the table of a short output
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"
 
 
@@ -65,7 +68,7 @@ def _facts(fit: FitOutput) -> dict[str, str]:
     return facts
 
 
-def _highlights(fit: FitSummary) -> dict[str, str]:
+def _highlights(fit: FitOutput) -> dict[str, str]:
     """Return up to four estimates, main quantities before nuisance parameters and noise."""
     result = fit.results[0]
     estimates = [*result.estimates, *result.derived]
@@ -128,35 +131,54 @@ def terminal_blocks(fit: FitSummary) -> list[Block]:
     return [*blocks, *_comparisons(fit, end=""), Warnings(fit.warnings)]
 
 
-def sentence(fit: FitSummary) -> str:
-    """Return a summary of a fit in one or two sentences."""
+def summary_blocks(fit: FitSummary) -> list[Block]:
+    """Return the terminal output of `benchtool fit` on one screen: verdict, values, one caution."""
+    first, *others = fit.results
+    blocks: list[Block] = [SIMULATED] if fit.simulated else []
+    blocks.append(sentence(fit, short=True))
+    table = short_table(first).select_columns(range(4))
+    rows = sorted(table.rows, key=lambda row: wanted_rank(row[0]))[:MAX_ROWS]
+    blocks.append(replace(table, rows=rows))
+    blocks += [f"{result.method}: {result.outcome.message}" for result in others]
+    blocks += [item.sentence for item in (fit.comparison, fit.laws) if item is not None]
+    # The error after the output says that a model is rejected.
+    warnings = [line for line in fit.warnings if "is rejected" not in line]
+    hidden = len(table.rows) - len(rows), len(warnings) - 1
+    texts = [
+        pluralize(count, noun)
+        for count, noun in zip(hidden, ("more parameter", "more warning"), strict=True)
+        if count > 0
+    ]
+    texts += ["statistical errors"] + ["the uncertainty budget"] * (fit.budget is not None)
+    return [*blocks, Warnings(warnings[:1]), f"--verbose prints {', '.join(texts)}"]
+
+
+def sentence(fit: FitSummary, *, short: bool = False) -> str:
+    """Return a summary of a fit in one or two sentences; `short`: without its values."""
     first = fit.results[0]
     if first.outcome.status != "converged":
-        return verdict(fit)
+        return f"No valid result from {fit.used} of {fit.read} points: {first.outcome.message}."
     values = ", ".join(
         f"{item.name} not determined" if item.open else f"{item.name} = {printed(item, item.unit)}"
         for item in first.estimates
         if not item.name.startswith("noise.")
     )
-    basis = "thrust itself (joint fit)" if fit.basis == "joint" else fit.basis
-    rig = f" on rig {fit.rig}" if fit.rig else ""
-    text = f"{fit.used} of {fit.read} points, model {fit.model}{rig}, basis {basis}: {values}."
-    return f"{text} {verdict(fit)}".rstrip()
-
-
-def verdict(fit: FitSummary) -> str:
-    """Return a sentence on the agreement of model and data; "" if it was not judged."""
-    first = fit.results[0]
-    if first.outcome.status != "converged":
-        return f"No valid result from {fit.used} of {fit.read} points: {first.outcome.message}."
     scatter = (
         f"points scatter {format_scatter_ratio(first)} as much as their stated errors (chi2/dof = "
         f"{first.chi2_per_dof:.3g})"
     )
     if has_misfit(first):
         scatter += ", so the model is incomplete and the intervals are too narrow"
-    return {
-        "rejected": f"The model is rejected: {scatter}.",
-        "scatter": f"{scatter[:1].upper()}{scatter[1:]}.",
-        "consistent": f"Residuals agree with the scatter: chi2/dof = {first.chi2_per_dof:.3g}.",
+    verdict = {
+        "rejected": f" The model is rejected: {scatter}.",
+        "scatter": f" {scatter[:1].upper()}{scatter[1:]}.",
+        "consistent": f" Residuals agree with the scatter: chi2/dof = {first.chi2_per_dof:.3g}.",
     }.get(str(first.facts.get("verdict")), "")
+    if short and "rejected" in verdict:
+        verdict = " The model is rejected."  # the error after the output has the numbers
+    basis = "thrust itself (joint fit)" if fit.basis == "joint" else fit.basis
+    rig = f" on rig {fit.rig}" if fit.rig else ""
+    return (
+        f"{fit.used} of {fit.read} points, model {fit.model}{rig}, basis {basis}"
+        f"{'' if short else f': {values}'}.{verdict}"
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from urllib.parse import urlencode
@@ -163,7 +164,7 @@ class ExplainTab(CommandTab):
             show_title(result.head, f"after {result.seconds:.1f} s")
             show_html(result.head)
             self._add_acceptance(job, result)
-            show_section(result.section, has_title=False)
+            show_section(result.section)
 
     def _add_acceptance(self, job: CommandJob, result: Explanation) -> None:
         """Add the button that writes the result, and its status."""
@@ -171,7 +172,8 @@ class ExplainTab(CommandTab):
             effects = result.new_effects
             label = f"Accept {' and '.join(effects)} into a new model"
             button = ui.button(label if effects else "Save this result", icon="check")
-            status = ui.html(self._status(job, result), sanitize=False).props("role=status")
+            button.set_enabled(job.accepted_model is None)
+            ui.html(self._status(job, result), sanitize=False).props("role=status")
 
         @show_errors
         async def accept() -> None:
@@ -180,13 +182,11 @@ class ExplainTab(CommandTab):
             try:
                 # If the name has been taken meanwhile, a number is appended.
                 await run.io_bound(job.accept, free_path(job.out))
+                await self._read_choices()
             finally:
-                button.set_enabled(job.accepted_model is None)
-            status.set_content(self._status(job, result))
-            await self._read_choices()
+                self.replace_report(partial(self.show_report, job))
 
         button.on_click(accept)
-        button.set_enabled(job.accepted_model is None)
 
     def _status(self, job: CommandJob, result: Explanation) -> str:
         """Return the files to be written, or a link to the written folder, as HTML."""

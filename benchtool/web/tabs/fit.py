@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, get_args
 from nicegui import ui
 
 from benchtool.commands.terminal.table_fit import MODEL
-from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs
 from benchtool.core.parameter import Parameter
@@ -86,10 +85,9 @@ def build_fit_inputs(
         raise InputError(
             "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
         )
-    paths = [folder.find_path(name) for name in request.data]
     tables = [name for name in request.data if entries[name].kind == "table"]
-    maps = [column_map_path(folder.find_file(name)) for name in tables]
-    stored = [path for path in maps if path.is_file()]
+    files = [folder.find_file(name) for name in tables]
+    stored = [path for path in map(column_map_path, files) if path.is_file()]
     if len(tables) > 1 and stored:
         raise InputError(
             f"{' and '.join(tables)} have separate column maps, but a fit uses one; fit them "
@@ -98,16 +96,15 @@ def build_fit_inputs(
     model = model_path(folder, request.model)
     columns = read_column_map(stored[0]) if stored else {}
     if tables and not stored and not load_model(model).columns:
-        for name in tables:
-            path = folder.find_file(name)
-            if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
+        for name, file in zip(tables, files, strict=True):
+            if "thrust_N" not in read_csv_header(file) and not is_stand_table(file):
                 raise InputError(
                     f"{name} has no column thrust_N; select its columns above and press Use these "
                     f"columns"
                 )
     recipe = Recipe(
         name=request.name,
-        data=tuple(str(path) for path in paths),
+        data=tuple(str(folder.find_path(name)) for name in request.data),
         model=model,
         columns=str(stored[0]) if stored else None,
     )
@@ -115,7 +112,8 @@ def build_fit_inputs(
     parameters = form_parameters(model, data_rig(request, folder))
     options = dict(request.options)
     choices: dict[str, Any] = choice_options(parameters, request.choices)
-    if "R_m" in parameters and tables and _has_no_plate(tables, columns, folder):
+    has_plate = "plate_z_m" in columns if columns else not all(map(is_stand_table, files))
+    if "R_m" in parameters and tables and not has_plate:
         # As in the command: without a plate, the effective radius is not identifiable.
         choices["hold"] = sorted({*choices["hold"], "R_m"} - choices["fix"].keys())
     if "thrust_ratio" in columns and not options.get("basis"):
@@ -127,15 +125,6 @@ def build_fit_inputs(
     if calibration is not None and calibration not in calibrations:
         raise UnknownChoice("calibration", str(calibration), calibrations)
     return build_inputs(FitInputs, {**choices, **options}, source="label", base=base)
-
-
-def _has_no_plate(
-    tables: Sequence[str], columns: Mapping[str, ColumnSource], folder: RunsFolder
-) -> bool:
-    """Return whether tables contain no plate distance."""
-    if columns:
-        return "plate_z_m" not in columns
-    return all(is_stand_table(folder.find_file(name)) for name in tables)
 
 
 def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:

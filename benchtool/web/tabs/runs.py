@@ -13,7 +13,6 @@ from nicegui import ui
 
 from benchtool.commands.import_file import ImportInputs
 from benchtool.commands.report import ReportInputs
-from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
 from benchtool.data.catalogue.entry import ChoiceInputs, filter_entries
 from benchtool.data.formats.formats import is_stand_table
@@ -23,6 +22,7 @@ from benchtool.data.run.points import TABLES
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext, RunsListing
+from benchtool.web.drawing import PageSection
 from benchtool.web.entries import (
     FIGURE_WORKER,
     MOTOR_PART,
@@ -38,6 +38,7 @@ from benchtool.web.widgets import (
     add_section_expansion,
     add_table_upload,
     confirm_resume,
+    load_section,
     notify,
     open_tab,
     replace_options,
@@ -113,13 +114,13 @@ class RunDetail:
                 if (entry.kind, entry.state) == ("sweep", "stopped"):
                     resume = ui.button("Resume", icon="play_arrow").props("dense outline")
                     resume.on_click(lambda: self._resume(name))
-                for download in downloads(entry):
-                    self._add_download(download)
+                for label, *download in downloads(entry):
+                    self._add_save(label, "download", partial(self._read_file, *download))
                 if not entry.problem and (entry.kind in EXPORTABLE_KINDS or is_motor_log):
                     self._add_export(name)
             if is_motor_log:
                 self._add_motor(name)
-            show_section(section, has_title=False)
+            show_section(section)
             for title in part_titles:
                 if title != MOTOR_PART:
                     load = partial(self._context.compute, FIGURE_WORKER, view_part, name, title)
@@ -140,8 +141,9 @@ class RunDetail:
         with self._container, ui.card().classes("w-full"):
             show_title(section)
             if has_ratios:
-                self._add_download(report_download("compared", names))
-            show_section(section, has_title=False)
+                label, *download = report_download("compared", names)
+                self._add_save(label, "download", partial(self._read_file, *download))
+            show_section(section)
 
     async def _load(self, text: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of a worker function, or None if another entry was opened meanwhile."""
@@ -167,51 +169,32 @@ class RunDetail:
             button = ui.button("Motor constants", icon="functions").props("outline")
         container = ui.column().classes("w-full")
 
-        @show_errors
-        async def fill() -> None:
-            container.clear()
-            with container:
-                show_spinner("fitting the motor constants")
+        def load() -> Awaitable[PageSection]:
             arguments = (name, MOTOR_PART, self._propeller)
-            try:
-                section = await self._context.compute(FIGURE_WORKER, view_part, *arguments)
-            except InputError as error:
-                if self._propeller or "propeller" not in str(error):
-                    raise
-                section = None
-            finally:
-                container.clear()
-            with container:
-                if section is None:
-                    ui.label("Type the propeller to fit the motor constants.").classes("soft")
-                else:
-                    show_section(section)
+            return self._context.compute(FIGURE_WORKER, view_part, *arguments)
 
-        button.on_click(fill)
+        fill = partial(load_section, container, load, "fitting the motor constants")
+        button.on_click(lambda: fill())
         ui.timer(0.0, fill, once=True)
 
     @show_errors
     async def _resume(self, name: str) -> None:
         await confirm_resume(self._context, self._container, self._folder.find_path(name))
 
-    def _add_download(self, download: Download) -> None:
-        label, file, function, arguments = download
-
-        async def load() -> tuple[str, bytes | Path]:
-            if function is None:
-                return file, self._folder.find_file(*arguments)
-            return file, await self._context.compute(EXPORT_WORKER, function, *arguments)
-
-        self._add_save(label, "download", load)
+    async def _read_file(
+        self, file: str, function: Callable[..., bytes] | None, arguments: tuple[Any, ...]
+    ) -> tuple[str, bytes | Path]:
+        if function is None:
+            return file, self._folder.find_file(*arguments)
+        return file, await self._context.compute(EXPORT_WORKER, function, *arguments)
 
     def _add_export(self, name: str) -> None:
         """Add a download of the files of `benchtool export`."""
         titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
 
-        async def load() -> tuple[str, bytes | Path]:
+        def load() -> Awaitable[tuple[str, bytes]]:
             arguments = (name, target.value, self._propeller)
-            file, content = await self._context.compute(EXPORT_WORKER, export_file, *arguments)
-            return file, content
+            return self._context.compute(EXPORT_WORKER, export_file, *arguments)
 
         with ui.row().classes("items-center gap-1"):
             target = ui.select(titles, value="ardupilot", label="For")
@@ -337,9 +320,10 @@ class RunsTab:
         ui.run_javascript(f"history.replaceState(null, '', {address})")
 
     def _select(self, name: str) -> None:
-        """Select an entry for a comparison with others over thrust."""
-        self._table.selected += [row for row in self._table.rows if row["name"] == name]
-        self._axis.set_value("thrust")
+        """Select an entry for a comparison with others over thrust, in the unfiltered list."""
+        for field, value in ((self._search, ""), (self._kind, ""), (self._axis, "thrust")):
+            field.set_value(value)
+        self._table.selected = [row for row in self._table.rows if row["name"] == name]
         self._on_select()
         notify(f"{name} is selected; select others in the list, then press Compare")
         ui.run_javascript("window.scrollTo(0, 0)")
@@ -377,9 +361,10 @@ class RunsTab:
             tag=tuple(self._tags.value or ()),
         )
         entries = filter_entries(self._listing.entries, criteria)
-        self._table.update_rows([_row(entry) for entry in entries], clear_selection=False)
+        rows = [_row(entry) for entry in entries]
+        self._table.update_rows(rows, clear_selection=False)
         total = len(self._listing.entries)
-        n_unreadable = sum(map(_is_unreadable, entries))
+        n_unreadable = sum(row["problem"] for row in rows)
         count = f"{len(entries)} of {total}" if len(entries) < total else f"{total}"
         count += f" in {self._listing.folder.root.name}"
         self._count.set_text(count + (f", {n_unreadable} not readable" if n_unreadable else ""))
@@ -402,11 +387,6 @@ def build(context: PageContext) -> None:
         ui.timer(0.0, lambda: tab.open(name), once=True)
 
 
-def _is_unreadable(entry: Entry) -> bool:
-    """Return whether the files have a problem other than an early stop."""
-    return bool(entry.problem) and entry.state != "stopped"
-
-
 def _row(entry: Entry) -> dict[str, Any]:
     state = entry.state + (", simulated" if entry.simulated else "")
     return {
@@ -416,6 +396,6 @@ def _row(entry: Entry) -> dict[str, Any]:
         "date": entry.date,
         "state": state.removeprefix(", "),
         "summary": entry.problem.removeprefix(f"{entry.name}: ") or entry.summary,
-        "problem": _is_unreadable(entry),
+        "problem": bool(entry.problem) and entry.state != "stopped",  # a stop is no problem
         "tags": entry.tags,
     }

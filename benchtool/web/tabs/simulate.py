@@ -17,7 +17,7 @@ from benchtool.web.command_jobs import CommandJob, Simulation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm, Options
-from benchtool.web.widgets import open_tab, show_section, titled_card, today
+from benchtool.web.widgets import open_tab, show_section, show_title, titled_card, today
 
 KINDS: dict[str, type[Simulation]] = {"pitch bench": PitchInputs, "flight": FlightInputs}
 
@@ -89,12 +89,11 @@ class SimulateTab(CommandTab):
     def show_report(self, job: CommandJob) -> None:
         section, recording = job.result()
         with ui.card().classes("w-full"):
+            show_title(section, "saved in the runs folder; see Runs")
+            if recording:
+                explain = ui.button("Explain", icon="troubleshoot").props("outline")
+                explain.on_click(lambda: open_tab("explain", learn=recording))
             show_section(section)
-            with ui.row().classes("items-center w-full gap-4"):
-                ui.label("saved in the runs folder; see Runs").classes("soft")
-                if recording:
-                    explain = ui.button("Explain", icon="troubleshoot").props("outline")
-                    explain.on_click(lambda: open_tab("explain", learn=recording))
 
 
 build = SimulateTab
