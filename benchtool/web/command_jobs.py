@@ -5,9 +5,9 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Inputs, to_arguments, with_changes
@@ -109,8 +109,7 @@ def simulate_to_folder(
     return section, f"{out.name}/{recording.name}" if page is PITCH else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Explanation:
+class Explanation(NamedTuple):
     """Result of an explanation for the page."""
 
     head: PageSection  # verdict with its cautions, most important values
@@ -144,18 +143,13 @@ def explain(
     # The page shows this sentence next to its button, as its text changes.
     skipped_blocks = [added_sentence(answer)] if answer.effects else []
     next_blocks = [block for block in now.blocks if block not in skipped_blocks]
-    verdict = [Verdict(page.summary), Tiles(page.highlights)]
-    return Explanation(
-        head=PageSection.draw("Result", verdict, simulated=answer.simulated),
-        section=PageSection.draw(
-            "",
-            [*where.blocks, *next_blocks],
-            command=command,
-            details=[PageSection.draw(section.title, section.blocks) for section in others],
-        ),
-        new_effects=tuple(effect.name for effect in added_effects(answer)),
-        seconds=answer.seconds,
-    )
+    verdict, tiles = Verdict(page.summary), Tiles(page.highlights)
+    head = PageSection.draw("Result", [verdict, tiles], simulated=answer.simulated)
+    details = [PageSection.draw(section.title, section.blocks) for section in others]
+    blocks = [*where.blocks, *next_blocks]
+    section = PageSection.draw("", blocks, command=command, details=details)
+    effects = tuple(effect.name for effect in added_effects(answer))
+    return Explanation(head, section, effects, answer.seconds)
 
 
 JOBS: dict[type[Inputs], tuple[list[str], Callable[..., Any]]] = {

@@ -87,11 +87,6 @@ def stand_blocks(path: Path) -> Sequence[Content]:
     return blocks
 
 
-def view_import(root: Path, name: str) -> PageSection:
-    """Return the import report of a test-stand table; empty for other tables."""
-    return PageSection.draw(name, stand_blocks(RunsFolder(root).find_file(name)))
-
-
 def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
     """Write a rig file with the rotor radius for a table and return its path."""
     from benchtool.commands.terminal.table_fit import build_radius_rig

@@ -321,6 +321,7 @@ def open_dialog(title: str) -> Iterator[ui.dialog]:
     dialog.open()
 
 
+@show_errors
 async def confirm_resume(context: PageContext, parent: ui.element, path: Path) -> None:
     """Open the arming dialog for the remaining points of a stopped sweep."""
     context.require_control()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from nicegui import ui
@@ -18,9 +17,8 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.entries import store_columns, store_radius, view_import
+from benchtool.web.entries import store_columns, store_radius
 from benchtool.web.widgets import (
-    add_section_expansion,
     add_table_upload,
     multiple_choice,
     notify,
@@ -134,11 +132,7 @@ class DataCard:
             for name in self.names:
                 if self.entries[name].kind == "table":
                     try:
-                        if is_stand_table(self._folder.find_file(name)):
-                            load = partial(self._context.compute, "tables", view_import, name)
-                            report = add_section_expansion(f"Import of {name}", load, "reading it")
-                            report.classes("bordered")
-                        else:
+                        if not is_stand_table(self._folder.find_file(name)):
                             self._add_column_form(name)
                         self._add_radius_field(name)
                     except Exception as error:  # noqa: BLE001 -- the page stays usable

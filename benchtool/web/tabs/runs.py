@@ -113,9 +113,10 @@ class RunDetail:
                     fit.on_click(lambda: open_tab("fit", data=name))
                 if (entry.kind, entry.state) == ("sweep", "stopped"):
                     resume = ui.button("Resume", icon="play_arrow").props("dense outline")
-                    resume.on_click(lambda: self._resume(name))
-                for label, *download in downloads(entry):
-                    self._add_save(label, "download", partial(self._read_file, *download))
+                    path = self._folder.find_path(name)
+                    resume.on_click(lambda: confirm_resume(self._context, self._container, path))
+                for download in downloads(entry):
+                    self._add_download(download)
                 if not entry.problem and (entry.kind in EXPORTABLE_KINDS or is_motor_log):
                     self._add_export(name)
             if is_motor_log:
@@ -133,16 +134,14 @@ class RunDetail:
         kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
         has_ratios = kinds <= {*SWEEPS} and not over
         over = over if has_ratios or kinds == {"fit"} else over or "thrust"
-        section = await self._load(
-            f"comparing {len(names)}", view_comparison, names, over, thrust_N
-        )
+        text = f"comparing {len(names)}"
+        section = await self._load(text, view_comparison, names, over, thrust_N)
         if section is None:
             return
         with self._container, ui.card().classes("w-full"):
             show_title(section)
             if has_ratios:
-                label, *download = report_download("compared", names)
-                self._add_save(label, "download", partial(self._read_file, *download))
+                self._add_download(report_download("compared", names))
             show_section(section)
 
     async def _load(self, text: str, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -177,16 +176,15 @@ class RunDetail:
         button.on_click(lambda: fill())
         ui.timer(0.0, fill, once=True)
 
-    @show_errors
-    async def _resume(self, name: str) -> None:
-        await confirm_resume(self._context, self._container, self._folder.find_path(name))
+    def _add_download(self, download: Download) -> None:
+        label, file, function, arguments = download
 
-    async def _read_file(
-        self, file: str, function: Callable[..., bytes] | None, arguments: tuple[Any, ...]
-    ) -> tuple[str, bytes | Path]:
-        if function is None:
-            return file, self._folder.find_file(*arguments)
-        return file, await self._context.compute(EXPORT_WORKER, function, *arguments)
+        async def load() -> tuple[str, bytes | Path]:
+            if function is None:
+                return file, self._folder.find_file(*arguments)
+            return file, await self._context.compute(EXPORT_WORKER, function, *arguments)
+
+        self._add_save(label, "download", load)
 
     def _add_export(self, name: str) -> None:
         """Add a download of the files of `benchtool export`."""
