@@ -181,9 +181,9 @@ def show_title(section: PageSection, subtitle: str = "") -> None:
 def show_section(section: PageSection) -> None:
     """Show a section, its details as expansions, and its command."""
     show_html(section)
-    if section.details:
+    if details := [detail for detail in section.details if detail.html]:
         with ui.element("div").classes("w-full details"):
-            for detail in section.details:
+            for detail in details:
                 with ui.expansion(detail.title):
                     show_html(detail)
     if section.command:

@@ -23,7 +23,7 @@ from benchtool.fit.statistics import expected_runs
 from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import name_with_unit
-from benchtool.report.numbers import value_with_sd
+from benchtool.report.numbers import with_statistical
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, VERMILION
 from benchtool.report.panels import points, spread, stack_panels
 
@@ -211,7 +211,8 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
         top=1.0 - (1.05 if n == 1 else 0.75) / height_in, wspace=0.09, hspace=0.09,
     )  # fmt: skip
     for index, item in enumerate(estimates):
-        title = "\n".join(filter(None, (value_with_sd(item.value, item.combined_sd), item.bound)))
+        text = with_statistical(item.value, item.combined_sd, item.sd).partition(" (stat")[0]
+        title = "\n".join(filter(None, (text, item.bound)))
         figure.axes[index * n + index].set_title(title, loc="left", fontsize=9.0)
     for axes in figure.axes:
         box = axes.get_position()
@@ -220,6 +221,7 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
         axes.grid(visible=False)
         axes.tick_params(labelsize=8.4)
         for axis in (axes.xaxis, axes.yaxis):
+            axis.offsetText.set_fontsize(8.4)
             formatter = axis.get_major_formatter()
             if isinstance(formatter, ScalarFormatter):
                 formatter.set_powerlimits((-3, 4))
