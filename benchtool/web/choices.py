@@ -36,8 +36,7 @@ def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str
 def model_path(folder: RunsFolder, name: str) -> str:
     """Return the name of a library model, or the path of a model in the runs folder.
 
-    Raises:
-        InputError: the model file or its rig is outside the folder, or needs user code.
+    InputError if the model file or its rig is outside the folder, or needs user code.
     """
     if name in model_names():
         return name

@@ -41,10 +41,7 @@ def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportIn
     """Store a file in the runs folder and return its name there, as `benchtool import`.
 
     A table is stored unchanged and repaired when it is read; a flight log, or a file with import
-    options, is converted to a recording.
-
-    Raises:
-        FileFormatError: the file is not readable; nothing was written.
+    options, is converted to a recording. Nothing is written of an unreadable file.
     """
     from benchtool.data.repairs.import_result import ImportOptions, import_metadata
     from benchtool.data.run.recording_file import write_recording
@@ -59,10 +56,7 @@ def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportIn
 
 
 def stand_blocks(path: Path) -> Sequence[Content]:
-    """Return the import report of a test-stand table: format, channels and findings.
-
-    Empty for other tables.
-    """
+    """Return the import report of a test-stand table; empty for other tables."""
     from benchtool.report.page import Table
 
     if not is_stand_table(path):
@@ -104,11 +98,7 @@ def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
 
 
 def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) -> PageSection:
-    """Read a table with a column map, store the map next to it and return a summary.
-
-    Raises:
-        FileFormatError: a cell is not a number; nothing was stored.
-    """
+    """Read a table with a column map, store the map next to it and return a summary."""
     from benchtool.report.page import Table
 
     path = RunsFolder(root).find_file(name)

@@ -132,10 +132,7 @@ def _rows(table: tuple[Array, ...], mask: NDArray[np.bool_]) -> tuple[tuple[floa
 def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...]:
     """Return curves of the closed formulas and of a model with its band, all rotors turning.
 
-    Without a model, the formulas only.
-
-    Raises:
-        BenchtoolError: the model is not readable, or is for another rig.
+    Without a model, the formulas only. Raises BenchtoolError for a model of another rig.
     """
     from benchtool.fit.nominal import nominal_model
     from benchtool.physics import VALIDITY_Z_OVER_R
