@@ -127,7 +127,7 @@ def test_a_fit_gives_the_numbers_of_the_command(filled, open_page):
 
 
 def test_a_stands_log_leads_to_its_motor_constants(filled, open_page, reference_data):
-    page = open_page(f"{filled.url}?tab=fit")
+    page = open_page(f"{filled.url}?tab=fit&data=quad")
     page.get_by_label("body_lift.K_b is free").wait_for()
     wait_for_controls(page)
     page.locator("input[type=file]").set_input_files(reference_data / STAND)
