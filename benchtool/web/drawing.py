@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 if TYPE_CHECKING:
     from benchtool.report.page import Block, Table
 
-MAX_CELL_LENGTH = 40  # of a table beside a figure; assumed
+MAX_CELL_LENGTH = 45  # of a table beside a figure; assumed
 TOOLS = "".join(
     f'<button type="button" data-does="{does}">{text}</button>'
     for does, text in (("large", "Enlarge"), ("svg", "SVG"), ("png", "PNG"))
