@@ -290,9 +290,6 @@ def _build_report(path: Path, is_sweep: bool, stamp: int) -> Report:
     return build_report([path], "sweep" if is_sweep else "recording")
 
 
-DATA_SETS = {"learn": "training", "check": "validation"}  # labels of the keys of answer.json
-
-
 def _view_explanation(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
@@ -310,8 +307,10 @@ def _view_explanation(path: Path, name: str) -> PageSection:
         if file.is_file()
     ]
     rows = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
-    for purpose, sources in facts.get("data", {}).items():
-        rows[f"{DATA_SETS.get(purpose, purpose)} recordings"] = ", ".join(sources)
+    data = facts.get("data", {})
+    for purpose, label in (("learn", "training recordings"), ("check", "validation recordings")):
+        if purpose in data:
+            rows[label] = ", ".join(data[purpose])
     if next_title := facts.get("next_experiment", {}).get("title"):
         rows["next experiment"] = str(next_title)
     return PageSection.draw(

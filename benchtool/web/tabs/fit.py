@@ -70,9 +70,8 @@ def choice_options(
     """Return the recipe options free, hold and fix for choices that differ from the model."""
     chosen = [name for name in parameters if name in choices]
     free = [name for name in chosen if choices[name].free and not parameters[name].free]
-    fixed = [name for name in chosen if not choices[name].free]
-    values = {name: choices[name].value for name in fixed}
-    fix = {name: value for name, value in values.items() if value != parameters[name].value}
+    fixed = {name: choices[name].value for name in chosen if not choices[name].free}
+    fix = {name: value for name, value in fixed.items() if value != parameters[name].value}
     hold = [name for name in fixed if parameters[name].free and name not in fix]
     return {"free": free, "hold": hold, "fix": fix}
 
@@ -255,9 +254,7 @@ class FitTab(CommandTab):
         with self.inputs:
             with ui.element("div").classes("fit-form"):
                 with titled_card("Data"):
-                    self.data = DataCard(
-                        context, listing, self._on_data_change, self._on_rig_written
-                    )
+                    self.data = DataCard(context, listing, self._on_data_change, self._choose_rig)
                 with titled_card("Method"):
                     models = model_choices(self.folder, self.data.entries.values())
                     self._build_method(models)
@@ -310,7 +307,7 @@ class FitTab(CommandTab):
                 self._model.set_value(MODEL)
         self.change()
 
-    def _on_rig_written(self, path: str) -> None:
+    def _choose_rig(self, path: str) -> None:
         self._form.choose("rig", rig_choices(self.folder), path)
 
     def _on_model_change(self) -> None:

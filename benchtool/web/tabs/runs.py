@@ -48,7 +48,6 @@ from benchtool.web.widgets import (
     show_title,
 )
 
-EXPORTABLE_KINDS = ("fit", *SWEEPS)
 EXPORT_WORKER = "reports"  # process that writes downloads
 
 
@@ -117,7 +116,7 @@ class RunDetail:
                     resume.on_click(lambda: confirm_resume(self._context, self._container, path))
                 for download in downloads(entry):
                     self._add_download(download)
-                if not entry.problem and (entry.kind in EXPORTABLE_KINDS or is_motor_log):
+                if not entry.problem and (entry.kind in ("fit", *SWEEPS) or is_motor_log):
                     self._add_export(name)
             if is_motor_log:
                 self._add_motor(name)
