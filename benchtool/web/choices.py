@@ -19,15 +19,13 @@ from benchtool.data.run.recording_file import metadata_path, read_recording_fact
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.physics.model_file import model_names
 
-MODEL_FILE = "model.toml"
-
 
 def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str]:
     """Return labels of library models and of models from fits and explanations, by name."""
     labels = {name: name for name in model_names()}
     for entry in entries:
         if entry.kind in ("fit", "explanation") and not entry.problem:
-            name = f"{entry.name}/{MODEL_FILE}"
+            name = f"{entry.name}/model.toml"
             if (folder.root / name).is_file():
                 labels[name] = f"{entry.name} ({entry.rig}, from this {entry.kind})"
     return labels
@@ -36,8 +34,7 @@ def model_choices(folder: RunsFolder, entries: Iterable[Entry]) -> dict[str, str
 def model_path(folder: RunsFolder, name: str) -> str:
     """Return the name of a library model, or the path of a model in the runs folder.
 
-    Raises:
-        InputError: the model file or its rig is outside the folder, or needs user code.
+    InputError if the model file or its rig is outside the folder, or needs user code.
     """
     if name in model_names():
         return name

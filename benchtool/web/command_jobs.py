@@ -5,9 +5,9 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Inputs, to_arguments, with_changes
@@ -16,7 +16,7 @@ from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.recipe import FitInputs
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.tasks import Job, ReportProgress
-from benchtool.web.drawing import PageSection
+from benchtool.web.drawing import PageSection, Tiles, Verdict
 from benchtool.web.entries import view_fit
 
 if TYPE_CHECKING:
@@ -109,15 +109,12 @@ def simulate_to_folder(
     return section, f"{out.name}/{recording.name}" if page is PITCH else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Explanation:
+class Explanation(NamedTuple):
     """Result of an explanation for the page."""
 
-    sentence: str  # verdict with its cautions
+    head: PageSection  # verdict with its cautions, most important values
+    section: PageSection
     new_effects: tuple[str, ...]  # added to the model; () if none was identified
-    sections: tuple[PageSection, ...]
-    highlights: PageSection | None  # most important values
-    simulated: bool
     seconds: float
 
 
@@ -142,21 +139,17 @@ def explain(
     shutil.rmtree(hidden_folder, ignore_errors=True)
     write_folder(hidden_folder, answer, display_path=out)
     page = answer_page(answer, render_figures("answer", answer), next_file(answer)[0])
+    now, where, *others = page.sections
     # The page shows this sentence next to its button, as its text changes.
     skipped_blocks = [added_sentence(answer)] if answer.effects else []
-    return Explanation(
-        sentence=page.summary,
-        new_effects=tuple(effect.name for effect in added_effects(answer)),
-        sections=tuple(
-            PageSection.draw(
-                section.title, [block for block in section.blocks if block not in skipped_blocks]
-            )
-            for section in page.sections
-        ),
-        highlights=PageSection.draw("", [page.highlights]) if page.highlights else None,
-        simulated=answer.simulated,
-        seconds=answer.seconds,
-    )
+    next_blocks = [block for block in now.blocks if block not in skipped_blocks]
+    verdict, tiles = Verdict(page.summary), Tiles(page.highlights)
+    head = PageSection.draw("Result", [verdict, tiles], simulated=answer.simulated)
+    details = [PageSection.draw(section.title, section.blocks) for section in others]
+    blocks = [*where.blocks, *next_blocks]
+    section = PageSection.draw("", blocks, command=command, details=details)
+    effects = tuple(effect.name for effect in added_effects(answer))
+    return Explanation(head, section, effects, answer.seconds)
 
 
 JOBS: dict[type[Inputs], tuple[list[str], Callable[..., Any]]] = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import partial
 from html import escape
 from typing import ClassVar
@@ -23,20 +24,33 @@ REFRESH_INTERVAL_S = 0.2
 class CommandTab(ABC):
     """Tab of a command. Jobs are shared by all pages, one at a time for each `noun`.
 
-    A subclass creates form fields that call `change`, then calls `add_controls` and `add_report`.
-
-    `has_stages` lists the stages of the job.
+    A subclass creates form fields in `inputs` that call `change`, then calls `add_controls` and
+    `show_latest`. A report folds `inputs`, if `folds_form`.
     """
 
     label: ClassVar[str]
     icon: ClassVar[str]
     noun: ClassVar[str]  # of the result
-    has_stages: ClassVar[bool] = False
+    folds_form: ClassVar[bool] = True
 
     def __init__(self, context: PageContext) -> None:
         self.context, self.folder = context, RunsFolder(context.runs)
         self.is_ready = False
         self._job: CommandJob | None = None
+        self.inputs = ui.expansion("Inputs", value=True).classes("w-full inputs")
+        with ui.column().classes("w-full gap-1") as self._panel:
+            with ui.row(wrap=False).classes("items-center w-full gap-4"):
+                ui.spinner(size="sm")
+                self._stage = ui.label().props("role=status").classes("grow")
+                cancel = ui.button("Cancel", icon="close", on_click=self._cancel)
+                cancel.props("outline no-wrap")
+            self._bar = ui.linear_progress(show_value=False)
+            self._bar.props(f'aria-label="progress of the {self.noun}"')
+            self._stages = ui.html(sanitize=False)
+        self._failed = ui.label().classes("warn-box w-full").props("role=alert")
+        self._failed.set_visibility(False)
+        self._panel.set_visibility(False)
+        self.report = ui.column().classes("w-full gap-3 report scroll-place")
 
     @abstractmethod
     def read_form(self) -> tuple[str, Inputs]:
@@ -47,35 +61,21 @@ class CommandTab(ABC):
         """Show the report of a completed job in the current slot."""
 
     def add_controls(self) -> None:
-        """Create start button, hint, equivalent command and progress in the current slot."""
+        """Create start button, hint and equivalent command in the current slot."""
         with ui.row().classes("items-center w-full gap-4"):
             self._start = ui.button(self.label, icon=self.icon, on_click=self.start)
             self._hint = ui.label().classes("soft").props("role=status")
         with ui.element("div").classes("w-full") as self._command_container:
             self._command = CommandRow()
-        with ui.column().classes("w-full gap-1") as self._panel:
-            with ui.row(wrap=False).classes("items-center w-full gap-4"):
-                ui.spinner(size="sm")
-                self._stage = ui.label().props("role=status").classes("whitespace-nowrap")
-                self._bar = ui.linear_progress(show_value=False).classes("grow")
-                self._bar.props(f'aria-label="progress of the {self.noun}"')
-                cancel = ui.button("Cancel", icon="close", on_click=self._cancel)
-                cancel.props("outline no-caps no-wrap")
-            self._stages = ui.html(sanitize=False)
-        self._stages.set_visibility(self.has_stages)
-        self._failed = ui.label().classes("warn-box w-full").props("role=alert")
-        self._failed.set_visibility(False)
-        self._panel.set_visibility(False)
 
-    def add_report(self) -> None:
-        """Create the place of the report; show the latest job and the state of the form."""
-        self.report = ui.column().classes("w-full gap-3 scroll-place")
+    def show_latest(self) -> None:
+        """Show the latest job and the state of the form."""
         self.is_ready = True
         job = self.context.server.jobs.get(self.noun)
         if job is not None and not job.done():
             self._watch(job)
         elif job is not None and job.succeeded:
-            self._replace_report(job)
+            self.replace_report(partial(self.show_report, job))
         self.change()
         ui.timer(REFRESH_INTERVAL_S, self._refresh)
 
@@ -98,8 +98,8 @@ class CommandTab(ABC):
         self.context.claim_control()
         name, inputs = self.read_form()
         create = partial(start_command, self.folder.new_path(name), inputs)
-        self.report.clear()
         self._watch(self.context.server.start_job(self.noun, create))
+        self.report.clear()
         self.change()
 
     def _watch(self, job: CommandJob) -> None:
@@ -109,13 +109,15 @@ class CommandTab(ABC):
 
     async def done(self, job: CommandJob) -> None:
         """Show the report of a job that was completed while the page was open."""
-        self._replace_report(job)
+        self.replace_report(partial(self.show_report, job))
         self.report.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
 
-    def _replace_report(self, job: CommandJob) -> None:
+    def replace_report(self, show: Callable[[], object]) -> None:
+        """Replace the report by what `show` creates, and fold the form."""
+        self.inputs.set_value(not self.folds_form)
         self.report.clear()
         with self.report:
-            self.show_report(job)
+            show()
 
     @show_errors
     async def _refresh(self) -> None:

@@ -7,7 +7,7 @@ are slow to import, so the functions are called in worker processes only.
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, TypeAlias
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 if TYPE_CHECKING:
     from benchtool.report.page import Block, Table
 
+MAX_CELL_LENGTH = 45  # of a table beside a figure; assumed
 TOOLS = "".join(
     f'<button type="button" data-does="{does}">{text}</button>'
     for does, text in (("large", "Enlarge"), ("svg", "SVG"), ("png", "PNG"))
@@ -33,6 +34,14 @@ class FigureImage:
     axes: str = ""
 
 
+class Verdict(str):
+    """Sentence that answers the question of a section, displayed large."""
+
+
+class Tiles(dict[str, str]):
+    """Most important values by name, displayed large."""
+
+
 Content: TypeAlias = "Block | FigureImage"
 
 
@@ -44,6 +53,7 @@ class PageSection:
     html: str  # with escaped text
     simulated: bool = False
     command: tuple[str, ...] = ()  # arguments of the equivalent `benchtool` command
+    details: Sequence[PageSection] = ()  # folded below
 
     @classmethod
     def draw(
@@ -53,22 +63,15 @@ class PageSection:
         *,
         simulated: bool = False,
         command: tuple[str, ...] = (),
+        details: Sequence[PageSection] = (),
     ) -> PageSection:
-        """Return a section of blocks; figures and tables may be placed side by side."""
-        from benchtool.report.figure import FigureBlock
-        from benchtool.report.page import Table
-
-        html = "".join(
-            f'<div class="block-beside">{as_html(block)}</div>'
-            if isinstance(block, FigureBlock | FigureImage | Table)
-            else as_html(block)
-            for block in blocks
-        )
-        return cls(title=title, html=html, simulated=simulated, command=command)
+        """Return a section of blocks."""
+        html = "".join(map(as_html, blocks))
+        return cls(title=title, html=html, simulated=simulated, command=command, details=details)
 
 
 def as_html(block: Content) -> str:
-    """Return a block as HTML with escaped text."""
+    """Return a block as HTML with escaped text; figures and small tables may be side by side."""
     from benchtool.report import page
     from benchtool.report.figure import FigureBlock, figure_axes
 
@@ -78,29 +81,36 @@ def as_html(block: Content) -> str:
         source = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         caption = escape(block.caption)
         return (
-            f'<figure class="shown"><img src="{source}" alt="{caption}" '
+            f'<figure class="shown block-beside"><img src="{source}" alt="{caption}" '
             f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
     if isinstance(block, str):
-        return f"<p>{escape(block)}</p>"
+        css_class = ' class="verdict"' if isinstance(block, Verdict) else ""
+        return f"<p{css_class}>{escape(block)}</p>"
     if isinstance(block, page.Heading):
         return f'<h3 class="card-title">{escape(block.text)}</h3>'
     if isinstance(block, Mapping):
         rows = "".join(
-            f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in block.items()
+            f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>"
+            for name, value in block.items()
         )
-        return f'<dl class="facts">{rows}</dl>'
+        css_class = "tiles" if isinstance(block, Tiles) else "facts"
+        return f'<dl class="{css_class}">{rows}</dl>' if rows else ""
     if isinstance(block, page.Warnings):
         lines = "".join(f"<li>{escape(line)}</li>" for line in block.sentences)
         return f'<ul class="warn-box" aria-label="Warnings">{lines}</ul>' if lines else ""
     if isinstance(block, page.Commands):
-        return f"<pre><code>{escape(chr(10).join(block.lines))}</code></pre>"
+        return _listing("\n".join(block.lines))
     if isinstance(block, page.Table):
         return _table(block)
     if isinstance(block, page.Listing):
-        return f"<p>{escape(block.caption)}</p><pre><code>{escape(block.text)}</code></pre>"
+        return f"<p>{escape(block.caption)}</p>{_listing(block.text)}"
     raise TypeError(f"block type {type(block).__name__} is not supported")
+
+
+def _listing(text: str) -> str:
+    return f'<pre tabindex="0"><code>{escape(text)}</code></pre>'
 
 
 def _table(table: Table) -> str:
@@ -112,12 +122,14 @@ def _table(table: Table) -> str:
         cell('th scope="col"', f'<button type="button">{escape(text)}</button>', column)
         for column, text in enumerate(table.header)
     )
-    tags = ('th scope="row"', *("td" for _ in table.header[1:]))
+    labels = (escape(text) for text in table.header[1:])  # shown on a narrow page
+    tags = ('th scope="row"', *(f'td data-label="{label}"' for label in labels))
     body = "".join(
         "<tr>" + "".join(map(cell, tags, map(escape, row), range(len(row)))) + "</tr>"
         for row in table.rows
     )
+    is_small = all(len(text) <= MAX_CELL_LENGTH for row in table.rows for text in row)
     return (
-        f'<div class="wide" tabindex="0"><table class="shown"><caption>{escape(table.caption)}'
-        f"</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+        f'<div class="wide{" block-beside" * is_small}" tabindex="0"><table class="shown">'
+        f"<caption>{escape(table.caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from benchtool.data.atomic import read_json, replace_text
 from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.formats.formats import detect_format, import_bytes, import_file, is_stand_table
-from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
+from benchtool.data.propeller_file import load_propeller
+from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.points import export_table
 from benchtool.data.run.runs_folder import (
     RunsFolder,
@@ -28,7 +29,7 @@ from benchtool.data.run.runs_folder import (
     upload_name,
 )
 from benchtool.data.table import read_table
-from benchtool.web.drawing import Content, FigureImage, PageSection
+from benchtool.web.drawing import Content, FigureImage, PageSection, Tiles, Verdict
 
 if TYPE_CHECKING:
     from benchtool.commands.import_file import ImportInputs
@@ -40,10 +41,7 @@ def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportIn
     """Store a file in the runs folder and return its name there, as `benchtool import`.
 
     A table is stored unchanged and repaired when it is read; a flight log, or a file with import
-    options, is converted to a recording.
-
-    Raises:
-        FileFormatError: the file is not readable; nothing was written.
+    options, is converted to a recording. Nothing is written of an unreadable file.
     """
     from benchtool.data.repairs.import_result import ImportOptions, import_metadata
     from benchtool.data.run.recording_file import write_recording
@@ -58,10 +56,7 @@ def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportIn
 
 
 def stand_blocks(path: Path) -> Sequence[Content]:
-    """Return the import report of a test-stand table: format, channels and findings.
-
-    Empty for other tables.
-    """
+    """Return the import report of a test-stand table; empty for other tables."""
     from benchtool.report.page import Table
 
     if not is_stand_table(path):
@@ -86,11 +81,6 @@ def stand_blocks(path: Path) -> Sequence[Content]:
     return blocks
 
 
-def view_import(root: Path, name: str) -> PageSection:
-    """Return the import report of a test-stand table; empty for other tables."""
-    return PageSection.draw(name, stand_blocks(RunsFolder(root).find_file(name)))
-
-
 def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
     """Write a rig file with the rotor radius for a table and return its path."""
     from benchtool.core.rig_file import parse_rig
@@ -108,11 +98,7 @@ def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
 
 
 def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) -> PageSection:
-    """Read a table with a column map, store the map next to it and return a summary.
-
-    Raises:
-        FileFormatError: a cell is not a number; nothing was stored.
-    """
+    """Read a table with a column map, store the map next to it and return a summary."""
     from benchtool.report.page import Table
 
     path = RunsFolder(root).find_file(name)
@@ -151,26 +137,28 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has no measured point yet; try again later")
     report = _report(path, entry)
-    blocks: list[Content] = [report.summary]
+    details = []
     if entry.kind in SWEEPS:
         from benchtool.report.run_facts import simple_facts
 
-        blocks.append(simple_facts(read_json(path / "metadata.json")))
+        facts = simple_facts(read_json(path / "metadata.json"))
+        details.append(PageSection.draw("Rig, device and conditions", [facts]))
     section = PageSection.draw(
         name,
-        [*blocks, *report.sections[0].blocks],
+        [report.summary, Tiles(report.highlights), *report.sections[0].blocks],
         simulated=report.simulated,
         command=("report", str(path)),
+        details=details,
     )
     extra = _motor_parts(path) if entry.kind == "recording" else ()
     return section, (*(section.title for section in report.sections[1:-1]), *extra)
 
 
-def view_part(root: Path, name: str, title: str) -> PageSection:
-    """Return a further section of an entry by title."""
+def view_part(root: Path, name: str, title: str, propeller: str = "") -> PageSection:
+    """Return a further section of an entry by title; `propeller` is that of a stand's log."""
     folder = RunsFolder(root)
     if title == MOTOR_PART:
-        return _view_motor(folder.find_path(name))
+        return _view_motor(folder.find_path(name), propeller)
     report = _report(folder.find_path(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == title:
@@ -179,24 +167,37 @@ def view_part(root: Path, name: str, title: str) -> PageSection:
 
 
 def view_fit(root: Path, name: str) -> PageSection:
-    """Return the result of a stored fit, as printed by `benchtool fit`, with its figures."""
+    """Return the result of a stored fit: verdict, tiles, one figure and table; the rest folded."""
     from benchtool.fit.result_file import read_fit
     from benchtool.report.figure import captions
-    from benchtool.report.fit.page import SIMULATED, figure_files, terminal_blocks
+    from benchtool.report.fit.page import FIT, SIMULATED, figure_files, sentence, terminal_blocks
+    from benchtool.report.fit.tables import short_table
+    from benchtool.report.page import Warnings
 
     path = RunsFolder(root).find_path(name)
     stored = read_fit(path)
+    # Statistical errors are in the details.
+    table = short_table(stored.results[0]).select_columns(range(4))
+    tiles = {key: value.partition(" (stat")[0] for key, value in FIT.highlights(stored).items()}
+    head: list[Content] = [
+        Verdict(sentence(stored, short=True)),
+        Tiles(tiles),
+        Warnings(stored.warnings),
+    ]
     blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
-    warnings, tables = blocks[-1], blocks[1:-1]
     texts = captions("fit")
     figures = [
         FigureImage(file.read_bytes(), texts[key]) for key, file in figure_files(path).items()
     ]
     return PageSection.draw(
         name,
-        [blocks[0], warnings, *figures[:1], *tables, *figures[1:]],
+        [*head, *figures[:1], table],
         simulated=stored.simulated,
         command=("report", str(path)),
+        details=(
+            PageSection.draw("Values, methods and comparisons", blocks[:-1]),
+            PageSection.draw("More figures", figures[1:]),
+        ),
     )
 
 
@@ -214,72 +215,64 @@ def _motor_parts(path: Path) -> tuple[str, ...]:
     return (MOTOR_PART,) if {"pwm1_us", "thrust_N"} <= set(names) else ()
 
 
-def _view_motor(path: Path) -> PageSection:
+def _view_motor(path: Path, propeller: str) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
     from benchtool.report.motor import MOTOR, motor_sentence
 
-    fit = fit_motor([path])
+    try:
+        fit = fit_motor([path], propeller=load_propeller(propeller) if propeller else None)
+    except InputError as error:
+        if propeller or "propeller" not in str(error):
+            raise
+        text = "The log names no propeller; type it to fit the motor constants."
+        return PageSection.draw(MOTOR_PART, [text])
+    option = ("--propeller", propeller) if propeller else ()
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
     return PageSection.draw(
         MOTOR_PART,
         [motor_sentence(fit), *blocks],
         simulated=fit.simulated,
-        command=("motor", str(path)),
+        command=("motor", str(path), *option),
     )
 
 
-def export_file(root: Path, name: str, target: str) -> tuple[str, bytes]:
+def export_file(root: Path, name: str, target: str, propeller: str) -> tuple[str, bytes]:
     """Return name and content of the export file for a simulator, an autopilot or firmware."""
     from benchtool.export.targets import file_for
     from benchtool.export.vehicle import build_vehicle
 
-    file, text = file_for(build_vehicle(RunsFolder(root).find_path(name)), target)
+    known = load_propeller(propeller) if propeller else None
+    file, text = file_for(build_vehicle(RunsFolder(root).find_path(name), propeller=known), target)
     return file, text.encode("utf-8")
 
 
-def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
-    """Return runs, recordings and test-stand tables over a quantity, ranked at a thrust if any."""
-    from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
-
-    paths = [RunsFolder(root).find_path(name) for name in names]
-    comparison = compare_runs(paths, over, thrust_N)
-    blocks = [block for section in COMPARISON.sections(comparison) for block in section.blocks]
-    option = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
-    return PageSection.draw(
-        f"{len(names)} compared over {over}",
-        [comparison_sentence(comparison), *blocks],
-        simulated=comparison.simulated,
-        command=("report", *map(str, paths), "--over", over, *option),
-    )
-
-
-def view_fits(root: Path, names: Sequence[str]) -> PageSection:
-    """Return a comparison of parameter values of several fits."""
+def view_comparison(
+    root: Path, names: Sequence[str], over: Over | Literal[""] = "", thrust_N: float | None = None
+) -> PageSection:
+    """Return a comparison of fits, of sweeps, or over a quantity, ranked at a thrust if any."""
     from benchtool.fit.result_file import read_fit
+    from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
     from benchtool.report.fit.tables import fits_table
-
-    fits = {name: read_fit(RunsFolder(root).find_path(name)) for name in names}
-    return PageSection.draw(
-        f"{len(names)} fits compared",
-        [fits_table({name: fit.results for name, fit in fits.items()})],
-        simulated=any(fit.simulated for fit in fits.values()),
-    )
-
-
-def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
-    """Return a comparison plot of several sweeps with their common settings."""
     from benchtool.report.report_file import build_report
 
     paths = [RunsFolder(root).find_path(name) for name in names]
-    if len(paths) < 2:
-        raise InputError("a comparison needs two sweeps or more; select more")
-    report = build_report(paths, "sweep")
-    return PageSection.draw(
-        f"{len(names)} sweeps compared",
-        report.sections[0].blocks,
-        simulated=report.simulated,
-        command=("report", *map(str, paths)),
-    )
+    command: tuple[str, ...] = ("report", *map(str, paths))
+    if over:
+        comparison = compare_runs(paths, over, thrust_N)
+        sections, is_simulated = COMPARISON.sections(comparison), comparison.simulated
+        blocks = [block for section in sections for block in section.blocks]
+        blocks.insert(0, Verdict(comparison_sentence(comparison)))
+        command += ("--over", over)
+        command += () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
+    elif (paths[0] / FIT_FILE).is_file():
+        fits = {name: read_fit(path) for name, path in zip(names, paths, strict=True)}
+        blocks, command = [fits_table({name: fit.results for name, fit in fits.items()})], ()
+        is_simulated = any(fit.simulated for fit in fits.values())
+    else:
+        report = build_report(paths, "sweep")
+        blocks, is_simulated = [*report.sections[0].blocks], report.simulated
+    title = f"{len(names)} compared" + (f" over {over}" if over else "")
+    return PageSection.draw(title, blocks, simulated=is_simulated, command=command)
 
 
 def _report(path: Path, entry: Entry) -> Report:
@@ -297,9 +290,6 @@ def _build_report(path: Path, is_sweep: bool, stamp: int) -> Report:
     return build_report([path], "sweep" if is_sweep else "recording")
 
 
-DATA_SETS = {"learn": "training", "check": "validation"}  # labels of the keys of answer.json
-
-
 def _view_explanation(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
@@ -308,7 +298,7 @@ def _view_explanation(path: Path, name: str) -> PageSection:
     facts = read_json(path / ANSWER_FILE)
     overlay = overlay_caption(float(facts.get("window_s", 0.0)))
     texts = captions("answer") | {"which": WHICH}
-    images = {path / f"{key}.svg": texts[key] for key in ("gap", "where", "parameters", "which")}
+    images = {path / f"{key}.svg": texts[key] for key in ("where", "gap", "parameters", "which")}
     images |= dict.fromkeys(sorted(path.glob("which_*.svg")), WHICH_OF_SEVERAL)
     images |= dict.fromkeys(sorted(path.glob("overlay_*.svg")), overlay)
     figures = [
@@ -317,15 +307,18 @@ def _view_explanation(path: Path, name: str) -> PageSection:
         if file.is_file()
     ]
     rows = {"verdict": str(facts["verdict"]), "model": str(facts["model"])}
-    for purpose, sources in facts.get("data", {}).items():
-        rows[f"{DATA_SETS.get(purpose, purpose)} recordings"] = ", ".join(sources)
+    data = facts.get("data", {})
+    for purpose, label in (("learn", "training recordings"), ("check", "validation recordings")):
+        if purpose in data:
+            rows[label] = ", ".join(data[purpose])
     if next_title := facts.get("next_experiment", {}).get("title"):
         rows["next experiment"] = str(next_title)
     return PageSection.draw(
         name,
-        [str(facts["sentence"]), rows, *figures],
+        [Verdict(facts["sentence"]), *figures[:1], rows],
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
+        details=[PageSection.draw("More figures", figures[1:])],
     )
 
 
@@ -338,7 +331,10 @@ def _view_table(path: Path, name: str) -> PageSection:
         size += f" Repairs: {'; '.join(table.repairs)}."
     caption = f"First {min(PREVIEW_ROWS, len(table.rows))} rows."
     rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS].tolist(), text_columns=0)
-    return PageSection.draw(name, [size, *stand_blocks(path), rows])
+    if blocks := stand_blocks(path):
+        details = [PageSection.draw("Import", blocks), PageSection.draw("First rows", [rows])]
+        return PageSection.draw(name, [size], details=details)
+    return PageSection.draw(name, [size, rows])
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from nicegui import ui
@@ -12,6 +12,9 @@ from benchtool.core.text import format_value
 from benchtool.web.sockets import PAGES
 
 T = TypeVar("T", bound=Inputs)
+Options = Mapping[str, str] | Sequence[str]
+
+MAX_PLACEHOLDER_LENGTH = 22  # that the narrowest field displays; assumed
 
 
 class InputForm(Generic[T]):
@@ -22,21 +25,21 @@ class InputForm(Generic[T]):
         self._items = {item.name: item for item in items(cls)}
         self._fields: dict[str, Any] = {}
 
-    def add(self, *names: str, options: Mapping[str, str] | None = None) -> None:
-        """Create fields in the current slot; `options` are choices with labels."""
+    def add(self, *names: str, options: Options | None = None) -> None:
+        """Create fields in the current slot; `options` are choices, possibly with labels."""
         for name in names:
             element = self._make_field(self._items[name], options)
             self._fields[name] = element.props("dense stack-label")
             if (context := PAGES.get(ui.context.client.id)) is not None:
                 context.persist(f"{self._cls.__name__}.{name}", element)
 
-    def _make_field(self, item: InputField, options: Mapping[str, str] | None) -> Any:
+    def _make_field(self, item: InputField, options: Options | None) -> Any:
         if item.kind is bool:
             return ui.checkbox(item.label, value=bool(item.default), on_change=self._on_change)
-        hint = f"empty: {item.metadata.default_text or format_value(item.default) or '–'}"
+        default = item.metadata.default_text or format_value(item.default)
         if options is not None:
             element: Any = ui.select(
-                dict(options),
+                dict(options) if isinstance(options, Mapping) else list(options),
                 multiple=item.is_sequence,
                 value=None if item.is_sequence else item.default,
                 label=item.label,
@@ -44,15 +47,15 @@ class InputForm(Generic[T]):
             )
             if item.is_sequence or item.default is None:
                 element.props("use-chips" if item.is_sequence else "clearable")
-                element.props("hide-bottom-space")
-                element.props["hint"] = hint
-            return element
+                _show_default(element, default, "hint")
+            return element.props("hide-bottom-space")
         if item.choices:
             labels = {"": format_value(item.default)}
             labels |= {choice: choice for choice in item.choices if choice != item.default}
             return ui.select(labels, value="", label=item.label, on_change=self._on_change)
-        element = ui.input(item.label, placeholder=hint, on_change=self._on_change)
-        return element.props("debounce=300")
+        element = ui.input(item.label, on_change=self._on_change)
+        _show_default(element, default)
+        return element.props("debounce=300 hide-bottom-space")
 
     def choose(self, name: str, options: Mapping[str, str], value: str) -> None:
         """Replace the options of a field and select one."""
@@ -73,22 +76,31 @@ class InputForm(Generic[T]):
     def show_defaults(self, texts: Mapping[str, str]) -> None:
         """Set the default texts that empty fields display, by name."""
         for name, text in texts.items():
-            field, placeholder = self._fields.get(name), f"empty: {text}"
+            field = self._fields.get(name)
             if field is None:  # a restored value can arrive before later fields are created
                 continue
             if choices := self._items[name].choices:
                 options = {"": text} | {choice: choice for choice in choices if choice != text}
                 if field.options != options:
                     field.set_options(options, value=field.value if field.value in options else "")
-            elif field.props["placeholder"] != placeholder:
-                field.props["placeholder"] = placeholder
-                field.update()
+            else:
+                _show_default(field, text)
 
     def show_fields(self, names: Collection[str], is_visible: bool) -> None:
         """Show or hide fields; fields with a value stay visible."""
         for name in names:
             if (field := self._fields.get(name)) is not None:
                 field.set_visibility(is_visible or _parse_empty(field.value) is not None)
+
+
+def _show_default(field: Any, default: str, prop: str = "") -> None:
+    """Display the default of an empty field: inside it, or below it if `prop` is "hint"."""
+    text = f"empty: {default}" if default else ""
+    prop = prop or ("placeholder" if len(text) <= MAX_PLACEHOLDER_LENGTH else "hint")
+    if field.props.get(prop, "") != text:
+        for name in ("placeholder", "hint"):
+            field.props[name] = text if name == prop else None
+        field.update()
 
 
 def _parse_empty(value: Any) -> Any:

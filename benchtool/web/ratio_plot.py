@@ -132,10 +132,7 @@ def _rows(table: tuple[Array, ...], mask: NDArray[np.bool_]) -> tuple[tuple[floa
 def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...]:
     """Return curves of the closed formulas and of a model with its band, all rotors turning.
 
-    Without a model, the formulas only.
-
-    Raises:
-        BenchtoolError: the model is not readable, or is for another rig.
+    Without a model, the formulas only. Raises BenchtoolError for a model of another rig.
     """
     from benchtool.fit.nominal import nominal_model
     from benchtool.physics import VALIDITY_Z_OVER_R
@@ -157,8 +154,10 @@ def model_curves(model: str, rig: Rig, ink: str, basis: str) -> tuple[Trace, ...
     bands = uncertainty_bands(nominal.model, speeds, x, nominal.draws, basis)
     if bands:
         lower, upper = (_points(x, limit) for limit in (bands[-1].lower, bands[-1].upper))
-        edges: list[Sequence[float | None]] = [*lower, (CURVE_Z_OVER_R[1], None), *upper]
-        traces.append({**_line("95 % limits", edges, VERMILION, 1.0, "dotted"), "silent": True})
+        # A closed outline: its parts between the lower limit and the axis cancel.
+        outline = _line("95 % band", [*lower, *reversed(upper)], VERMILION, 0.0)
+        area = {"color": VERMILION, "opacity": 0.2}
+        traces.append({**outline, "areaStyle": area, "silent": True, "tooltip": {"show": False}})
     name = f"{nominal.model.name}, 95 %" if bands else nominal.model.name
     rows = _points(x, np.broadcast_to(ratio, x.shape))
     return (*traces, _line(name, rows, VERMILION if bands else BLUE, 2.0))

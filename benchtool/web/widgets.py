@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import shlex
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,12 +15,16 @@ from urllib.parse import urlencode
 
 from nicegui import Client, events, ui
 
+from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import RecordInputs, SweepInputs
-from benchtool.acquire.operator import CONFIRMATION, arming_warnings
+from benchtool.acquire.operator import CONFIRMATION, arming_prompt, arming_warnings
+from benchtool.acquire.resume import load_resume_state
 from benchtool.bench.bench import DeviceInfo
 from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
+from benchtool.core.text import pluralize
+from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
 from benchtool.tasks import to_user_error
 from benchtool.web.bench_process.messages import Notice, StartRun
@@ -163,28 +168,33 @@ class CommandRow:
         ui.notify("copied", position="bottom-left", timeout=1000)
 
 
-def show_stamp(simulated: bool) -> None:
-    """Show the stamp of simulated data."""
-    if simulated:
-        ui.label("SIMULATED").classes("stamp")
-
-
 def show_title(section: PageSection, subtitle: str = "") -> None:
     """Show the title of a section."""
     with ui.row().classes("items-center gap-3"):
         ui.label(section.title).classes("card-title")
         if subtitle:
             ui.label(subtitle).classes("soft")
-        show_stamp(section.simulated)
+        if section.simulated:
+            ui.label("SIMULATED").classes("stamp")
 
 
-def show_section(section: PageSection, *, has_title: bool = True) -> None:
-    """Show a section with its command."""
-    if has_title:
-        show_title(section)
+def show_section(section: PageSection) -> None:
+    """Show a section, its details as expansions, and its command."""
+    show_html(section)
+    if details := [detail for detail in section.details if detail.html]:
+        with ui.element("div").classes("w-full details"):
+            for detail in details:
+                with ui.expansion(detail.title):
+                    show_html(detail)
     if section.command:
         CommandRow(section.command)
-    show_html(section)
+
+
+def show_card(section: PageSection) -> None:
+    """Show a section with its title in a card."""
+    with ui.card().classes("w-full"):
+        show_title(section)
+        show_section(section)
 
 
 def show_html(section: PageSection) -> None:
@@ -206,20 +216,27 @@ def add_section_expansion(
     with ui.expansion(title).classes("w-full") as expansion:
         container = ui.column().classes("w-full")
 
-    @show_errors
     async def fill() -> None:
-        if not expansion.value or container.default_slot.children:
-            return
-        with container:
-            show_spinner(text)
-        try:
-            section = await load()
-        finally:
-            container.clear()
-        with container:
-            show_html(section)
+        if expansion.value and not container.default_slot.children:
+            await load_section(container, load, text)
 
     return expansion.on_value_change(fill)
+
+
+@show_errors
+async def load_section(
+    container: ui.element, load: Callable[[], Awaitable[PageSection]], text: str
+) -> None:
+    """Replace the contents of a container by a section; `text` is shown meanwhile."""
+    container.clear()
+    with container:
+        show_spinner(text)
+    try:
+        section = await load()
+    finally:
+        container.clear()
+    with container:
+        show_section(section)
 
 
 def multiple_choice(label: str, on_change: Callable[[], object]) -> ui.select:
@@ -302,6 +319,20 @@ def open_dialog(title: str) -> Iterator[ui.dialog]:
         yield dialog
     dialog.on_value_change(lambda change: None if change.value else dialog.delete())
     dialog.open()
+
+
+@show_errors
+async def confirm_resume(context: PageContext, parent: ui.element, path: Path) -> None:
+    """Open the arming dialog for the remaining points of a stopped sweep."""
+    context.require_control()
+    if (identity := context.bench.connection.identity) is None:
+        raise InputError("no bench is connected; connect the bench of the sweep under Bench")
+    state = await asyncio.to_thread(load_resume_state, Run.open(path))
+    expected = check_plan(state.plan, state.rig, identity.limits)
+    text = f"{path.name}: {pluralize(state.remaining, 'point')} remaining\n"
+    text += arming_prompt(state.plan, state.rig, expected)
+    with parent:
+        confirm_arming(context, parent, text, SweepInputs(runs=context.runs, resume=path))
 
 
 def confirm_arming(

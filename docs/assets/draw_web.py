@@ -88,7 +88,7 @@ def fit(page: Page) -> None:
     page.get_by_role("button", name="Fit", exact=True).click()
     page.get_by_text("emcee (posterior samples)").click()
     page.get_by_role("button", name="Fit", exact=True).click()
-    page.get_by_text("Posterior draws, pair by pair").wait_for()
+    page.get_by_role("button", name="More figures").wait_for()
 
 
 def explain(page: Page) -> None:
@@ -180,7 +180,8 @@ def pictures(page: Page, folder: Path, *, every: bool) -> None:
         arrange(page, tab)
         picture(page, folder / f"web-{tab.lower()}.png")
         if tab == "Fit":
-            corner = page.locator("figure.shown", has_text="Posterior draws, pair by pair")
+            page.get_by_role("button", name="More figures").click()
+            corner = page.locator("figure.shown", has_text="Pairwise posterior draws")
             picture(corner, folder / "web-fit-corner.png")
         if every:
             whole(page, tab, folder)

@@ -149,7 +149,7 @@ def sampled(fit: FitOutput) -> list[FitResult]:
 
 
 def _size(fit: FitOutput) -> float:
-    return max(4.6, 1.2 + 1.75 * len(sampled(fit)[-1].estimates))
+    return max(4.6, 1.4 + 1.25 * len(sampled(fit)[-1].estimates))
 
 
 def _labels(result: FitResult) -> list[str]:
@@ -177,7 +177,7 @@ def corner(figure: Figure, fit: FitOutput) -> None:
     corner_plot.corner(
         result.samples, fig=figure, labels=_labels(result), range=_ranges(result.samples, marks),
         color=BLUE, bins=32, smooth=1.0, levels=_LEVELS, plot_datapoints=False,
-        fill_contours=True, quantiles=[0.16, 0.5, 0.84], show_titles=False, max_n_ticks=4,
+        fill_contours=True, quantiles=[0.16, 0.5, 0.84], show_titles=False, max_n_ticks=3,
         hist_kwargs={"linewidth": 1.3},
     )  # fmt: skip
     _tidy(figure, result.estimates)
@@ -207,20 +207,21 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
     """Adjust margins and labels, and put the table's values above each histogram."""
     n, height_in = len(estimates), figure.get_figheight()
     figure.subplots_adjust(
-        left=1.15 / height_in, bottom=1.10 / height_in, right=1.0 - 0.15 / height_in,
+        left=1.10 / height_in, bottom=1.10 / height_in, right=1.0 - 0.45 / height_in,
         top=1.0 - (1.05 if n == 1 else 0.75) / height_in, wspace=0.09, hspace=0.09,
     )  # fmt: skip
     for index, item in enumerate(estimates):
-        title = with_statistical(item.value, item.combined_sd, item.sd).replace(" (", "\n(")
-        title = "\n".join(filter(None, (title, item.bound)))
-        figure.axes[index * n + index].set_title(title, loc="center", fontsize=8.6)
+        text = with_statistical(item.value, item.combined_sd, item.sd).partition(" (stat")[0]
+        title = "\n".join(filter(None, (text, item.bound)))
+        figure.axes[index * n + index].set_title(title, loc="left", fontsize=9.0)
     for axes in figure.axes:
         box = axes.get_position()
         axes.xaxis.set_label_coords(0.5, -0.68 / (box.height * height_in))
         axes.yaxis.set_label_coords(-0.68 / (box.width * height_in), 0.5)
         axes.grid(visible=False)
-        axes.tick_params(labelsize=7.6)
+        axes.tick_params(labelsize=8.4)
         for axis in (axes.xaxis, axes.yaxis):
+            axis.offsetText.set_fontsize(8.4)
             formatter = axis.get_major_formatter()
             if isinstance(formatter, ScalarFormatter):
                 formatter.set_powerlimits((-3, 4))

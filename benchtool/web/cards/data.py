@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from nicegui import ui
@@ -18,13 +17,13 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import column_map_path
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.entries import store_columns, store_radius, view_import
+from benchtool.web.entries import store_columns, store_radius
 from benchtool.web.widgets import (
-    add_section_expansion,
     add_table_upload,
     multiple_choice,
     notify,
     notify_error,
+    open_tab,
     replace_options,
     show_errors,
     show_html,
@@ -133,11 +132,7 @@ class DataCard:
             for name in self.names:
                 if self.entries[name].kind == "table":
                     try:
-                        if is_stand_table(self._folder.find_file(name)):
-                            load = partial(self._context.compute, "tables", view_import, name)
-                            report = add_section_expansion(f"Import of {name}", load, "reading it")
-                            report.classes("bordered")
-                        else:
+                        if not is_stand_table(self._folder.find_file(name)):
                             self._add_column_form(name)
                         self._add_radius_field(name)
                     except Exception as error:  # noqa: BLE001 -- the page stays usable
@@ -148,7 +143,10 @@ class DataCard:
     async def _uploaded(self, name: str) -> None:
         await self.refresh()
         notify(f"saved as {name}")
-        self.choice.set_value([*self.names, name])
+        if is_stand_table(self._folder.find_file(name)):
+            open_tab("runs", run=name)  # motor constants and comparisons; a fit needs a plate
+        else:
+            self.choice.set_value([*self.names, name])
 
     def _add_radius_field(self, name: str) -> None:
         """Add a field and a button to write a rig file with only the rotor radius."""

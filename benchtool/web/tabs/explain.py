@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from urllib.parse import urlencode
@@ -20,7 +21,6 @@ from benchtool.web.command_jobs import CommandJob, Explanation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
 from benchtool.web.widgets import (
-    CommandRow,
     add_table_upload,
     multiple_choice,
     notify,
@@ -28,7 +28,8 @@ from benchtool.web.widgets import (
     show_errors,
     show_html,
     show_section,
-    show_stamp,
+    show_title,
+    titled_card,
     today,
 )
 
@@ -36,8 +37,6 @@ DESCRIPTION = (
     "Shows where recordings disagree with a model, and which physical effect the model lacks. The "
     "model is fitted to training recordings and validated on others of the same bench."
 )
-
-OPEN_SECTIONS = ("What now", "Where", "Which", "The gap")  # expanded by default
 
 
 def explain_inputs(
@@ -87,14 +86,12 @@ class ExplainTab(CommandTab):
     """Form and result of one page; ?learn=NAME&check=NAME&model=NAME selects the inputs."""
 
     label, icon, noun = "Explain", "troubleshoot", "explanation"
-    has_stages = True
 
     def __init__(self, context: PageContext) -> None:
         super().__init__(context)
         self._suggested_model = ""
         self._sources = RecordingSources.from_folder(context.runs)
-        with ui.card().classes("w-full gap-2"):
-            ui.label("Recordings and model").classes("card-title")
+        with self.inputs, titled_card("Recordings and model"):
             ui.label(DESCRIPTION).classes("soft")
             with ui.element("div").classes("fit-form w-full"):
                 with ui.column().classes("w-full gap-2"):
@@ -110,7 +107,7 @@ class ExplainTab(CommandTab):
             for select in (self._learn, self._check, self._model):
                 select.on("popup-show", self._read_choices)
             self.add_controls()
-        self.add_report()
+        self.show_latest()
         query = ui.context.client.request.query_params
         names = [query.getlist(key) for key in ("learn", "check", "model")]
         ui.timer(0.0, lambda: self._select(*names), once=True)
@@ -124,7 +121,8 @@ class ExplainTab(CommandTab):
         if model:
             available = (name for name in model if name in self._model.options)
             self._model.set_value(next(available, None))
-        has_query = bool(learn or check or model)
+        if has_query := bool(learn or check or model):
+            self.inputs.set_value(True)
         for key in ("learn", "check", "model", "rig"):
             field = getattr(self, f"_{key}")
             self.context.persist(f"explain.{key}", field, restore=not has_query)
@@ -162,32 +160,20 @@ class ExplainTab(CommandTab):
 
     def show_report(self, job: CommandJob) -> None:
         result: Explanation = job.result()
-        with ui.card().classes("w-full gap-2"):
-            self._show_header(job, result)
-        for section in result.sections:
-            if section.title in OPEN_SECTIONS:
-                with ui.card().classes("w-full"):
-                    show_section(section)
         with ui.card().classes("w-full"):
-            for section in result.sections:
-                if section.title not in OPEN_SECTIONS:
-                    with ui.expansion(section.title).classes("w-full").props("dense"):
-                        show_html(section)
+            show_title(result.head, f"after {result.seconds:.1f} s")
+            show_html(result.head)
+            self._add_acceptance(job, result)
+            show_section(result.section)
 
-    def _show_header(self, job: CommandJob, result: Explanation) -> None:
-        with ui.row().classes("items-center gap-3"):
-            ui.label("Result").classes("card-title")
-            show_stamp(result.simulated)
-            ui.label(f"after {result.seconds:.1f} s").classes("soft")
-        ui.label(result.sentence).classes("text-h6").props("role=status")
-        if result.highlights is not None:
-            show_html(result.highlights)
-        CommandRow(job.command)
+    def _add_acceptance(self, job: CommandJob, result: Explanation) -> None:
+        """Add the button that writes the result, and its status."""
         with ui.row().classes("items-center gap-4 w-full"):
             effects = result.new_effects
             label = f"Accept {' and '.join(effects)} into a new model"
             button = ui.button(label if effects else "Save this result", icon="check")
-            status = ui.html(self._status(job, result), sanitize=False).props("role=status")
+            button.set_enabled(job.accepted_model is None)
+            ui.html(self._status(job, result), sanitize=False).props("role=status")
 
         @show_errors
         async def accept() -> None:
@@ -196,13 +182,11 @@ class ExplainTab(CommandTab):
             try:
                 # If the name has been taken meanwhile, a number is appended.
                 await run.io_bound(job.accept, free_path(job.out))
+                await self._read_choices()
             finally:
-                button.set_enabled(job.accepted_model is None)
-            status.set_content(self._status(job, result))
-            await self._read_choices()
+                self.replace_report(partial(self.show_report, job))
 
         button.on_click(accept)
-        button.set_enabled(job.accepted_model is None)
 
     def _status(self, job: CommandJob, result: Explanation) -> str:
         """Return the files to be written, or a link to the written folder, as HTML."""
@@ -214,7 +198,7 @@ class ExplainTab(CommandTab):
         if not job.accepted_model:
             return f"saved as {link}"
         model = escape(job.accepted_model)
-        return f"model <b>{model}</b> was written to {link}; it can be selected above"
+        return f"model <b>{model}</b> was written to {link}; it can be selected under Inputs"
 
 
 build = ExplainTab

@@ -6,11 +6,11 @@ import asyncio
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple, get_args
 
 from nicegui import ui
 
-from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import build_inputs
 from benchtool.core.parameter import Parameter
@@ -33,10 +33,9 @@ from benchtool.web.choices import check_rig_choice, model_choices, model_path, r
 from benchtool.web.command_jobs import CommandJob
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.drawing import PageSection
 from benchtool.web.entries import FIGURE_WORKER, view_fit
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import show_errors, show_section, show_spinner, titled_card
+from benchtool.web.widgets import show_card, show_errors, show_spinner, titled_card
 
 DEFAULT_MODEL = "quad_bench"
 
@@ -71,9 +70,8 @@ def choice_options(
     """Return the recipe options free, hold and fix for choices that differ from the model."""
     chosen = [name for name in parameters if name in choices]
     free = [name for name in chosen if choices[name].free and not parameters[name].free]
-    fixed = [name for name in chosen if not choices[name].free]
-    values = {name: choices[name].value for name in fixed}
-    fix = {name: value for name, value in values.items() if value != parameters[name].value}
+    fixed = {name: choices[name].value for name in chosen if not choices[name].free}
+    fix = {name: value for name, value in fixed.items() if value != parameters[name].value}
     hold = [name for name in fixed if parameters[name].free and name not in fix]
     return {"free": free, "hold": hold, "fix": fix}
 
@@ -86,10 +84,9 @@ def build_fit_inputs(
         raise InputError(
             "no data selected; select a run or a table, measure a sweep first, or upload a CSV file"
         )
-    paths = [folder.find_path(name) for name in request.data]
     tables = [name for name in request.data if entries[name].kind == "table"]
-    maps = [column_map_path(folder.find_file(name)) for name in tables]
-    stored = [path for path in maps if path.is_file()]
+    files = [folder.find_file(name) for name in tables]
+    stored = [path for path in map(column_map_path, files) if path.is_file()]
     if len(tables) > 1 and stored:
         raise InputError(
             f"{' and '.join(tables)} have separate column maps, but a fit uses one; fit them "
@@ -98,16 +95,15 @@ def build_fit_inputs(
     model = model_path(folder, request.model)
     columns = read_column_map(stored[0]) if stored else {}
     if tables and not stored and not load_model(model).columns:
-        for name in tables:
-            path = folder.find_file(name)
-            if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
+        for name, file in zip(tables, files, strict=True):
+            if "thrust_N" not in read_csv_header(file) and not is_stand_table(file):
                 raise InputError(
                     f"{name} has no column thrust_N; select its columns above and press Use these "
                     f"columns"
                 )
     recipe = Recipe(
         name=request.name,
-        data=tuple(str(path) for path in paths),
+        data=tuple(str(folder.find_path(name)) for name in request.data),
         model=model,
         columns=str(stored[0]) if stored else None,
     )
@@ -115,7 +111,8 @@ def build_fit_inputs(
     parameters = form_parameters(model, data_rig(request, folder))
     options = dict(request.options)
     choices: dict[str, Any] = choice_options(parameters, request.choices)
-    if "R_m" in parameters and tables and _has_no_plate(tables, columns, folder):
+    has_plate = "plate_z_m" in columns if columns else not all(map(is_stand_table, files))
+    if "R_m" in parameters and tables and not has_plate:
         # As in the command: without a plate, the effective radius is not identifiable.
         choices["hold"] = sorted({*choices["hold"], "R_m"} - choices["fix"].keys())
     if "thrust_ratio" in columns and not options.get("basis"):
@@ -129,19 +126,19 @@ def build_fit_inputs(
     return build_inputs(FitInputs, {**choices, **options}, source="label", base=base)
 
 
-def _has_no_plate(
-    tables: Sequence[str], columns: Mapping[str, ColumnSource], folder: RunsFolder
-) -> bool:
-    """Return whether tables contain no plate distance."""
-    if columns:
-        return "plate_z_m" not in columns
-    return all(is_stand_table(folder.find_file(name)) for name in tables)
-
-
 def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
     """Return the rig of the data; None for the rig of the model file."""
     rig = check_rig_choice(request.options.get("rig"), folder)
-    return rig_for_data([str(folder.find_path(name)) for name in request.data], request.model, rig)
+    paths = [str(folder.find_path(name)) for name in request.data]
+    try:
+        return rig_for_data(paths, request.model, rig)
+    except InputError as error:
+        if rig is not None or "--rig" not in str(error):
+            raise
+        raise InputError(
+            f"{request.data[0]} does not say which rig it was measured on; select Rig of a table, "
+            f"or make a rig of it. Motor constants need no rig: open the log under Runs"
+        ) from None
 
 
 def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
@@ -173,8 +170,6 @@ LOSSES = {
 assert tuple(BASES) == get_args(Basis)
 assert tuple(NOISES) == get_args(Noise)
 
-HEADER = ("parameter", "unit", "free", "value", "bounds", "source")
-
 
 class ParameterTable:
     """Table of a model's parameters; `changes` are the user's choices, free or fixed."""
@@ -199,7 +194,7 @@ class ParameterTable:
         self._container.clear()
         with self._container, ui.element("table").classes("shown parameters"):
             with ui.element("thead"), ui.element("tr"):
-                for text in HEADER:
+                for text in ("parameter", "unit", "free", "value", "bounds", "source"):
                     with ui.element("th").props("scope=col"):
                         ui.label(text)
             with ui.element("tbody"):
@@ -211,20 +206,24 @@ class ParameterTable:
         choice = self.changes.get(name, default)
         bounds = f"{parameter.lower:g} … {parameter.upper:g}"
         bounds = bounds.replace("-", "−").replace("inf", "∞")
+
+        def cell(label: str) -> ui.element:
+            return ui.element("td").props(f"data-label={label}")
+
         with ui.element("tr"):
             with ui.element("th").props("scope=row"):
                 ui.label(name)
-            with ui.element("td"):
+            with cell("unit"):
                 ui.label(display_unit(parameter.unit))
-            with ui.element("td"):
+            with cell("free"):
                 free = ui.checkbox(value=choice.free).props(f'dense aria-label="{name} is free"')
-            with ui.element("td"):
+            with cell("value"):
                 value = ui.number(value=choice.value, format="%.6g").props("dense outlined")
                 value.props(f'aria-label="{name} is fixed at" step=any').classes("w-32")
                 value.set_enabled(not choice.free)
-            with ui.element("td").classes("number soft"):
+            with cell("bounds").classes("number soft"):
                 ui.label(bounds)
-            with ui.element("td").classes("soft"):
+            with cell("source").classes("soft"):
                 ui.label(parameter.source)
 
         def read() -> None:
@@ -252,24 +251,23 @@ class FitTab(CommandTab):
     def __init__(self, context: PageContext, listing: RunsListing) -> None:
         super().__init__(context)
         self._suggested_name = ""
-        with ui.element("div").classes("fit-form"):
-            with titled_card("Data"):
-                self.data = DataCard(context, listing, self._on_data_change, self._on_rig_written)
-            with titled_card("Method"):
-                models = model_choices(self.folder, self.data.entries.values())
-                self._build_method(models)
-        with ui.card().classes("w-full"):
-            with ui.row().classes("items-center w-full gap-4"):
-                ui.label("Model").classes("card-title")
-                self._model = ui.select(models, value=DEFAULT_MODEL, label="Model")
-                self._model.props("use-input input-debounce=0").classes("grow")
-                self._model.on_value_change(self._on_model_change)
-            self._parameters = ParameterTable(context, self.change)
-        with ui.card().classes("w-full"):
-            self._name = ui.input("Name of the fit's folder", on_change=self.change)
-            self._name.classes("w-full")
-            self.add_controls()
-        self.add_report()
+        with self.inputs:
+            with ui.element("div").classes("fit-form"):
+                with titled_card("Data"):
+                    self.data = DataCard(context, listing, self._on_data_change, self._choose_rig)
+                with titled_card("Method"):
+                    models = model_choices(self.folder, self.data.entries.values())
+                    self._build_method(models)
+            with titled_card("Model"):
+                self._model = ui.select(models, value=DEFAULT_MODEL)
+                self._model.props('use-input input-debounce=0 dense aria-label="Model"')
+                self._model.classes("w-full").on_value_change(self._on_model_change)
+                self._parameters = ParameterTable(context, self.change)
+            with ui.card().classes("w-full"):
+                self._name = ui.input("Name of the fit's folder", on_change=self.change)
+                self._name.props("dense").classes("w-full")
+                self.add_controls()
+        self.show_latest()
         context.persist("fit.model", self._model)
         context.persist("fit.name", self._name)
 
@@ -280,7 +278,7 @@ class FitTab(CommandTab):
             self.context.persist("fit.least_squares", self._squares)
             self.context.persist("fit.emcee", self._emcee)
         self._form = form = InputForm(FitInputs, self.change)
-        with ui.element("div").classes("field-grid"):
+        with ui.element("div").classes("field-grid large"):
             form.add("basis", options=BASES)
             form.add("noise", options=NOISES)
             form.add("rig", options=rig_choices(self.folder))
@@ -289,8 +287,10 @@ class FitTab(CommandTab):
         with options, ui.element("div").classes("field-grid"):
             form.add("compare", options={LAWS: "all ground-effect laws", **models})
             form.add("loss", options=LOSSES)
-            form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
+            form.add("min_z_over_r", "walkers", "max_steps", "seed", "profile")
             form.add("budget", "temperature", "pressure", "humidity")
+        with options:
+            form.add("where")
 
     def _read_options(self) -> dict[str, Any]:
         methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
@@ -307,7 +307,7 @@ class FitTab(CommandTab):
                 self._model.set_value(MODEL)
         self.change()
 
-    def _on_rig_written(self, path: str) -> None:
+    def _choose_rig(self, path: str) -> None:
         self._form.choose("rig", rig_choices(self.folder), path)
 
     def _on_model_change(self) -> None:
@@ -333,18 +333,7 @@ class FitTab(CommandTab):
         return request.name, inputs
 
     def show_report(self, job: CommandJob) -> None:
-        self._show_section(job.result())
-
-    def _show_section(self, section: PageSection) -> None:
-        with ui.card().classes("w-full"):
-            show_section(section)
-
-    async def show_stored(self, name: str) -> None:
-        """Show a stored fit."""
-        section = await self.context.compute(FIGURE_WORKER, view_fit, name)
-        self.report.clear()
-        with self.report:
-            self._show_section(section)
+        show_card(job.result())
 
     async def done(self, job: CommandJob) -> None:
         self.context.server.forms.store(self.context.tab, RESULT_KEY, job.out.name)
@@ -370,11 +359,14 @@ def build(context: PageContext) -> None:
         with container:
             tab = FitTab(context, listing)
         context.persist("fit.data", tab.data.choice, restore=not names)
+        fit_name = context.server.forms.values(context.tab).get(RESULT_KEY)
         if names:
             await tab.data.select(names)
-        fit_name = context.server.forms.values(context.tab).get(RESULT_KEY)
         if fit_name and any(entry.name == fit_name for entry in listing.entries):
-            await tab.show_stored(fit_name)
+            section = await context.compute(FIGURE_WORKER, view_fit, fit_name)
+            tab.replace_report(partial(show_card, section))
+        if names:
+            tab.inputs.set_value(True)
 
     ui.timer(0.0, fill, once=True)
 

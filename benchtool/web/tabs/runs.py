@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import urlencode
 
 from nicegui import ui
@@ -15,11 +15,14 @@ from benchtool.commands.import_file import ImportInputs
 from benchtool.commands.report import ReportInputs
 from benchtool.core.inputs import items
 from benchtool.data.catalogue.entry import ChoiceInputs, filter_entries
+from benchtool.data.formats.formats import is_stand_table
+from benchtool.data.propeller_file import propeller_names
 from benchtool.data.run.entry import ANSWER_FILE, ENTRY_KINDS, FIT_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.points import TABLES
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext, RunsListing
+from benchtool.web.drawing import PageSection
 from benchtool.web.entries import (
     FIGURE_WORKER,
     MOTOR_PART,
@@ -28,14 +31,14 @@ from benchtool.web.entries import (
     table_bytes,
     view_comparison,
     view_entry,
-    view_fits,
-    view_over,
     view_part,
 )
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
     add_section_expansion,
     add_table_upload,
+    confirm_resume,
+    load_section,
     notify,
     open_tab,
     replace_options,
@@ -45,104 +48,100 @@ from benchtool.web.widgets import (
     show_title,
 )
 
-EXPORTABLE_KINDS = ("fit", *SWEEPS)
 EXPORT_WORKER = "reports"  # process that writes downloads
 
 
-class Download(NamedTuple):
-    """Downloadable file; `function` returns its contents in a worker process, None: a path."""
-
-    label: str
-    file: str
-    function: Callable[..., bytes] | None
-    arguments: tuple[Any, ...]
+Download = tuple[str, str, Callable[..., bytes] | None, tuple[Any, ...]]
+"""Label and name of a file, and the function in a worker that returns it; None: it exists."""
 
 
-def downloads(entry: Entry) -> tuple[Download, ...]:
-    """Return the downloads of an entry; () for an unreadable one."""
-    if entry.problem:
-        return ()
+def downloads(entry: Entry) -> Iterator[Download]:
+    """Yield the downloads of an entry; none for an unreadable one."""
     name, flat = entry.name, entry.name.replace("/", "-")
-    if entry.kind == "table":
-        return (Download("CSV", flat, None, (name,)),)
-    report = report_download(flat, (name,))
-    if entry.kind == "recording":
-        return report, Download("Recording", flat, None, (name,))
-    if entry.kind in ("fit", "explanation"):
+    if entry.problem:
+        return
+    if entry.kind != "table":
+        yield report_download(flat, (name,))
+    if entry.kind in ("table", "recording"):
+        yield "CSV" if entry.kind == "table" else "Recording", flat, None, (name,)
+    elif entry.kind in ("fit", "explanation"):
         files = [FIT_FILE if entry.kind == "fit" else ANSWER_FILE]
-        if entry.state not in ("stopped early", "not converged"):
-            files.append("model.toml")
-        return report, *(
-            Download(file, f"{flat}-{file}", None, (f"{name}/{file}",)) for file in files
-        )
-    tables = [(table, "CSV") for table in (TABLES if entry.kind in SWEEPS else ("samples",))]
-    return report, *(
-        Download(
-            f"{table}, {label}",
-            f"{flat}-{table}.{label.lower()}",
-            table_bytes,
-            (name, table, f".{label.lower()}"),
-        )
-        for table, label in (*tables, ("samples", "Parquet"))
-    )
+        files += ["model.toml"] * (entry.state not in ("stopped early", "not converged"))
+        for file in files:
+            yield file, f"{flat}-{file}", None, (f"{name}/{file}",)
+    else:
+        tables = TABLES if entry.kind in SWEEPS else ("samples",)
+        for table, label in (*((table, "CSV") for table in tables), ("samples", "Parquet")):
+            suffix = f".{label.lower()}"
+            yield f"{table}, {label}", f"{flat}-{table}{suffix}", table_bytes, (name, table, suffix)
 
 
 def report_download(name: str, entries: tuple[str, ...]) -> Download:
     """Return the download of a report."""
-    return Download("Report, HTML", f"{name}-report.html", report_bytes, (entries,))
+    return "Report, HTML", f"{name}-report.html", report_bytes, (entries,)
 
 
 class RunDetail:
     """View of one entry, or of several compared, below the list."""
 
-    def __init__(self, context: PageContext) -> None:
-        self._context = context
+    def __init__(self, context: PageContext, on_compare: Callable[[str], object]) -> None:
+        self._context, self._on_compare = context, on_compare
         self._folder = RunsFolder(context.runs)
         self._request_number = 0
+        self._propeller = ""  # of a log that names none
         self._container = ui.column().classes("w-full gap-3 scroll-place")
 
     async def open(self, name: str) -> None:
         """Show one entry."""
+        self._propeller = ""
         entry = build_entry(self._folder, name)
         result = await self._load(f"reading {name}", view_entry, name)
         if result is None:
             return
         section, part_titles = result
+        is_motor_log = MOTOR_PART in part_titles
+        is_stand_log = entry.kind == "table" and is_stand_table(self._folder.find_file(name))
         with self._container, ui.card().classes("w-full"):
             show_title(section, f"{entry.kind} {entry.state}".strip())
-            with ui.row().classes("w-full gap-2"):
-                if entry.can_fit:
+            with ui.row().classes("w-full gap-2 items-center"):
+                if is_motor_log:
+                    compare = ui.button("Compare", icon="stacked_line_chart").props("dense")
+                    compare.on_click(lambda: self._on_compare(name))
+                if entry.can_fit and not is_stand_log:  # a stand has no plate
                     fit = ui.button("Fit", icon="functions").props("dense")
                     fit.on_click(lambda: open_tab("fit", data=name))
+                if (entry.kind, entry.state) == ("sweep", "stopped"):
+                    resume = ui.button("Resume", icon="play_arrow").props("dense outline")
+                    path = self._folder.find_path(name)
+                    resume.on_click(lambda: confirm_resume(self._context, self._container, path))
                 for download in downloads(entry):
                     self._add_download(download)
-                has_export = entry.kind in EXPORTABLE_KINDS or MOTOR_PART in part_titles
-                if not entry.problem and has_export:
+                if not entry.problem and (entry.kind in ("fit", *SWEEPS) or is_motor_log):
                     self._add_export(name)
-            show_section(section, has_title=False)
+            if is_motor_log:
+                self._add_motor(name)
+            show_section(section)
             for title in part_titles:
-                load = partial(self._context.compute, FIGURE_WORKER, view_part, name, title)
-                add_section_expansion(title, load, f"drawing {title.lower()}")
+                if title != MOTOR_PART:
+                    load = partial(self._context.compute, FIGURE_WORKER, view_part, name, title)
+                    add_section_expansion(title, load, f"drawing {title.lower()}")
 
     async def compare(
         self, entries: Sequence[Entry], over: str = "", thrust_N: float | None = None
     ) -> None:
-        """Show a comparison of entries, as `view_over`; without `over`, of ratios of sweeps."""
+        """Show a comparison of entries, as `view_comparison`."""
         kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
-        text, has_ratios = f"comparing {len(names)}", kinds <= {*SWEEPS} and not over
-        if kinds == {"fit"}:
-            section = await self._load(text, view_fits, names)
-        elif has_ratios:
-            section = await self._load(text, view_comparison, names)
-        else:
-            section = await self._load(text, view_over, names, over or "thrust", thrust_N)
+        has_ratios = kinds <= {*SWEEPS} and not over
+        over = over if has_ratios or kinds == {"fit"} else over or "thrust"
+        text = f"comparing {len(names)}"
+        section = await self._load(text, view_comparison, names, over, thrust_N)
         if section is None:
             return
         with self._container, ui.card().classes("w-full"):
             show_title(section)
             if has_ratios:
                 self._add_download(report_download("compared", names))
-            show_section(section, has_title=False)
+            show_section(section)
 
     async def _load(self, text: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of a worker function, or None if another entry was opened meanwhile."""
@@ -159,26 +158,40 @@ class RunDetail:
                 self._container.clear()
         return result if number == self._request_number else None
 
-    def _add_download(self, download: Download) -> None:
-        async def load() -> tuple[str, bytes | Path]:
-            if download.function is None:
-                return download.file, self._folder.find_file(*download.arguments)
-            content = await self._context.compute(
-                EXPORT_WORKER, download.function, *download.arguments
-            )
-            return download.file, content
+    def _add_motor(self, name: str) -> None:
+        """Add thrust curve and motor constants of a log, with a field for its propeller."""
+        label = "Propeller, if the log names none: size in inches, or name"
+        with ui.row().classes("items-end w-full gap-4"):
+            field = ui.input(label, autocomplete=[*propeller_names()]).classes("grow")
+            field.props("dense").bind_value_to(self, "_propeller")
+            button = ui.button("Motor constants", icon="functions").props("outline")
+        container = ui.column().classes("w-full")
 
-        self._add_save(download.label, "download", load)
+        def load() -> Awaitable[PageSection]:
+            arguments = (name, MOTOR_PART, self._propeller)
+            return self._context.compute(FIGURE_WORKER, view_part, *arguments)
+
+        fill = partial(load_section, container, load, "fitting the motor constants")
+        button.on_click(lambda: fill())
+        ui.timer(0.0, fill, once=True)
+
+    def _add_download(self, download: Download) -> None:
+        label, file, function, arguments = download
+
+        async def load() -> tuple[str, bytes | Path]:
+            if function is None:
+                return file, self._folder.find_file(*arguments)
+            return file, await self._context.compute(EXPORT_WORKER, function, *arguments)
+
+        self._add_save(label, "download", load)
 
     def _add_export(self, name: str) -> None:
         """Add a download of the files of `benchtool export`."""
         titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
 
-        async def load() -> tuple[str, bytes | Path]:
-            file, content = await self._context.compute(
-                EXPORT_WORKER, export_file, name, target.value
-            )
-            return file, content
+        def load() -> Awaitable[tuple[str, bytes]]:
+            arguments = (name, target.value, self._propeller)
+            return self._context.compute(EXPORT_WORKER, export_file, *arguments)
 
         with ui.row().classes("items-center gap-1"):
             target = ui.select(titles, value="ardupilot", label="For")
@@ -247,7 +260,7 @@ class RunsTab:
     def __init__(self, context: PageContext) -> None:
         self._listing = RunsListing(RunsFolder(context.runs))
         with ui.card().classes("w-full"):
-            with ui.row().classes("items-end w-full gap-4"):
+            with ui.row().classes("items-end w-full gap-4 runs-filter"):
                 self._search = ui.input("Search name, rig, date, state, note", on_change=self._fill)
                 self._search.classes("grow").props('debounce=120 clearable type="search"')
                 kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}
@@ -271,7 +284,7 @@ class RunsTab:
                 add_table_upload(context, self._uploaded, self._import.make)
         context.persist("runs.search", self._search)
         context.persist("runs.kind", self._kind)
-        self._detail = RunDetail(context)
+        self._detail = RunDetail(context, self._select)
         ui.timer(REFRESH_INTERVAL_S, self._refresh)
 
     def _make_table(self) -> ui.table:
@@ -302,6 +315,15 @@ class RunsTab:
         await self._detail.open(name)
         address = json.dumps("?" + urlencode({"tab": "runs", "run": name}))
         ui.run_javascript(f"history.replaceState(null, '', {address})")
+
+    def _select(self, name: str) -> None:
+        """Select an entry for a comparison with others over thrust, in the unfiltered list."""
+        for field, value in ((self._search, ""), (self._kind, ""), (self._axis, "thrust")):
+            field.set_value(value)
+        self._table.selected = [row for row in self._table.rows if row["name"] == name]
+        self._on_select()
+        notify(f"{name} is selected; select others in the list, then press Compare")
+        ui.run_javascript("window.scrollTo(0, 0)")
 
     @show_errors
     async def _show_comparison(self) -> None:
@@ -336,9 +358,10 @@ class RunsTab:
             tag=tuple(self._tags.value or ()),
         )
         entries = filter_entries(self._listing.entries, criteria)
-        self._table.update_rows([_row(entry) for entry in entries], clear_selection=False)
+        rows = [_row(entry) for entry in entries]
+        self._table.update_rows(rows, clear_selection=False)
         total = len(self._listing.entries)
-        n_unreadable = sum(bool(entry.problem) for entry in entries)
+        n_unreadable = sum(row["problem"] for row in rows)
         count = f"{len(entries)} of {total}" if len(entries) < total else f"{total}"
         count += f" in {self._listing.folder.root.name}"
         self._count.set_text(count + (f", {n_unreadable} not readable" if n_unreadable else ""))
@@ -370,6 +393,6 @@ def _row(entry: Entry) -> dict[str, Any]:
         "date": entry.date,
         "state": state.removeprefix(", "),
         "summary": entry.problem.removeprefix(f"{entry.name}: ") or entry.summary,
-        "problem": bool(entry.problem),
+        "problem": bool(entry.problem) and entry.state != "stopped",  # a stop is no problem
         "tags": entry.tags,
     }

@@ -16,38 +16,36 @@ from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.web.command_jobs import CommandJob, Simulation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
-from benchtool.web.form import InputForm
-from benchtool.web.widgets import open_tab, show_section, titled_card, today
+from benchtool.web.form import InputForm, Options
+from benchtool.web.widgets import open_tab, show_section, show_title, titled_card, today
 
 KINDS: dict[str, type[Simulation]] = {"pitch bench": PitchInputs, "flight": FlightInputs}
 
 COMMON_FIELDS = ("duration_s", "seed", "set", "out")
 
 
-def _pitch_choices() -> dict[str, Mapping[str, str] | None]:
-    """Return the fields of the pitch bench with their options; None for a text field."""
-    rigs = [
-        name for name in rig_names() if any(rotor.x_m for rotor in load_rig_by_name(name).rotors)
-    ]
+def _choices() -> dict[str, dict[str, Options | None]]:
+    """Return the fields of each kind with their options; None for a text field."""
+    rigs = {name: load_rig_by_name(name).rotors for name in rig_names()}
+    common = dict.fromkeys(COMMON_FIELDS)
     return {
-        "rig": {name: name for name in rigs},
-        "schedule": {name: name for name in schedule_names()},
-        "controllers": {name: name for name in PITCH_CONTROLLERS},
-        "gains": {name: name for name in gain_names()},
-    }
-
-
-def _flight_choices() -> dict[str, Mapping[str, str] | None]:
-    """Return the fields of a flight, as `_pitch_choices`."""
-    # Thrust and three torques need at least four rotors.
-    rigs = [name for name in rig_names() if load_rig_by_name(name).n_rotors >= 4]
-    return {
-        "case": {name: flight.title for name, flight in FLIGHTS.items()},
-        "rig": {name: name for name in rigs},
-        "controllers": {name: name for name in FLIGHT_CONTROLLERS},
-        "gains": {name: name for name in gain_names()},
-        "z_over_r": None,
-        "speed_m_s": None,
+        "pitch bench": {
+            "rig": [name for name, rotors in rigs.items() if any(rotor.x_m for rotor in rotors)],
+            "schedule": schedule_names(),
+            "controllers": [*PITCH_CONTROLLERS],
+            "gains": gain_names(),
+            **common,
+        },
+        "flight": {
+            "case": {name: flight.title for name, flight in FLIGHTS.items()},
+            # Thrust and three torques need at least four rotors.
+            "rig": [name for name, rotors in rigs.items() if len(rotors) >= 4],
+            "controllers": [*FLIGHT_CONTROLLERS],
+            "gains": gain_names(),
+            "z_over_r": None,
+            "speed_m_s": None,
+            **common,
+        },
     }
 
 
@@ -55,25 +53,25 @@ class SimulateTab(CommandTab):
     """Form and report of one page."""
 
     label, icon, noun = "Simulate", "flight_takeoff", "simulation"
+    folds_form = False
 
     def __init__(self, context: PageContext) -> None:
         super().__init__(context)
-        with titled_card("Simulation"):
+        with self.inputs, titled_card("Simulation"):
             self._kind = ui.toggle([*KINDS], value="pitch bench", on_change=self.change)
             self._kind.props('no-caps aria-label="Type of simulation"')
-            choices = (_pitch_choices(), _flight_choices())
-            self._forms = dict(zip(KINDS, map(self._build_form, KINDS, choices), strict=True))
+            self._forms = {
+                kind: self._build_form(kind, fields) for kind, fields in _choices().items()
+            }
             self.add_controls()
         context.persist("simulate.kind", self._kind)
-        self.add_report()
+        self.show_latest()
 
-    def _build_form(
-        self, kind: str, fields: Mapping[str, Mapping[str, str] | None]
-    ) -> InputForm[Simulation]:
+    def _build_form(self, kind: str, fields: Mapping[str, Options | None]) -> InputForm[Simulation]:
         form: InputForm[Simulation] = InputForm(KINDS[kind], self.change)
-        with ui.element("div").classes("field-grid") as container:
-            for name in (*fields, *COMMON_FIELDS):
-                form.add(name, options=fields.get(name))
+        with ui.element("div").classes("field-grid large") as container:
+            for name, options in fields.items():
+                form.add(name, options=options)
         container.bind_visibility_from(self._kind, "value", value=kind)
         return form
 
@@ -91,12 +89,11 @@ class SimulateTab(CommandTab):
     def show_report(self, job: CommandJob) -> None:
         section, recording = job.result()
         with ui.card().classes("w-full"):
+            show_title(section, "saved in the runs folder; see Runs")
+            if recording:
+                explain = ui.button("Explain", icon="troubleshoot").props("outline")
+                explain.on_click(lambda: open_tab("explain", learn=recording))
             show_section(section)
-            with ui.row().classes("items-center w-full gap-4"):
-                ui.label("saved in the runs folder; see Runs").classes("soft")
-                if recording:
-                    explain = ui.button("Explain", icon="troubleshoot").props("outline")
-                    explain.on_click(lambda: open_tab("explain", learn=recording))
 
 
 build = SimulateTab

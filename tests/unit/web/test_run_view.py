@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError
+from benchtool.data.run.entry import Entry
 from benchtool.web.entries import (
     report_bytes,
     table_bytes,
@@ -16,6 +17,7 @@ from benchtool.web.entries import (
     view_entry,
     view_part,
 )
+from benchtool.web.tabs.runs import _row
 
 TOP = Path(__file__).parents[3]
 
@@ -58,3 +60,10 @@ def test_nothing_outside_is_shown_compared_or_handed_out(root, name):
     ):
         with pytest.raises(BenchtoolError):
             access()
+
+
+@pytest.mark.parametrize("state", ["stopped", "ended"])
+def test_a_stopped_run_is_not_called_unreadable(state):
+    entry = Entry(name="a", kind="pitch recording", state=state, problem="a: it has no samples")
+    row = _row(entry)
+    assert (row["problem"], row["summary"]) == (state == "ended", "it has no samples")

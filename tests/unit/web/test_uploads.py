@@ -14,7 +14,15 @@ from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.report.compare.page import compare_runs
 from benchtool.report.page import Table
-from benchtool.web.entries import stand_blocks, store_radius, store_upload
+from benchtool.web.entries import (
+    MOTOR_PART,
+    export_file,
+    stand_blocks,
+    store_radius,
+    store_upload,
+    view_entry,
+    view_part,
+)
 from benchtool.web.tabs.fit import FitRequest, build_fit_inputs
 
 STAND = "rcbenchmark_1580/StepsTest_2020-05-22_102946.csv"
@@ -50,6 +58,11 @@ def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(tmp_path, r
         store_radius(runs, name, 0.2)
     (run,) = compare_runs([runs / name]).runs
     assert run.values("efficiency_N_W") is not None
+    assert view_entry(runs, name)[1] == (MOTOR_PART,)
+    assert "names no propeller" in view_part(runs, name, MOTOR_PART).html
+    command = view_part(runs, name, MOTOR_PART, "5x4.5").command
+    assert command == ("motor", str(runs / name), "--propeller", "5x4.5")
+    assert export_file(runs, name, "ardupilot", "5x4.5")[1]
 
 
 def test_options_and_logs_make_recordings(tmp_path, reference_data):
