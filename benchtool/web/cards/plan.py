@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from nicegui import events, ui
@@ -12,6 +12,7 @@ from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
+from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.visit_order import (
     Visit,
     expected_duration_s,
@@ -23,8 +24,9 @@ from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
-from benchtool.core.text import format_value
+from benchtool.core.text import format_value, pluralize
 from benchtool.data.catalogue.index import load_entries
+from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
@@ -194,8 +196,8 @@ class PlanCard:
             plan = self._form.make(self._base).plan.resolved(rig)
             self._form.show_defaults(plan_texts(plan, rig))
             self._form.show_fields(PLATE_FIELDS, plan.plate.used)
-            limits = connection.identity.limits if connection.identity else None
-            expected, visits = check_plan(plan, rig, limits), plan_visits(plan, rig)
+            expected = check_plan(plan, rig, self._device_limits())
+            visits = plan_visits(plan, rig)
             facts = plan_facts(plan, rig, visits, expected)
             rows = plan_rows(plan, rig, visits)
             self._arming_text = arming_prompt(plan, rig, expected)
@@ -213,6 +215,10 @@ class PlanCard:
             "runs": None if runs == SweepInputs().runs else runs,
         }
         self._command.show(["sweep", *self._form.arguments(extra)])
+
+    def _device_limits(self) -> Mapping[str, float]:
+        identity = self._context.bench.connection.identity
+        return identity.limits if identity else {}
 
     @show_errors
     def _arm(self) -> None:
@@ -234,9 +240,12 @@ class PlanCard:
             select = ui.select(names, value=names[0]).classes("w-full")
 
             @show_errors
-            def resume() -> None:
+            async def resume() -> None:
                 path = RunsFolder(self._context.runs).find_path(select.value)
-                text = f"The remaining points of {select.value} are measured."
+                state = await asyncio.to_thread(load_resume_state, Run.open(path))
+                text = f"{select.value}: {pluralize(state.remaining, 'point')} remaining\n"
+                expected = check_plan(state.plan, state.rig, self._device_limits())
+                text += arming_prompt(state.plan, state.rig, expected)
                 inputs = SweepInputs(runs=self._context.runs, resume=path)
                 with self._card:
                     confirm_arming(self._context, self._card, text, inputs)
