@@ -48,21 +48,25 @@ def log_message(text: str, *, is_error: bool = False) -> None:
         context.server.log.add(text, is_error=is_error)
 
 
+NOTE_MS = 6000  # display time of a notification; the message history has all; assumed
+
+
 def notify(text: str, *, logged: bool = False) -> None:
     """Show a notification and log it, unless already logged."""
     if not logged:
         log_message(text)
-    ui.notify(text, type="info", position="bottom-left")
+    ui.notify(text, type="info", position="bottom-left", timeout=NOTE_MS)
 
 
 def notify_error(error: Exception, *, logged: bool = False) -> None:
-    """Show an error notification with the message of the command line until it is closed."""
+    """Show an error notification with the message of the command line."""
     text = str(to_user_error(error))
     if not logged:
         log_message(text, is_error=True)
     ui.notify(
         text,
-        type="negative", position="bottom-left", multi_line=True, timeout=0, close_button="Close",
+        type="negative", position="bottom-left", multi_line=True,
+        timeout=NOTE_MS, close_button="Close",
     )  # fmt: skip
 
 
@@ -125,12 +129,14 @@ def refresh_cards(interval_s: float, *cards: Any) -> None:
 
 
 def show_facts(container: ui.element, facts: Mapping[str, str]) -> None:
-    """Replace the contents of a container by labels: each name, then its text."""
-    container.clear()
-    with container:
-        for name, text in facts.items():
-            ui.label(name)
-            ui.label(text)
+    """Show names and texts as labels; with unchanged names, only the texts are sent."""
+    labels: list[Any] = container.default_slot.children
+    if [label.text for label in labels[::2]] != list(facts):
+        container.clear()
+        with container:
+            labels = [ui.label(text) for pair in facts.items() for text in pair]
+    for label, text in zip(labels[1::2], facts.values(), strict=True):
+        label.set_text(text)
 
 
 class LocalSlider(ui.slider):
