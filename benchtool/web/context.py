@@ -240,6 +240,7 @@ class PageContext:
     tab: str = ""  # name of the browser tab, sent by the page on connection
     theme: str = ""  # "light", "dark", or "" to follow the system
     dark: bool = False  # sent by the page
+    shows_connection: bool = False  # show the connection while a bench is open
     on_connect: Callable[[], object] = lambda: None  # called after the page has connected
     fields: dict[str, Any] = field(default_factory=dict)  # persistent form fields by name
 

@@ -86,6 +86,7 @@ def test_a_key_that_stops_says_so_and_does_nothing_else(page, device, hands):
     pressed = time.time()
     page.keyboard.press(" ")
     assert device.stopped_after(pressed) < STOPPED_S
+    page.get_by_role("button", name="Connection").click()
     page.get_by_role("button", name="Find").click()
     page.get_by_text("simulated at 1 kHz").first.wait_for()
     pressed = time.time()
@@ -131,6 +132,7 @@ def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
         for number, slider in enumerate(visible(page, ".q-slider")):
             yield f"{tab}: slider {number}", lambda slider=slider: drag(page, slider)
         if tab == "Bench":
+            click(page.get_by_role("button", name="Connection"))
             find = page.get_by_role("button", name="Find")
             yield "Bench: menu", lambda find=find: click(find)
             page.get_by_label("Plate distance, mm", exact=True).fill("")

@@ -1,4 +1,4 @@
-"""Cards with the live stream of a bench: charts, drawn in the browser, and limits."""
+"""Live stream of a bench: readings in the header, charts drawn in the browser, quantities."""
 
 from __future__ import annotations
 
@@ -13,10 +13,16 @@ from nicegui.element import Element
 from benchtool.core.channel import CHANNELS, Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Limits
-from benchtool.web.bench_process.messages import Annotate, TightenLimits
+from benchtool.report.numbers import with_unit
+from benchtool.web.bench_process.messages import (
+    Annotate,
+    LimitShare,
+    TightenLimits,
+    limits_by_family,
+)
 from benchtool.web.context import PageContext
 from benchtool.web.theme import STATIC, cycle
-from benchtool.web.widgets import open_dialog, show_errors, titled_card
+from benchtool.web.widgets import open_dialog, show_errors, show_facts, titled_card
 
 STRIPS = (
     ("Thrust", "thrust_N", "N", 1.0, 3),
@@ -36,7 +42,7 @@ STRIPS = (
 DEFAULT_STRIPS = tuple(title for title, *_ in STRIPS)
 
 
-def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
+def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, Any]]:
     """Return the chart panels of a bench's channels."""
     patterns = [re.sub(r"\d+", "#", channel.name) for channel in channels]
     defaults = {pattern: (title, unit, factor, n) for title, pattern, unit, factor, n in STRIPS}
@@ -45,6 +51,8 @@ def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
         for pattern, channel in zip(patterns, channels, strict=True)
         if pattern not in defaults
     }
+    bounds = limits_by_family(limits)
+    light, dark = cycle(dark=False), cycle(dark=True)
     panels = []
     for pattern, (title, unit, factor, decimals) in (defaults | extra).items():
         columns = [i for i, other in enumerate(patterns) if other == pattern]
@@ -53,14 +61,15 @@ def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
                 "column": column,
                 "name": channels[column].name,
                 "label": "".join(re.findall(r"\d", channels[column].name)),
-                "light": cycle(dark=False)[index % len(cycle(dark=False))],
-                "dark": cycle(dark=True)[index % len(cycle(dark=True))],
+                "light": light[index % len(light)],
+                "dark": dark[index % len(dark)],
             }
             for index, column in enumerate(columns)
         ]
-        panel = {"title": title, "unit": unit, "factor": factor, "decimals": decimals}
+        panel = {"title": title, "unit": unit.replace("degC", "°C"), "decimals": decimals}
+        panel |= {"factor": factor, "limit": bounds.get(pattern.replace("#", "")), "lines": lines}
         if lines:
-            panels.append({**panel, "lines": lines})
+            panels.append(panel)
     return panels
 
 
@@ -73,21 +82,12 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
     """
 
     def __init__(
-        self,
-        session: int,
-        channels: Sequence[Channel],
-        selected: Sequence[str],
-        *,
-        has_tools: bool = True,
+        self, session: int, panels: list[dict[str, Any]], selected: Sequence[str], has_tools: bool
     ) -> None:
         super().__init__()
-        panels = chart_panels(channels)
         titles = [panel["title"] for panel in panels]
-        self._props["session"] = session
-        self._props["panels"] = panels
+        self._props.update(session=session, panels=panels, tools=has_tools, marks=[])
         self._props["selected"] = [title for title in selected if title in titles]
-        self._props["tools"] = has_tools
-        self._props["marks"] = []
         self.classes("w-full")
 
     def show_marks(self, marks: Sequence[tuple[float, str]]) -> None:
@@ -108,80 +108,91 @@ class ChartCard:
         has_tools: bool = True,
     ) -> None:
         self._context, self._selected, self._has_tools = context, selected, has_tools
-        self._session = -1
+        self._displayed: tuple[int, Limits] | None = None
         self._chart: StripChart | None = None
         with ui.card().classes("w-full") as self._card:
+            self._container = ui.element("div").classes("w-full")
             with ui.row(wrap=False).classes("items-end w-full") as self._annotation_row:
                 self._text = ui.input("Annotation for the run").classes("grow")
-                self._text.on("keydown.enter", self._annotate)
+                self._text.props("dense").on("keydown.enter", self._annotate)
                 ui.button("Annotate", icon="edit_note", on_click=self._annotate).props("outline")
-            self._container = ui.element("div").classes("w-full")
 
     def refresh(self) -> None:
         bench = self._context.bench
-        identity = bench.connection.identity
+        identity, rig = bench.connection.identity, bench.connection.rig
         self._card.set_visibility(identity is not None)
         self._annotation_row.set_visibility(bench.sweep.active)
-        if bench.connection.session != self._session and identity is not None:
-            self._session = bench.connection.session
+        if identity is None or rig is None:
+            return
+        if (displayed := (bench.connection.session, rig.limits)) != self._displayed:
+            self._displayed = displayed
+            panels = chart_panels(identity.channels, rig.limits)
             self._container.clear()
             with self._container:
-                self._chart = StripChart(
-                    self._session, identity.channels, self._selected, has_tools=self._has_tools
-                )
+                self._chart = StripChart(displayed[0], panels, self._selected, self._has_tools)
         if self._chart is not None:
             self._chart.show_marks(bench.marks)
 
     @show_errors
     def _annotate(self) -> None:
-        self._context.send(Annotate(self._text.value.strip()))
-        self._text.value = ""
+        if text := self._text.value.strip():
+            self._context.send(Annotate(text))
+            self._text.value = ""
 
 
 WARNING_SHARE = 0.9  # share of a limit at which its bar changes colour; assumed
+DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
 
 
-class LimitsCard:
-    """Readings as bars relative to their limits, and live quantities."""
+class Readings:
+    """Strip of readings with their limits in the page's header."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._bars: dict[str, tuple[ui.linear_progress, ui.label]] = {}
-        with titled_card("Limits") as self._card:
-            self._rows = ui.column().classes("w-full gap-1")
-            ui.button("Tighten", icon="compress", on_click=self._tighten).props("outline")
-            self._values = ui.element("div").classes("value-grid number")
-            self._value_labels: dict[str, ui.label] = {}
+        self._names: tuple[str, ...] = ()
+        self._tiles: list[tuple[ui.label, ui.label, ui.linear_progress]] = []
+        self._strip = ui.element("div").classes("readings")
 
     def refresh(self) -> None:
         limits = self._context.bench.live.limits
-        self._card.set_visibility(bool(limits))
-        if tuple(self._bars) != tuple(limit.name for limit in limits):
-            self._rows.clear()
-            self._bars.clear()
-            with self._rows:
-                for limit in limits:
-                    with ui.element("div").classes("near-row"):
-                        ui.label(limit.name)
-                        bar = ui.linear_progress(show_value=False, size="10px")
-                        bar.props(f'instant-feedback aria-label="{limit.name}, share of the limit"')
-                        self._bars[limit.name] = bar, ui.label().classes("value number")
-        for limit in limits:
-            bar, label = self._bars[limit.name]
+        self._strip.set_visibility(bool(limits))
+        if self._names != (names := tuple(limit.name for limit in limits)):
+            self._names = names
+            self._strip.clear()
+            with self._strip:
+                self._tiles = [self._add_tile(limit) for limit in limits]
+        for limit, (value, bound, bar) in zip(limits, self._tiles, strict=True):
+            decimals = DECIMALS.get(limit.unit, 0)
+            value.set_text(f"{round(limit.value, decimals) + 0.0:.{decimals}f}")  # not "-0"
+            bound.set_text(f"{'min' if limit.is_minimum else 'max'} {limit.limit:g}")
             bar.value = round(min(max(limit.share, 0.0), 1.0), 3)
             bar.props(f"color={'warning' if limit.share >= WARNING_SHARE else 'primary'}")
-            label.set_text(f"{limit.value:.4g} of {limit.limit:g}")
+
+    def _add_tile(self, limit: LimitShare) -> tuple[ui.label, ui.label, ui.linear_progress]:
+        with ui.element("div"):
+            ui.label(limit.name).classes("soft name")
+            bound = ui.label().classes("soft")
+            value = ui.label().classes("value")
+            ui.label(limit.unit)
+            bar = ui.linear_progress(show_value=False, size="4px")
+            bar.props(f'instant-feedback aria-label="{limit.name}, share of the limit"')
+        return value, bound, bar
+
+
+class QuantitiesCard:
+    """Mean thrust and derived quantities."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        with titled_card("Live quantities") as self._card:
+            self._values = ui.element("div").classes("facts-grid number")
+            ui.button("Tighten limits", icon="compress", on_click=self._tighten).props("outline")
+
+    def refresh(self) -> None:
         values = self._context.bench.live.values
-        if tuple(self._value_labels) != tuple(value.name for value in values):
-            self._values.clear()
-            with self._values:
-                pairs = [(ui.label(value.name), ui.label()) for value in values]
-            self._value_labels = {
-                value.name: pair[1] for value, pair in zip(values, pairs, strict=True)
-            }
-        for value in values:
-            unit = "" if value.unit == "1" else f" {value.unit}"
-            self._value_labels[value.name].set_text(f"{value.value:#.4g}{unit}")
+        self._card.set_visibility(bool(self._context.bench.live.limits))
+        facts = {value.name: with_unit(f"{value.value:#.4g}", value.unit) for value in values}
+        show_facts(self._values, facts)
 
     def _tighten(self) -> None:
         connection = self._context.bench.connection

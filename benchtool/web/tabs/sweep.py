@@ -16,7 +16,7 @@ from benchtool.physics.model_file import model_names
 from benchtool.report.palette import GREY, SERIES_STYLES
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
-from benchtool.web.cards.live import ChartCard, LimitsCard
+from benchtool.web.cards.live import ChartCard
 from benchtool.web.cards.plan import PlanCard
 from benchtool.web.context import PageContext
 from benchtool.web.ratio_plot import (
@@ -71,7 +71,7 @@ class RunCard:
         self._bar.value = round(share, 3)
         text = f"{sweep.n_measured} of {sweep.n_points} points"
         text += f", about {format_duration(sweep.remaining_s)} left" if sweep.active else ""
-        self._progress.set_text(f"{text}  {sweep.point_text}")
+        self._progress.set_text(f"{text} · {sweep.point_text}" if sweep.point_text else text)
         self._reason.set_text(sweep.reason)
         self._reason.set_visibility(bool(sweep.reason))
         is_warning = sweep.status == "stopped" or "not seen to stand" in sweep.reason
@@ -110,13 +110,13 @@ class RatioCard:
         self._curves_key: tuple[str, ...] = ()
         self._lock = asyncio.Lock()
         with ui.card().classes("w-full"):
-            with ui.row().classes("items-end w-full"):
+            with ui.row().classes("items-center w-full"):
                 ui.label("Thrust").classes("card-title grow")
                 self._basis = ui.select(BASES, value=RATIO_BASES[0], label="At")
-                self._basis.classes("w-36")
+                self._basis.props("dense").classes("w-36")
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
-                self._model.classes("w-52")
+                self._model.props("dense").classes("w-52")
             figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
             self._plot = ui.echart(figure).classes("w-full ratio-plot").props("role=img")
             self._problem = ui.label().classes("soft")
@@ -172,11 +172,10 @@ def build(context: PageContext) -> None:
     with ui.element("div").classes("grid-main plan-left"):
         with ui.element("div"):
             run = RunCard(context)
-            charts = ChartCard(context, ("Thrust", "Speed"), has_tools=False)
-            limits = LimitsCard(context)
             plot = RatioCard(context)
+            charts = ChartCard(context, ("Thrust", "Speed"), has_tools=False)
         with ui.element("div"):
             plan = PlanCard(context)
-    refresh_cards(REFRESH_INTERVAL_S, run, charts, limits, plan)
+    refresh_cards(REFRESH_INTERVAL_S, run, charts, plan)
     # Separate timer: the status of a sweep must not wait for its plot.
     ui.timer(REFRESH_INTERVAL_S, plot.refresh)
