@@ -9,7 +9,7 @@ from datetime import datetime
 from functools import wraps
 from inspect import iscoroutinefunction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 from nicegui import Client, events, ui
@@ -17,7 +17,6 @@ from nicegui import Client, events, ui
 from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.acquire.operator import CONFIRMATION, arming_warnings
 from benchtool.bench.bench import DeviceInfo
-from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
@@ -25,8 +24,10 @@ from benchtool.tasks import to_user_error
 from benchtool.web.bench_process.messages import Notice, StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.drawing import PageSection
-from benchtool.web.entries import store_upload
 from benchtool.web.sockets import PAGES
+
+if TYPE_CHECKING:
+    from benchtool.commands.import_file import ImportInputs
 
 
 def today() -> str:
@@ -266,6 +267,8 @@ def add_table_upload(
 
     `on_stored` is called with the name of each file in the folder.
     """
+    from benchtool.commands.import_file import ImportInputs
+    from benchtool.web.entries import store_upload
 
     @show_errors
     async def store(event: events.UploadEventArguments) -> None:

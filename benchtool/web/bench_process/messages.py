@@ -214,15 +214,6 @@ class LimitShare:
     is_minimum: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class LiveValue:
-    """Mean since the last status, or a quantity derived from such means."""
-
-    name: str
-    value: float
-    unit: str
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveStatus:
     """Live status of the bench, published four times a second."""
@@ -233,7 +224,7 @@ class LiveStatus:
     lost: int = 0
     corrupt: int = 0
     limits: tuple[LimitShare, ...] = ()  # readings since the last status
-    values: tuple[LiveValue, ...] = ()  # thrust, torque, power, efficiency and so on, if measured
+    values: dict[str, tuple[float, str]] = field(default_factory=dict)  # see `live_values`
     armed: bool = False
     speed: float = 0.0  # of a virtual clock; 0 for real time
     weighed: tuple[tuple[float, float], ...] = ()  # (mass in kg, counts) of a calibration

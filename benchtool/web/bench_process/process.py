@@ -91,9 +91,9 @@ class BenchProcess:
             messages.HoldThrottle: lambda command: self._dead_man.hold(command, time.monotonic()),
             messages.ReleaseThrottle: self._dead_man.release,
             messages.PauseSweep: lambda command: self._runs.pause(command.on),
-            messages.AnswerQuestion: lambda command: self._runs.receive_answer(command.text),
-            messages.EndRecording: lambda command: self._runs.end_live(),
-            messages.Annotate: lambda command: self._annotate(command.text),
+            messages.AnswerQuestion: lambda command: self._runs.answers.put(command.text),
+            messages.EndRecording: lambda command: self._runs.ended.set(),
+            messages.Annotate: self._annotate,
         }
         self._bench: StoppableBench | None = None
         self._sessions = 0
@@ -140,15 +140,12 @@ class BenchProcess:
             else:
                 self._commands.put(command)
 
-    def _annotate(self, text: str) -> None:
-        if not text:
-            self._publisher.report_error("the annotation is empty; type a text first")
-        elif not self._runs.active:
-            self._publisher.report_error(
-                "an annotation needs a run; start a recording or a sweep first"
-            )
+    def _annotate(self, command: messages.Annotate) -> None:
+        if self._runs.active:
+            self._runs.texts.put(command.text)
         else:
-            self._runs.annotate(text)
+            text = "an annotation needs a run; start a recording or a sweep first"
+            self._publisher.report_error(text)
 
     def _receive(self) -> messages.Command:
         """Return the next command; stop the motors if heartbeats are missing meanwhile."""

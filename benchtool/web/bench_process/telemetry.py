@@ -21,7 +21,6 @@ from benchtool.web.bench_process.messages import (
     SPEED_LIMIT,
     LimitShare,
     LiveStatus,
-    LiveValue,
     Notice,
     limits_by_family,
 )
@@ -42,7 +41,7 @@ LIMITED = (
 
 
 def limit_shares(
-    names: Sequence[str],
+    channels: Sequence[Channel],
     readings: Array,
     command_pwm_us: Sequence[float],
     rig: Rig,
@@ -56,7 +55,7 @@ def limit_shares(
             there, as these readings are not 0 at idle.
     """
     limits = limits_by_family(rig.limits)
-    families = np.array([channel_family(name) for name in names])
+    families = np.array([channel_family(channel.name) for channel in channels])
     shares = []
     for name, family, unit in LIMITED:
         is_minimum, zero = family == "voltage_V", 0.0
@@ -72,7 +71,8 @@ def limit_shares(
             zero = idle[family] = max(idle.get(family, 0.0), float(high.max()))
         elif family == "temperature_degC":
             zero = idle[family] = min(idle.get(family, limit), float(low.min()))
-        share = (extreme - zero) / (limit - zero) if limit != zero else np.ones(len(mean))
+        has_margin = zero > limit if is_minimum else zero < limit
+        share = (extreme - zero) / (limit - zero) if has_margin else np.ones(len(mean))
         i = int(share.argmax())
         shares.append(LimitShare(name, unit, float(mean[i]), limit, float(share[i]), is_minimum))
     return tuple(shares)
@@ -89,18 +89,21 @@ LIVE_QUANTITIES = (  # `data.quantities` on the page, and thrust
 
 def live_values(
     channels: Sequence[Channel], means: Array, context: MeasurementContext, *, is_driven: bool
-) -> tuple[LiveValue, ...]:
-    """Return the mean thrust, and quantities derived from means (c,) of driven motors."""
+) -> dict[str, tuple[float, str]]:
+    """Return value and unit of the mean thrust, and of quantities derived from means (c,).
+
+    Derived quantities (power, efficiency) need driven motors.
+    """
     recording = Recording(tuple(channels), means[None])
     values = evaluate_quantities(recording, context) if is_driven else {}
     if "thrust_N" in recording:
         values["thrust_N"] = recording.column("thrust_N")
     titles = {quantity.name: quantity.title for quantity in QUANTITIES} | {"thrust_N": "thrust"}
-    return tuple(
-        LiveValue(titles[name], float(values[name][0]), unit_from_name(name))
+    return {
+        titles[name]: (float(values[name][0]), unit_from_name(name))
         for name in LIVE_QUANTITIES
         if name in values and np.isfinite(values[name][0])
-    )
+    }
 
 
 class Telemetry:
@@ -116,16 +119,12 @@ class Telemetry:
         self._session, self._rig, self._publisher = session, rig, publisher
         self._speed = speed
         self._guarded: GuardedBench | None = None
-        self._names: tuple[str, ...] = ()
         self._frames: Decimator | None = None
         self._live = LiveStatus()
         self._start_s = self._last_frame_s = time.monotonic()
         self._frames_since_status = 0
         self._rate_samples, self._rate_time_s = 0, 0.0
-        self._channels: tuple[Channel, ...] = ()
         self._samples: list[Array] = []
-        self._readings: Array = np.empty((3, 0))
-        self._age: Array = np.empty(0)  # of the readings, in statuses
         self._idle: dict[str, float] = {}
         self._rig_context = measurement_context(rig=rig)
 
@@ -136,10 +135,9 @@ class Telemetry:
         """Start publishing; earlier reads are dropped."""
         self._guarded = guarded
         self._channels = identity.channels
-        self._names = tuple(channel.name for channel in identity.channels)
-        self._frames = Decimator(self._session, len(self._names))
-        self._readings = np.full((3, len(self._names)), np.nan)
-        self._age = np.zeros(len(self._names))
+        self._frames = Decimator(self._session, len(identity.channels))
+        self._readings: Array = np.full((3, len(identity.channels)), np.nan)
+        self._age: Array = np.zeros(len(identity.channels))  # of the readings, in statuses
         self._start_s = self._last_frame_s = time.monotonic()
 
     def update(self, **changes: Any) -> None:

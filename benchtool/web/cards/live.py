@@ -39,8 +39,6 @@ STRIPS = (
 )
 """Charts shown by default: title, channels, display unit, factor to it, decimals."""
 
-DEFAULT_STRIPS = tuple(title for title, *_ in STRIPS)
-
 
 def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, Any]]:
     """Return the chart panels of a bench's channels."""
@@ -69,7 +67,7 @@ def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, 
         panel = {"title": title, "unit": unit.replace("degC", "°C"), "decimals": decimals}
         panel |= {"factor": factor, "limit": bounds.get(pattern.replace("#", "")), "lines": lines}
         if lines:
-            panels.append(panel)
+            panels.append({**panel, "selected": pattern in defaults})
     return panels
 
 
@@ -77,17 +75,12 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
     """Live charts of one session.
 
     Args:
-        selected: titles of the panels shown at first.
         has_tools: show pause, time window, panel selection, image and table.
     """
 
-    def __init__(
-        self, session: int, panels: list[dict[str, Any]], selected: Sequence[str], has_tools: bool
-    ) -> None:
+    def __init__(self, session: int, panels: list[dict[str, Any]], has_tools: bool) -> None:
         super().__init__()
-        titles = [panel["title"] for panel in panels]
         self._props.update(session=session, panels=panels, tools=has_tools, marks=[])
-        self._props["selected"] = [title for title in selected if title in titles]
         self.classes("w-full")
 
     def show_marks(self, marks: Sequence[tuple[float, str]]) -> None:
@@ -98,16 +91,14 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
 
 
 class ChartCard:
-    """Charts of the connected bench, and a field for annotations of its run."""
+    """Charts of the connected bench, and a field for annotations of its run.
 
-    def __init__(
-        self,
-        context: PageContext,
-        selected: Sequence[str] = DEFAULT_STRIPS,
-        *,
-        has_tools: bool = True,
-    ) -> None:
-        self._context, self._selected, self._has_tools = context, selected, has_tools
+    Args:
+        only: titles of the charts, without tools; default: all channels, with tools.
+    """
+
+    def __init__(self, context: PageContext, only: Sequence[str] = ()) -> None:
+        self._context, self._only = context, only
         self._displayed: tuple[int, Limits] | None = None
         self._chart: StripChart | None = None
         with ui.card().classes("w-full") as self._card:
@@ -127,9 +118,11 @@ class ChartCard:
         if (displayed := (bench.connection.session, rig.limits)) != self._displayed:
             self._displayed = displayed
             panels = chart_panels(identity.channels, rig.limits)
+            if self._only:
+                panels = [panel for panel in panels if panel["title"] in self._only]
             self._container.clear()
             with self._container:
-                self._chart = StripChart(displayed[0], panels, self._selected, self._has_tools)
+                self._chart = StripChart(displayed[0], panels, has_tools=not self._only)
         if self._chart is not None:
             self._chart.show_marks(bench.marks)
 
@@ -189,9 +182,9 @@ class QuantitiesCard:
             ui.button("Tighten limits", icon="compress", on_click=self._tighten).props("outline")
 
     def refresh(self) -> None:
-        values = self._context.bench.live.values
-        self._card.set_visibility(bool(self._context.bench.live.limits))
-        facts = {value.name: with_unit(f"{value.value:#.4g}", value.unit) for value in values}
+        live = self._context.bench.live
+        self._card.set_visibility(bool(live.limits))
+        facts = {name: with_unit(f"{x:#.4g}", unit) for name, (x, unit) in live.values.items()}
         show_facts(self._values, facts)
 
     def _tighten(self) -> None:
@@ -201,17 +194,12 @@ class QuantitiesCard:
             return
         with open_dialog("Tighten limits") as dialog:
             ui.label("Valid until the bench is disconnected; at most the rig's limits.")
-            inputs = {
-                field.name: ui.number(
-                    field.name,
-                    value=getattr(rig.limits, field.name),
-                    format="%g",
-                )
-                .props(f'hint="rig: {getattr(rig_limits, field.name):g}" dense')
-                .classes("w-full")
-                for field in fields(Limits)
-                if field.name != "load_cell_rating_N"
-            }
+            inputs = {}
+            for name in (field.name for field in fields(Limits)):
+                if name != "load_cell_rating_N":
+                    number = ui.number(name, value=getattr(rig.limits, name), format="%g")
+                    number.props(f'hint="rig: {getattr(rig_limits, name):g}" dense')
+                    inputs[name] = number.classes("w-full")
 
             @show_errors
             def send() -> None:

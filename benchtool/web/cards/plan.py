@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from nicegui import events, ui
@@ -59,16 +59,10 @@ def plan_facts(
     plan: Plan, rig: Rig, visits: Sequence[Visit], expected: PlanExtremes
 ) -> dict[str, str]:
     """Return the summary of a resolved plan."""
-    radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
     extra = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
     extra = extra if plan.plate.used else ""
-    pulses = ", ".join(f"{pwm_us:g}" for pwm_us in plan.throttle.pwm_us)
     return {
-        "rig": f"{rig.name}: {rig.title}",
-        "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
-        or "no plate: throttle only",
-        "pulse widths": f"{pulses} us",
         "points": (
             f"{len(visits)}, of {len(plan_settings(plan, rig))} settings: "
             f"{plan.repeats} repeats{extra}"
@@ -196,8 +190,8 @@ class PlanCard:
             plan = self._form.make(self._base).plan.resolved(rig)
             self._form.show_defaults(plan_texts(plan, rig))
             self._form.show_fields(PLATE_FIELDS, plan.plate.used)
-            expected = check_plan(plan, rig, self._device_limits())
-            visits = plan_visits(plan, rig)
+            limits = connection.identity.limits if connection.identity else None
+            expected, visits = check_plan(plan, rig, limits), plan_visits(plan, rig)
             facts = plan_facts(plan, rig, visits, expected)
             rows = plan_rows(plan, rig, visits)
             self._arming_text = arming_prompt(plan, rig, expected)
@@ -215,10 +209,6 @@ class PlanCard:
             "runs": None if runs == SweepInputs().runs else runs,
         }
         self._command.show(["sweep", *self._form.arguments(extra)])
-
-    def _device_limits(self) -> Mapping[str, float]:
-        identity = self._context.bench.connection.identity
-        return identity.limits if identity else {}
 
     @show_errors
     def _arm(self) -> None:
@@ -244,8 +234,7 @@ class PlanCard:
                 path = RunsFolder(self._context.runs).find_path(select.value)
                 state = await asyncio.to_thread(load_resume_state, Run.open(path))
                 text = f"{select.value}: {pluralize(state.remaining, 'point')} remaining\n"
-                expected = check_plan(state.plan, state.rig, self._device_limits())
-                text += arming_prompt(state.plan, state.rig, expected)
+                text += arming_prompt(state.plan, state.rig, check_plan(state.plan, state.rig))
                 inputs = SweepInputs(runs=self._context.runs, resume=path)
                 with self._card:
                     confirm_arming(self._context, self._card, text, inputs)

@@ -84,9 +84,9 @@ export default {
       <q-btn outline no-caps icon="table_view" label="CSV" aria-label="CSV" @click="saveTable" />
     </div>
   </div>`,
-  props: { session: Number, panels: Array, selected: Array, tools: Boolean, marks: Array },
+  props: { session: Number, panels: Array, tools: Boolean, marks: Array },
   data() {
-    return { paused: false, seconds: 30, visibleTitles: this.selected.slice(0, innerWidth < 600 ? 3 : undefined), windows: WINDOWS };
+    return { paused: false, seconds: 30, visibleTitles: this.panels.filter((panel) => panel.selected).map((panel) => panel.title).slice(0, innerWidth < 600 ? 3 : undefined), windows: WINDOWS };
   },
   watch: {
     visibleTitles() { this.build(); },
@@ -116,7 +116,7 @@ export default {
       if (this.waiting || this.paused || !this.container.clientWidth || document.hidden) return;
       this.waiting = setTimeout(() => {
         const start = performance.now();
-        this.draw();
+        if (!this.paused) this.draw();
         this.draw_ms = performance.now() - start;
         this.waiting = 0;
       }, Math.max(DRAW_INTERVAL_MS, (this.draw_ms ?? 0) / MAX_DRAW_SHARE) - (this.draw_ms ?? 0));
@@ -132,7 +132,6 @@ export default {
       const style = getComputedStyle(document.body), [ink, soft, line, paper] = ["--ink", "--soft", "--line", "--paper"].map((name) => style.getPropertyValue(name).trim());
       this.dark = document.body.classList.contains("body--dark");
       const places = this.selectedPanels.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP }));
-      const text = { color: ink, fontSize: 12 };
       const all = this.selectedPanels.map((panel, at) => at);
       this.chart.setOption({
         animation: false, textStyle: { fontFamily: "system-ui, sans-serif" },
@@ -152,7 +151,7 @@ export default {
           axisLabel: { color: soft, formatter: (value) => `${Number(value.toFixed(panel.decimals))}` }, axisPointer: { show: false },
         })),
         axisPointer: { link: [{ xAxisIndex: "all" }], lineStyle: { color: soft } },
-        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: text, formatter: (items) => this.values(items) },
+        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: { color: ink, fontSize: 12 }, formatter: (items) => this.values(items) },
         dataZoom: [{ type: "inside", xAxisIndex: all, filterMode: "filter", disabled: !this.paused }],
         series: this.lines().map((line) => ({
           type: "line", name: line.name, xAxisIndex: line.at, yAxisIndex: line.at, showSymbol: false, symbol: "none", silent: true,
@@ -166,8 +165,7 @@ export default {
       if (this.dark !== document.body.classList.contains("body--dark")) return void this.build();
       const now = stream.time(stream.count - 1), from = this.paused ? stream.time(stream.first()) : Math.max(now - this.seconds, 0);
       const frames = stream.between(from, now), gaps = findGaps(frames.map((i) => stream.header(i))), color = this.dark ? "#e8eaed" : "#1b1b1b";
-      this.container.dataset.marks = (this.marks ?? []).length;
-      const marks = (this.marks ?? []).filter((mark) => mark.time_s >= from).map(({ time_s, text }) => ({ xAxis: time_s, name: text }));
+      const marks = this.marks.filter((mark) => mark.time_s >= from).map(({ time_s, text }) => ({ xAxis: time_s, name: text }));
       const warn = getComputedStyle(document.body).getPropertyValue("--warn").trim();
       const series = [], yAxis = this.selectedPanels.map((panel) => {
         const all = panel.lines.map((line) => this.points({ ...line, panel }, frames, gaps)), limit = panel.limit === null ? NaN : panel.limit * panel.factor;

@@ -173,7 +173,7 @@ def build(context: PageContext) -> None:
         with ui.element("div"):
             run = RunCard(context)
             plot = RatioCard(context)
-            charts = ChartCard(context, ("Thrust", "Speed"), has_tools=False)
+            charts = ChartCard(context, only=("Thrust", "Speed"))
         with ui.element("div"):
             plan = PlanCard(context)
     refresh_cards(REFRESH_INTERVAL_S, run, charts, plan)

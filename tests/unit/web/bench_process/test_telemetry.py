@@ -65,6 +65,7 @@ def test_frames_of_two_sessions_are_not_joined():
 
 RIG = load_rig_by_name("pquad")
 NAMES = ("pwm1_us", "rpm1", "rpm2", "thrust_N", "voltage_V", "temperature_degC", "current_A")
+CHANNELS = tuple(Channel(name, "1") for name in NAMES)
 
 
 def test_the_reading_that_is_nearest_to_its_limit_counts():
@@ -72,7 +73,7 @@ def test_the_reading_that_is_nearest_to_its_limit_counts():
     high = np.array([1000.0, 900.0, 4900.0, 2.0, 11.0, 30.0, np.nan])
     idle = {"voltage_V": 16.0, "temperature_degC": 20.0}
     readings = np.array([low, (low + high) / 2.0, high])
-    shares = limit_shares(NAMES, readings, (1200.0, 1300.0), RIG, idle)
+    shares = limit_shares(CHANNELS, readings, (1200.0, 1300.0), RIG, idle)
     by_name = {share.name: share for share in shares}
     assert list(by_name) == ["thrust", "speed", "pulse", "voltage", "temperature"]
     assert by_name["speed"].share == pytest.approx(4900.0 / RIG.limits.rpm)
@@ -86,21 +87,23 @@ def test_the_reading_that_is_nearest_to_its_limit_counts():
     assert by_name["pulse"].value == 1300.0
 
 
-@pytest.mark.parametrize(("index", "bound"), [(0, 0.0), (1, 1.0)])
-def test_a_share_is_0_at_idle_and_1_at_the_limit(index, bound):
+IDLE = {"voltage_V": 16.0, "temperature_degC": 22.0}
+
+
+@pytest.mark.parametrize(("index", "idle"), [(0, IDLE), (1, IDLE), (1, {})])
+def test_a_share_is_0_at_idle_and_1_at_the_limit(index, idle):
     limits, stop_us = RIG.limits, RIG.propulsion.pwm_stop_us
     readings = np.array(
         [[stop_us, limits.pwm_us], *[[0.0, limits.rpm]] * 2, [0.0, limits.thrust_N],
          [16.0, limits.voltage_min_V], [22.0, limits.temperature_degC], [0.0, limits.current_A]]
     )[:, index]  # fmt: skip
-    idle = {"voltage_V": 16.0, "temperature_degC": 22.0}
-    shares = limit_shares(NAMES, np.tile(readings, (3, 1)), (readings[0],), RIG, idle)
-    assert [share.share for share in shares] == pytest.approx([bound] * 6)
+    shares = limit_shares(CHANNELS, np.tile(readings, (3, 1)), (readings[0],), RIG, {**idle})
+    assert [share.share for share in shares] == pytest.approx([index] * 6)
 
 
 def test_nothing_is_near_where_nothing_came():
     missing = np.full((3, len(NAMES)), np.nan)
-    assert limit_shares(NAMES, missing, (), RIG, {}) == ()
+    assert limit_shares(CHANNELS, missing, (), RIG, {}) == ()
 
 
 def test_power_and_efficiency_follow_from_means_while_motors_turn():
@@ -113,8 +116,7 @@ def test_power_and_efficiency_follow_from_means_while_motors_turn():
     samples = np.array([[6000.0, 3.0, 0.05, 11.0, 5.0], [6000.0, 5.0, 0.07, nan, 7.0]])
     context = measurement_context(rig=load_rig_by_name("pquad_single"))
     means = np.nanmean(samples, axis=0)
-    live = live_values(channels, means, context, is_driven=True)
-    values = {value.name: (value.value, value.unit) for value in live}
+    values = live_values(channels, means, context, is_driven=True)
     assert values["thrust"] == (4.0, "N")
     assert values["electrical power"] == (pytest.approx(11.0 * 6.0), "W")
     shaft_W = 0.06 * 6000.0 * 2.0 * np.pi / 60.0
@@ -123,6 +125,5 @@ def test_power_and_efficiency_follow_from_means_while_motors_turn():
     assert values["overall efficiency"] == (pytest.approx(grams), "gf/W")
     assert values["motor and ESC efficiency"] == (pytest.approx(shaft_W / 66.0), "1")
     # At zero throttle only thrust is reported; without samples nothing is.
-    live = live_values(channels, means, context, is_driven=False)
-    assert [value.name for value in live] == ["thrust"]
-    assert live_values(channels, np.full(5, nan), context, is_driven=True) == ()
+    assert list(live_values(channels, means, context, is_driven=False)) == ["thrust"]
+    assert live_values(channels, np.full(5, nan), context, is_driven=True) == {}
