@@ -208,7 +208,9 @@ class Telemetry:
             values=live_values(
                 self._channels, self._readings[1], self._rig_context, is_driven=is_driven
             ),
-            limits=limit_shares(self._names, self._readings, command_pwm_us, self._rig, self._idle),
+            limits=limit_shares(
+                self._channels, self._readings, command_pwm_us, self._rig, self._idle
+            ),
             speed=self._speed(),
             standstill=standstill.text if standstill else "",
         )
