@@ -21,18 +21,11 @@ from benchtool.web.access import Access, AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import SPEED_LIMIT, Notice
 from benchtool.web.bench_process.spawn import ProcessHandle
-from benchtool.web.cards.live import Readings
+from benchtool.web.cards.live import reading_html
 from benchtool.web.context import PageContext, ServerState
 from benchtool.web.sockets import add_control_script, serve_control_sockets, serve_stream
 from benchtool.web.theme import apply_theme, serve_static
-from benchtool.web.widgets import (
-    notify,
-    notify_all_pages,
-    notify_error,
-    open_dialog,
-    refresh_cards,
-    show_errors,
-)
+from benchtool.web.widgets import notify, notify_all_pages, notify_error, open_dialog, show_errors
 
 RECONNECT_TIMEOUT_S = 15.0  # a page disconnected for longer is dropped; assumed
 MAX_MESSAGE_BYTES = 1_000_000  # of a websocket; files are uploaded by requests
@@ -134,8 +127,7 @@ STOP = (
 
 ZERO_THROTTLE_TEXT = "motors at zero"
 
-REFRESH_INTERVAL_S = 0.5
-READINGS_INTERVAL_S = 0.25
+REFRESH_INTERVAL_S = 0.25
 
 _THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
            "dark": ("dark_mode", "")}  # fmt: skip
@@ -170,13 +162,16 @@ class Header:
             with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
                 self._cause = ui.label().classes("grow").props("role=alert")
                 self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")
-            refresh_cards(READINGS_INTERVAL_S, Readings(context))
+            self._readings = ui.html(sanitize=False).classes("readings")
         self._show_theme()
         self.refresh()
         context.on_connect = self.refresh
         ui.timer(REFRESH_INTERVAL_S, self.refresh)
 
     def refresh(self) -> None:
+        limits = self._context.bench.live.limits
+        self._readings.set_visibility(bool(limits))
+        self._readings.set_content("".join(map(reading_html, limits)))
         connection = self._context.bench.connection
         parts, in_control = status_parts(self._context.bench), self._context.in_control()
         self._known.set_text(f"{', '.join(parts)}.")

@@ -24,51 +24,38 @@ from benchtool.web.context import PageContext
 from benchtool.web.theme import STATIC, cycle
 from benchtool.web.widgets import open_dialog, show_errors, show_facts, titled_card
 
-STRIPS = (
-    ("Thrust", "thrust_N", "N", 1.0, 3),
-    ("Speed", "rpm#", "rpm", 1.0, 0),
-    ("Pulse", "pwm#_us", "us", 1.0, 0),
-    ("Torque", "torque_Nm", "N m", 1.0, 4),
-    ("Plate distance", "plate_z_m", "mm", 1e3, 1),
-    ("Plate lateral position", "plate_x_m", "mm", 1e3, 1),
-    ("Plate tilt", "plate_tilt_deg", "deg", 1.0, 2),
-    ("Pitch", "theta_rad", "deg", 57.29577951308232, 2),
-    ("Voltage", "voltage_V", "V", 1.0, 2),
-    ("Current", "current_A", "A", 1.0, 2),
-    ("Temperature", "temperature_degC", "°C", 1.0, 1),
-)
-"""Charts shown by default: title, channels, display unit, factor to it, decimals."""
+STRIPS = {
+    "thrust_N": ("Thrust", "N", 1.0, 3),
+    "rpm#": ("Speed", "rpm", 1.0, 0),
+    "pwm#_us": ("Pulse", "us", 1.0, 0),
+    "torque_Nm": ("Torque", "N m", 1.0, 4),
+    "plate_z_m": ("Plate distance", "mm", 1e3, 1),
+    "plate_x_m": ("Plate lateral position", "mm", 1e3, 1),
+    "plate_tilt_deg": ("Plate tilt", "deg", 1.0, 2),
+    "theta_rad": ("Pitch", "deg", 57.29577951308232, 2),
+    "voltage_V": ("Voltage", "V", 1.0, 2),
+    "current_A": ("Current", "A", 1.0, 2),
+    "temperature_degC": ("Temperature", "°C", 1.0, 1),
+}
+"""Charts shown by default, by channels: title, display unit, factor to it, decimals."""
 
 
 def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, Any]]:
-    """Return the chart panels of a bench's channels."""
-    patterns = [re.sub(r"\d+", "#", channel.name) for channel in channels]
-    defaults = {pattern: (title, unit, factor, n) for title, pattern, unit, factor, n in STRIPS}
-    extra = {
-        pattern: (CHANNELS.get(pattern, pattern).capitalize(), channel.unit, 1.0, 3)
-        for pattern, channel in zip(patterns, channels, strict=True)
-        if pattern not in defaults
-    }
-    bounds = limits_by_family(limits)
-    light, dark = cycle(dark=False), cycle(dark=True)
-    panels = []
-    for pattern, (title, unit, factor, decimals) in (defaults | extra).items():
-        columns = [i for i, other in enumerate(patterns) if other == pattern]
-        lines = [
-            {
-                "column": column,
-                "name": channels[column].name,
-                "label": "".join(re.findall(r"\d", channels[column].name)),
-                "light": light[index % len(light)],
-                "dark": dark[index % len(dark)],
-            }
-            for index, column in enumerate(columns)
-        ]
-        panel = {"title": title, "unit": unit.replace("degC", "°C"), "decimals": decimals}
-        panel |= {"factor": factor, "limit": bounds.get(pattern.replace("#", "")), "lines": lines}
-        if lines:
-            panels.append({**panel, "selected": pattern in defaults})
-    return panels
+    """Return the chart panels of a bench's channels, the default ones first."""
+    bounds, light, dark = limits_by_family(limits), cycle(dark=False), cycle(dark=True)
+    panels: dict[str, dict[str, Any]] = {pattern: {"lines": []} for pattern in STRIPS}
+    for column, channel in enumerate(channels):
+        pattern = re.sub(r"\d+", "#", channel.name)
+        other = CHANNELS.get(pattern, pattern).capitalize(), channel.unit, 1.0, 3
+        title, unit, factor, decimals = STRIPS.get(pattern, other)
+        panel = panels.setdefault(pattern, {"lines": []})
+        panel |= {"title": title, "unit": unit.replace("degC", "°C"), "decimals": decimals}
+        panel |= {"factor": factor, "limit": bounds.get(pattern.replace("#", ""))}
+        panel["selected"] = pattern in STRIPS
+        index, label = len(panel["lines"]), "".join(re.findall(r"\d", channel.name))
+        colors = {"light": light[index % len(light)], "dark": dark[index % len(dark)]}
+        panel["lines"].append({"column": column, "name": channel.name, "label": label, **colors})
+    return [panel for panel in panels.values() if panel["lines"]]
 
 
 class StripChart(Element, component=STATIC / "strip_chart.js"):
@@ -137,39 +124,20 @@ WARNING_SHARE = 0.9  # share of a limit at which its bar changes colour; assumed
 DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
 
 
-class Readings:
-    """Strip of readings with their limits in the page's header."""
-
-    def __init__(self, context: PageContext) -> None:
-        self._context = context
-        self._names: tuple[str, ...] = ()
-        self._tiles: list[tuple[ui.label, ui.label, ui.linear_progress]] = []
-        self._strip = ui.element("div").classes("readings")
-
-    def refresh(self) -> None:
-        limits = self._context.bench.live.limits
-        self._strip.set_visibility(bool(limits))
-        if self._names != (names := tuple(limit.name for limit in limits)):
-            self._names = names
-            self._strip.clear()
-            with self._strip:
-                self._tiles = [self._add_tile(limit) for limit in limits]
-        for limit, (value, bound, bar) in zip(limits, self._tiles, strict=True):
-            decimals = DECIMALS.get(limit.unit, 0)
-            value.set_text(f"{round(limit.value, decimals) + 0.0:.{decimals}f}")  # not "-0"
-            bound.set_text(f"{'min' if limit.is_minimum else 'max'} {limit.limit:g}")
-            bar.value = round(min(max(limit.share, 0.0), 1.0), 3)
-            bar.props(f"color={'warning' if limit.share >= WARNING_SHARE else 'primary'}")
-
-    def _add_tile(self, limit: LimitShare) -> tuple[ui.label, ui.label, ui.linear_progress]:
-        with ui.element("div"):
-            ui.label(limit.name).classes("soft name")
-            bound = ui.label().classes("soft")
-            value = ui.label().classes("value")
-            ui.label(limit.unit)
-            bar = ui.linear_progress(show_value=False, size="4px")
-            bar.props(f'instant-feedback aria-label="{limit.name}, share of the limit"')
-        return value, bound, bar
+def reading_html(limit: LimitShare) -> str:
+    """Return a mean reading with its limit, and a bar that is full at the limit."""
+    decimals = DECIMALS.get(limit.unit, 0)
+    value = round(limit.value, decimals) + 0.0  # not "-0"
+    percent = 100.0 * min(max(limit.share, 0.0), 1.0)
+    bound = f"{'min' if limit.is_minimum else 'max'} {limit.limit:g}"
+    css_class = "bar near" if limit.share >= WARNING_SHARE else "bar"
+    return (
+        f'<div><span class="soft name">{limit.name}</span><span class="soft">{bound}</span>'
+        f"<b>{value:.{decimals}f}</b><span>{limit.unit}</span>"
+        f'<div class="{css_class}" role="meter" aria-valuenow="{percent:.0f}" '
+        f'aria-label="{limit.name}, % of the limit"><div style="width: {percent:.1f}%"></div>'
+        "</div></div>"
+    )
 
 
 class QuantitiesCard:

@@ -102,9 +102,8 @@ class LoadCellCard:
             self._scale = ui.label().classes("soft")
             with ui.column().classes("w-full") as self._guarded:
                 with ui.row():
-                    ui.button(
-                        "Tare", icon="exposure_zero", on_click=lambda: send(messages.TareLoadCell())
-                    )
+                    tare = ui.button("Tare", icon="exposure_zero")
+                    tare.on_click(lambda: send(messages.TareLoadCell()))
                     calibrate = ui.button("Calibrate", icon="scale")
                     calibrate.on_click(lambda: self._reconnect(is_weighing=True)).props("outline")
                 with ui.row(wrap=False).classes("items-end w-full") as self._plate:

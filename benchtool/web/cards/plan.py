@@ -79,12 +79,10 @@ def plan_rows(plan: Plan, rig: Rig, visits: Sequence[Visit]) -> list[dict[str, s
     """Return the points in order, with keys COLUMNS."""
     rows = []
     for visit in visits[:MAX_PREVIEW_ROWS]:
-        kind: str = visit.kind
-        z_text = f"{visit.target_z_m / rig.propulsion.radius_m:.2f}"
-        if not plan.plate.used:
-            kind, z_text = "throttle", "–"
-        elif visit.is_parked:
-            z_text = "parked"
+        kind, z_text = "throttle", "–"
+        if plan.plate.used:
+            z_over_R = visit.target_z_m / rig.propulsion.radius_m
+            kind, z_text = visit.kind, "parked" if visit.is_parked else f"{z_over_R:.2f}"
         row = (str(visit.point), kind, z_text, f"{visit.level_us:g}", str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
     return rows
