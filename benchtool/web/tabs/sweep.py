@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from functools import partial
 from pathlib import Path
 
@@ -108,7 +107,6 @@ class RatioCard:
         self._rig_name = ""
         self._curves: tuple[Trace, ...] = ()
         self._curves_key: tuple[str, ...] = ()
-        self._lock = asyncio.Lock()
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full"):
                 ui.label("Thrust").classes("card-title grow")
@@ -122,12 +120,6 @@ class RatioCard:
             self._problem = ui.label().classes("soft")
 
     async def refresh(self) -> None:
-        if self._lock.locked():
-            return
-        async with self._lock:
-            await self._refresh()
-
-    async def _refresh(self) -> None:
         bench = self._context.bench
         rig, sweep = bench.connection.rig, bench.sweep
         ink = LIGHT_INK if self._context.dark else SERIES_STYLES["measurement"].color
