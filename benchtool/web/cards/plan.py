@@ -138,13 +138,11 @@ class PlanCard:
             self._form.add(*(name for name in FIELDS if name not in MAIN_FIELDS))
         with ui.row().classes("items-center"):
             tests = {name: name for name in THROTTLE_TESTS}
-            ui.select(
-                {"": "plate sweep"} | tests, value="", label="Test", on_change=self._select_test
-            ).classes("w-40")
-            upload = file_upload(
-                "Plan file (TOML)", max_file_size=MAX_PLAN_BYTES, on_upload=self._load
-            )
-            upload.props("accept=.toml flat bordered dense").classes("w-72")
+            test = ui.select({"": "plate sweep"} | tests, value="", label="Test")
+            test.props("dense").classes("w-40").on_value_change(self._select_test)
+            upload = file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
+            upload.props("accept=.toml flat bordered dense").classes("w-52")
+            upload.on_upload(self._load)
             self._base_hint = ui.label().classes("soft")
 
     def _select_test(self, event: events.ValueChangeEventArguments[str]) -> None:

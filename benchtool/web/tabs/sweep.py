@@ -37,7 +37,6 @@ class RunCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._n_events = -1
         send = show_errors(context.send)
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
@@ -57,7 +56,7 @@ class RunCard:
                 with ui.row(wrap=False).classes("items-end w-full"):
                     self._answer = ui.input("Answer").classes("grow")
                     ui.button("Send", on_click=self._send)
-            self._log = ui.column().classes("events w-full gap-0")
+            self._log = ui.label().classes("events w-full")
 
     def refresh(self) -> None:
         sweep, events = self._context.bench.sweep, self._context.bench.events
@@ -77,13 +76,9 @@ class RunCard:
         self._reason.classes(**{"add" if is_warning else "remove": "warn-box"})
         self._question_box.set_visibility(bool(sweep.question))
         self._question.set_text(sweep.question)
-        if len(events) != self._n_events:
-            self._n_events = len(events)
-            visible = [event for event in events if event.event not in NO_PROGRESS]
-            self._log.clear()
-            with self._log:
-                for event in reversed(visible[-MAX_EVENTS:]):
-                    ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
+        visible = [event for event in events if event.event not in NO_PROGRESS]
+        lines = [f"{event.time_s:8.1f} s  {event.event}: {event.text}" for event in visible]
+        self._log.set_text("\n".join(reversed(lines[-MAX_EVENTS:])))
 
     @show_errors
     def _send(self) -> None:
