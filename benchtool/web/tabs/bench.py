@@ -112,10 +112,9 @@ class ConnectCard:
         from benchtool.bench.ports import serial_ports
 
         self._addresses.clear()
-        try:
+        ports = None
+        with suppress(BenchtoolError):
             ports = await run.io_bound(serial_ports)
-        except BenchtoolError:
-            ports = ()
         with self._addresses:
             for port in ports or ():
                 name = port.by_id or port.name
