@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 from importlib import import_module
@@ -109,11 +110,13 @@ def serve_page(server: ServerState) -> None:
                 with panels[key]:
                     import_module(f"benchtool.web.tabs.{key}").build(context)
 
-        def select(key: str) -> None:
-            show(key)
+        async def select(key: str) -> None:
             ui.run_javascript(
                 f'history.replaceState(null, "", "?tab={key}"); window.scrollTo(0, 0)'
             )
+            # In a thread, as heartbeats of pages must not wait for an import.
+            await asyncio.to_thread(import_module, f"benchtool.web.tabs.{key}")
+            show(key)
 
         tabs.on_value_change(lambda change: select(str(change.value)))
         show(initial_key)
