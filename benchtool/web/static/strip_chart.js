@@ -1,19 +1,16 @@
 // Live charts of the connected bench's stream, drawn by ECharts, which NiceGUI provides.
 import { echarts } from "nicegui-echart";
 
-const HEADER_LENGTH = 4, FRAMES_PER_S = 20, HISTORY_S = 600, TOP = 26, LEFT = 54, RIGHT = 14, MIN_SILENCE_S = 0.1;
+const HEADER_LENGTH = 4, FRAMES_PER_S = 20, HISTORY_S = 600, TOP = 26, LEFT = 54, RIGHT = 14, MAX_SILENCE_S = 1;
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600].map((value) => ({ value, label: value < 60 ? `${value} s` : `${value / 60} min` }));
 const DRAW_INTERVAL_MS = 100, MAX_DRAW_SHARE = 0.2; // minimum interval and maximum share of time for drawing; assumed
 
 // Return for each frame, given as [time, samples, lost samples], whether the lines are interrupted: samples were
-// lost, or none came for three median steps. A late frame that contains all samples is no gap.
+// lost, or none came for a second. A late frame that contains all samples is no gap.
 export function findGaps(frames) {
-  const times = frames.filter(([, samples]) => samples).map(([time]) => time);
-  const steps = times.slice(1).map((time, i) => time - times[i]).sort((a, b) => a - b);
-  const maxSilence = 3 * (steps[Math.floor(steps.length / 2)] ?? 0) + MIN_SILENCE_S;
   let heard = Infinity;
   return frames.map(([time, samples, lost]) => {
-    const isGap = lost > 0 || (!samples && time - heard > maxSilence);
+    const isGap = lost > 0 || (!samples && time - heard > MAX_SILENCE_S);
     if (samples) heard = time;
     return isGap;
   });
