@@ -132,8 +132,8 @@ def reading_html(limit: LimitShare) -> str:
     bound = f"{'min' if limit.is_minimum else 'max'} {limit.limit:g}"
     css_class = "bar near" if limit.share >= WARNING_SHARE else "bar"
     return (
-        f'<div><span class="soft name">{limit.name}</span><span class="soft">{bound}</span>'
-        f"<b>{value:.{decimals}f}</b><span>{limit.unit}</span>"
+        f'<div><span class="soft">{limit.name}</span><span class="soft">{bound}</span>'
+        f'<div class="value"><b>{value:.{decimals}f}</b> {limit.unit}</div>'
         f'<div class="{css_class}" role="meter" aria-valuenow="{percent:.0f}" '
         f'aria-label="{limit.name}, % of the limit"><div style="width: {percent:.1f}%"></div>'
         "</div></div>"

@@ -136,14 +136,13 @@ class PlanCard:
         with options, ui.element("div").classes("field-grid"):
             self._form.add("operator", *AIR, "calibration", "stage")
             self._form.add(*(name for name in FIELDS if name not in MAIN_FIELDS))
-        with ui.row().classes("items-center"):
+        with ui.row(wrap=False).classes("items-center w-full"):
             tests = {name: name for name in THROTTLE_TESTS}
             test = ui.select({"": "plate sweep"} | tests, value="", label="Test")
             test.props("dense").classes("w-40").on_value_change(self._select_test)
             upload = file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
-            upload.props("accept=.toml flat bordered dense").classes("w-52")
-            upload.on_upload(self._load)
-            self._base_hint = ui.label().classes("soft")
+            upload.props("accept=.toml flat bordered dense").on_upload(self._load)
+        self._base_hint = ui.label().classes("soft")
 
     def _select_test(self, event: events.ValueChangeEventArguments[str]) -> None:
         """Use a library plan without a plate as the base of the form."""
