@@ -111,7 +111,8 @@ class RatioCard:
                 self._model = ui.select(models, value="", label="Model and its band")
                 self._model.props("dense").classes("w-52")
             figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
-            self._plot = ui.echart(figure).classes("w-full ratio-plot").props("role=img")
+            self._plot = ui.echart(figure).classes("w-full ratio-plot")
+            self._plot.props('role=img aria-label="Thrust, no measured point"')
             self._problem = ui.label().classes("soft")
 
     async def refresh(self) -> None:
