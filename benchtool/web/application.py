@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 from importlib import import_module
@@ -21,6 +22,7 @@ from benchtool.web.access import Access, AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import SPEED_LIMIT, Notice
 from benchtool.web.bench_process.spawn import ProcessHandle
+from benchtool.web.cards.live import reading_html
 from benchtool.web.context import PageContext, ServerState
 from benchtool.web.sockets import add_control_script, serve_control_sockets, serve_stream
 from benchtool.web.theme import apply_theme, serve_static
@@ -92,10 +94,7 @@ def serve_page(server: ServerState) -> None:
         add_control_script(context)
         header = Header(context, apply_theme(theme))
         keys = [name.lower() for name in TABS]
-        with header.tab_row:
-            initial_key = tab if tab in keys else keys[0]
-            tabs = ui.tabs()
-            tabs.props("dense no-caps inline-label align=left").classes("w-full")
+        initial_key, tabs = tab if tab in keys else keys[0], header.tabs
         with tabs:
             for name, icon in TABS.items():
                 ui.tab(name.lower(), label=name, icon=icon)
@@ -111,11 +110,13 @@ def serve_page(server: ServerState) -> None:
                 with panels[key]:
                     import_module(f"benchtool.web.tabs.{key}").build(context)
 
-        def select(key: str) -> None:
-            show(key)
+        async def select(key: str) -> None:
             ui.run_javascript(
                 f'history.replaceState(null, "", "?tab={key}"); window.scrollTo(0, 0)'
             )
+            # In a thread, as heartbeats of pages must not wait for an import.
+            await asyncio.to_thread(import_module, f"benchtool.web.tabs.{key}")
+            show(key)
 
         tabs.on_value_change(lambda change: select(str(change.value)))
         show(initial_key)
@@ -129,44 +130,51 @@ STOP = (
 
 ZERO_THROTTLE_TEXT = "motors at zero"
 
-REFRESH_INTERVAL_S = 0.5
+REFRESH_INTERVAL_S = 0.25
 
 _THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
            "dark": ("dark_mode", "")}  # fmt: skip
 
 
 class Header:
-    """Header with status line, alarm banner and STOP."""
+    """Header with tabs, status line, STOP, alarm banner and readings."""
 
     def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
         self._context, self._dark = context, dark
         self._title = "benchtool"
-        with ui.header().classes("q-py-xs q-px-md"):
-            with ui.row(wrap=False).classes("items-center w-full gap-4"):
-                ui.label("benchtool").classes("text-h6 page-name").props(
-                    "role=heading aria-level=1"
-                )
-                with ui.row().classes("status-line grow"):
+        with ui.header():
+            with ui.element("div").classes("header-grid"):
+                ui.label("benchtool").classes("page-name").props("role=heading aria-level=1")
+                self.tabs = ui.tabs().props("dense no-caps inline-label align=left")
+                with ui.row().classes("status-line"):
                     self._state = ui.label().props("role=status")
                     self._control = ui.label().classes("soft")
-                self._take_button = ui.button("Take over", on_click=self._take_over)
-                self._take_button.props("outline")
-                self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
-                self._theme.props('aria-label="Theme: light, dark or system setting"')
-                log = ui.button(icon="history", on_click=self._show_log).props("flat round dense")
-                log.props('aria-label="Messages"')
-                ui.html(STOP, sanitize=False)
+                    self._take_button = ui.button("Take over", on_click=self._take_over)
+                    self._take_button.props("outline dense")
+                with ui.row(wrap=False).classes("header-tools gap-1"):
+                    self._connection = ui.button(icon="cable", on_click=self._show_connection)
+                    self._connection.props('aria-label="Connection"')
+                    self._theme = ui.button(on_click=self._next_theme)
+                    self._theme.props('aria-label="Theme: light, dark or system setting"')
+                    log = ui.button(icon="history", on_click=self._show_log)
+                    log.props('aria-label="Messages"')
+                    for button in (self._connection, self._theme, log):
+                        button.props("flat round dense")
+                ui.html(STOP, sanitize=False).classes("stop-place")
                 self._known = ui.label().classes("known")
             with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
                 self._cause = ui.label().classes("grow").props("role=alert")
                 self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")
-            self.tab_row = ui.row().classes("w-full")
+            self._readings = ui.html(sanitize=False).classes("readings")
         self._show_theme()
         self.refresh()
         context.on_connect = self.refresh
         ui.timer(REFRESH_INTERVAL_S, self.refresh)
 
     def refresh(self) -> None:
+        limits = self._context.bench.live.limits
+        self._readings.set_visibility(bool(limits))
+        self._readings.set_content("".join(map(reading_html, limits)))
         connection = self._context.bench.connection
         parts, in_control = status_parts(self._context.bench), self._context.in_control()
         self._known.set_text(f"{', '.join(parts)}.")
@@ -185,9 +193,15 @@ class Header:
             cause = f"MOTORS MAY STILL TURN: {cause}"
         self._cause.set_text(cause)
         self._alarm.classes(**{"add" if may_turn else "remove": "motors"})
+        self._connection.set_visibility(connection.status == "on")
         self._dismiss.set_text("I checked: motors at standstill" if may_turn else "Dismiss")
         is_free = self._context.server.control.is_free(monotonic())
         self._take_button.set_visibility(is_free and not in_control and bool(self._context.tab))
+
+    def _show_connection(self) -> None:
+        """Show or hide the connection of an open bench on its tab."""
+        self._context.shows_connection = not self._context.shows_connection
+        self.tabs.set_value("bench")
 
     def _take_over(self) -> None:
         has_lock = self._context.server.control.acquire(self._context.tab, monotonic())

@@ -17,8 +17,6 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
-from benchtool.data.catalogue.index import load_entries
-from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import load_state, store_state
 from benchtool.tasks import WorkerProcesses, to_user_error
@@ -27,6 +25,7 @@ from benchtool.web.bench_process.messages import Command
 from benchtool.web.bench_process.spawn import StopEndpoint
 
 if TYPE_CHECKING:
+    from benchtool.data.run.entry import Entry
     from benchtool.web.command_jobs import CommandJob
 
 RECONNECT_TIMEOUT_S = 2.0  # a page disconnected for longer can lose the lock; assumed
@@ -240,6 +239,7 @@ class PageContext:
     tab: str = ""  # name of the browser tab, sent by the page on connection
     theme: str = ""  # "light", "dark", or "" to follow the system
     dark: bool = False  # sent by the page
+    shows_connection: bool = False  # show the connection while a bench is open
     on_connect: Callable[[], object] = lambda: None  # called after the page has connected
     fields: dict[str, Any] = field(default_factory=dict)  # persistent form fields by name
 
@@ -327,6 +327,8 @@ class RunsListing:
 
     async def refresh(self) -> bool:
         """Read the folder again if it has changed; return whether it has."""
+        from benchtool.data.catalogue.index import load_entries
+
         try:
             stamps = await asyncio.to_thread(self._read_stamps)
             if stamps == self._stamps:

@@ -27,10 +27,6 @@ def open_page(
     Every user of the machine can read command lines, so an address with a token is opened through
     a redirect file that only this user can read.
 
-    Args:
-        address: of the page, with the token if required.
-        folder: of the redirect file; default: the user's state folder.
-
     Returns:
         The redirect file, to be deleted when the token has expired; None without a token.
     """

@@ -10,7 +10,7 @@ from datetime import datetime
 from functools import wraps
 from inspect import iscoroutinefunction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
 from nicegui import Client, events, ui
@@ -20,7 +20,6 @@ from benchtool.acquire.inputs import RecordInputs, SweepInputs
 from benchtool.acquire.operator import CONFIRMATION, arming_prompt, arming_warnings
 from benchtool.acquire.resume import load_resume_state
 from benchtool.bench.bench import DeviceInfo
-from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.text import pluralize
@@ -30,8 +29,10 @@ from benchtool.tasks import to_user_error
 from benchtool.web.bench_process.messages import Notice, StartRun
 from benchtool.web.context import PageContext
 from benchtool.web.drawing import PageSection
-from benchtool.web.entries import store_upload
 from benchtool.web.sockets import PAGES
+
+if TYPE_CHECKING:
+    from benchtool.commands.import_file import ImportInputs
 
 
 def today() -> str:
@@ -53,21 +54,25 @@ def log_message(text: str, *, is_error: bool = False) -> None:
         context.server.log.add(text, is_error=is_error)
 
 
+NOTE_MS = 6000  # display time of a notification; the message history has all; assumed
+
+
 def notify(text: str, *, logged: bool = False) -> None:
     """Show a notification and log it, unless already logged."""
     if not logged:
         log_message(text)
-    ui.notify(text, type="info", position="bottom-left")
+    ui.notify(text, type="info", position="bottom-left", timeout=NOTE_MS)
 
 
 def notify_error(error: Exception, *, logged: bool = False) -> None:
-    """Show an error notification with the message of the command line until it is closed."""
+    """Show an error notification with the message of the command line."""
     text = str(to_user_error(error))
     if not logged:
         log_message(text, is_error=True)
     ui.notify(
         text,
-        type="negative", position="bottom-left", multi_line=True, timeout=0, close_button="Close",
+        type="negative", position="bottom-left", multi_line=True,
+        timeout=NOTE_MS, close_button="Close",
     )  # fmt: skip
 
 
@@ -130,12 +135,14 @@ def refresh_cards(interval_s: float, *cards: Any) -> None:
 
 
 def show_facts(container: ui.element, facts: Mapping[str, str]) -> None:
-    """Replace the contents of a container by labels: each name, then its text."""
-    container.clear()
-    with container:
-        for name, text in facts.items():
-            ui.label(name)
-            ui.label(text)
+    """Show names and texts as labels; with unchanged names, only the texts are sent."""
+    labels: list[Any] = container.default_slot.children
+    if [label.text for label in labels[::2]] != list(facts):
+        container.clear()
+        with container:
+            labels = [ui.label(text) for pair in facts.items() for text in pair]
+    for label, text in zip(labels[1::2], facts.values(), strict=True):
+        label.set_text(text)
 
 
 class LocalSlider(ui.slider):
@@ -277,6 +284,8 @@ def add_table_upload(
 
     `on_stored` is called with the name of each file in the folder.
     """
+    from benchtool.commands.import_file import ImportInputs
+    from benchtool.web.entries import store_upload
 
     @show_errors
     async def store(event: events.UploadEventArguments) -> None:

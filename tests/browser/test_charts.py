@@ -43,7 +43,7 @@ def test_paused_charts_zoom_and_give_what_is_seen(page, tmp_path):
     assert {f"{name}_least" for name in measured} < set(columns)
     assert len(whole_s) > 40
     strips = page.locator(".strips")
-    strips.hover(position={"x": 400, "y": 60})
+    strips.hover(position={"x": 300, "y": 60})
     page.mouse.wheel(0, -400)
     page.wait_for_timeout(300)
     _, part_s = save_table(page, tmp_path)

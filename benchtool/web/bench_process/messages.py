@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -193,26 +193,25 @@ class ConnectionStatus:
     standstill_problem: str = ""  # reason why motors may still turn
 
 
-SPEED_LIMIT = "speed, rpm"  # name of the LimitShare of speed
+def limits_by_family(limits: Limits) -> dict[str, float]:
+    """Return the limits by channel family ("rpm", "pwm_us")."""
+    thrust_N = min(limits.thrust_N, limits.load_cell_rating_N)
+    return asdict(limits) | {"thrust_N": thrust_N, "voltage_V": limits.voltage_min_V}
+
+
+SPEED_LIMIT = "speed"  # name of the LimitShare of speed
 
 
 @dataclass(frozen=True, slots=True)
 class LimitShare:
-    """Reading and its limit; `share` is 1 at the limit."""
+    """Mean reading and its limit; `share` of the extreme reading is 0 at idle, 1 at the limit."""
 
     name: str
+    unit: str
     value: float
     limit: float
     share: float
-
-
-@dataclass(frozen=True, slots=True)
-class LiveValue:
-    """Mean since the last status, or a quantity derived from such means."""
-
-    name: str
-    value: float
-    unit: str
+    is_minimum: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -224,8 +223,8 @@ class LiveStatus:
     samples: int = 0
     lost: int = 0
     corrupt: int = 0
-    limits: tuple[LimitShare, ...] = ()  # extreme readings since the last status
-    values: tuple[LiveValue, ...] = ()  # thrust, torque, power, efficiency and so on, if measured
+    limits: tuple[LimitShare, ...] = ()  # readings since the last status
+    values: dict[str, tuple[float, str]] = field(default_factory=dict)  # see `live_values`
     armed: bool = False
     speed: float = 0.0  # of a virtual clock; 0 for real time
     weighed: tuple[tuple[float, float], ...] = ()  # (mass in kg, counts) of a calibration

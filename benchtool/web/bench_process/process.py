@@ -91,9 +91,9 @@ class BenchProcess:
             messages.HoldThrottle: lambda command: self._dead_man.hold(command, time.monotonic()),
             messages.ReleaseThrottle: self._dead_man.release,
             messages.PauseSweep: lambda command: self._runs.pause(command.on),
-            messages.AnswerQuestion: lambda command: self._runs.receive_answer(command.text),
-            messages.EndRecording: lambda command: self._runs.end_live(),
-            messages.Annotate: lambda command: self._annotate(command.text),
+            messages.AnswerQuestion: lambda command: self._runs.answers.put(command.text),
+            messages.EndRecording: lambda command: self._runs.ended.set(),
+            messages.Annotate: self._annotate,
         }
         self._bench: StoppableBench | None = None
         self._sessions = 0
@@ -140,15 +140,12 @@ class BenchProcess:
             else:
                 self._commands.put(command)
 
-    def _annotate(self, text: str) -> None:
-        if not text:
-            self._publisher.report_error("the annotation is empty; type a text first")
-        elif not self._runs.active:
-            self._publisher.report_error(
-                "an annotation needs a run; start a recording or a sweep first"
-            )
+    def _annotate(self, command: messages.Annotate) -> None:
+        if self._runs.active:
+            self._runs.texts.put(command.text)
         else:
-            self._runs.annotate(text)
+            text = "an annotation needs a run; start a recording or a sweep first"
+            self._publisher.report_error(text)
 
     def _receive(self) -> messages.Command:
         """Return the next command; stop the motors if heartbeats are missing meanwhile."""
@@ -169,21 +166,24 @@ class BenchProcess:
     def _serve_bench(self, connect: messages.Connect) -> None:
         """Open a bench and run its session until disconnection or an error."""
         self._sessions += 1
-        number, address = self._sessions, connect.address
-        self._publisher.publish(
-            messages.ConnectionStatus(status="opening", address=address, session=number)
+        address = connect.address
+        opening = messages.ConnectionStatus(
+            status="opening", address=address, session=self._sessions
         )
+        self._publisher.publish(opening)
         reason = problem = ""
         try:
             rig = resolve_rig(address, connect.rig or None)
             device = open_bench(address)
-            telemetry = Telemetry(number, rig, self._publisher, lambda: stoppable.speed)
+            telemetry = Telemetry(opening.session, rig, self._publisher, lambda: stoppable.speed)
             speed = 1.0 if address.startswith(VIRTUAL_CLOCKS) else 0.0
             self._bench = stoppable = StoppableBench(device, telemetry.add, speed)
+            status = replace(
+                opening, status="on", rig_limits=rig.limits, is_weighing=connect.is_weighing
+            )
             session = Session(
-                connect, number, rig, self._publisher, self._commands, self._dead_man, self._runs,
-                telemetry,
-            )  # fmt: skip
+                status, rig, self._publisher, self._commands, self._dead_man, self._runs, telemetry
+            )
             closed_bench = stoppable if connect.is_weighing else GuardedBench(stoppable, rig)
             self.guard = closed_bench if isinstance(closed_bench, GuardedBench) else None
             with self.announce(address), closed_bench as bench:
@@ -198,9 +198,7 @@ class BenchProcess:
         finally:
             self._bench = self.guard = None
             self._publisher.publish(
-                messages.ConnectionStatus(
-                    address=address, session=number, reason=reason, standstill_problem=problem
-                )
+                replace(opening, status="off", reason=reason, standstill_problem=problem)
             )
 
 
@@ -211,8 +209,7 @@ READ_TIMEOUT_S = 0.02  # polling interval of the command queue
 class Session:
     """Session that reads the bench and executes commands, in the main thread."""
 
-    connect: messages.Connect
-    number: int
+    status: messages.ConnectionStatus
     rig: Rig
     publisher: EventPublisher
     commands: queue.SimpleQueue[messages.Command]
@@ -221,7 +218,6 @@ class Session:
     telemetry: Telemetry
 
     def __post_init__(self) -> None:
-        self._rig_limits = self.rig.limits
         self._ramp = ThrottleRamp(self.rig)
         self._weighed: list[tuple[float, float]] = []
         self._armed = False
@@ -337,12 +333,9 @@ class Session:
             device_id = bench.identity.device_id
             masses_kg, counts = np.array(self._weighed, float).reshape(-1, 2).T
             calibration = fit_calibration(
-                masses_kg,
-                counts,
-                date=current_date(),
-                device_id=device_id,
+                masses_kg, counts, date=current_date(), device_id=device_id,
                 weighing=command.weighing,
-            )
+            )  # fmt: skip
             store_state("calibration", device_id, asdict(calibration))
             self._weighed.clear()
             self._publish_connection(bench.identity)
@@ -353,17 +346,9 @@ class Session:
             self._weighed.clear()
 
     def _publish_connection(self, identity: DeviceInfo) -> None:
+        calibration = find_calibration(None, identity)
         self.publisher.publish(
-            messages.ConnectionStatus(
-                status="on",
-                address=self.connect.address,
-                session=self.number,
-                identity=identity,
-                rig=self.rig,
-                rig_limits=self._rig_limits,
-                calibration=find_calibration(None, identity),
-                is_weighing=self.connect.is_weighing,
-            )
+            replace(self.status, identity=identity, rig=self.rig, calibration=calibration)
         )
 
 

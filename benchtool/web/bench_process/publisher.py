@@ -1,8 +1,8 @@
 """Publisher of events and frames. It never blocks, so an unresponsive page cannot delay the bench.
 
-A frame contains each channel's minimum and maximum since the last frame, as 3 + 2 c little-endian
-float32 values: session, time in s, number of samples, then minimum and maximum of each of the c
-channels, nan without samples.
+A frame contains each channel's minimum and maximum since the last frame, as 4 + 2 c little-endian
+float32 values: session, time in s, number of samples, number of lost samples, then minimum and
+maximum of each of the c channels, nan without samples.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from benchtool.core.units import Array
 from benchtool.web.bench_process.messages import BenchEvent, Notice
 
-HEADER_LENGTH = 3  # values before the channels
+HEADER_LENGTH = 4  # values before the channels
 
 
 class Decimator:
@@ -27,9 +27,10 @@ class Decimator:
         self._session = session
         self._low: Array = np.full(n_channels, np.nan)
         self._high: Array = np.full(n_channels, np.nan)
-        self._count = 0
+        self._count = self._lost = 0
 
-    def add(self, values: Array) -> None:
+    def add(self, values: Array, lost: int = 0) -> None:
+        self._lost += lost
         if len(values):
             self._low = np.fmin(self._low, np.fmin.reduce(values, axis=0))
             self._high = np.fmax(self._high, np.fmax.reduce(values, axis=0))
@@ -37,10 +38,10 @@ class Decimator:
 
     def pop_frame(self, time_s: float) -> bytes:
         frame = np.empty(HEADER_LENGTH + 2 * len(self._low), "<f4")
-        frame[:HEADER_LENGTH] = self._session, time_s, self._count
+        frame[:HEADER_LENGTH] = self._session, time_s, self._count, self._lost
         frame[HEADER_LENGTH::2], frame[HEADER_LENGTH + 1 :: 2] = self._low, self._high
         self._low, self._high = np.full_like(self._low, np.nan), np.full_like(self._high, np.nan)
-        self._count = 0
+        self._count = self._lost = 0
         return frame.tobytes()
 
 
@@ -50,16 +51,10 @@ def merge_frames(older: bytes, newer: bytes) -> bytes:
     if len(a) != len(b) or a[0] != b[0]:
         return newer
     merged = b.copy()
-    merged[2] = a[2] + b[2]
+    merged[2:HEADER_LENGTH] += a[2:HEADER_LENGTH]
     merged[HEADER_LENGTH::2] = np.fmin(a[HEADER_LENGTH::2], b[HEADER_LENGTH::2])
     merged[HEADER_LENGTH + 1 :: 2] = np.fmax(a[HEADER_LENGTH + 1 :: 2], b[HEADER_LENGTH + 1 :: 2])
     return merged.tobytes()
-
-
-def frame_extremes(frame: bytes) -> tuple[Array, Array]:
-    """Return minimum and maximum of each channel (c,), (c,)."""
-    values = np.frombuffer(frame, "<f4").astype(float)
-    return values[HEADER_LENGTH::2], values[HEADER_LENGTH + 1 :: 2]
 
 
 def frame_time_s(frame: bytes) -> float:

@@ -48,16 +48,20 @@ def prepare_run(_report: ReportProgress, path: Path) -> SweepStart:
 
 
 class RunSupervisor(RunProgress):
-    """Operator of sweeps and recordings on the page; publishes their progress."""
+    """Operator of sweeps and recordings on the page; publishes their progress.
+
+    `pause`, `lose_page`, queues and event may be used from any thread.
+    """
 
     def __init__(self, publisher: EventPublisher) -> None:
         self._publisher = publisher
         self._state = SweepStatus()
         self._radius_m: float | None = 1.0
         self._typed = ""
-        self._paused, self._ended = threading.Event(), threading.Event()
-        self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._annotations: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._paused = threading.Event()
+        self.ended = threading.Event()  # of a live recording
+        self.answers: queue.SimpleQueue[str] = queue.SimpleQueue()  # to the sweep's question
+        self.texts: queue.SimpleQueue[str] = queue.SimpleQueue()  # annotations
         self._closing: threading.Thread | None = None
         self._needs_page, self._page_lost = True, False
 
@@ -70,7 +74,7 @@ class RunSupervisor(RunProgress):
         return self._state.noun
 
     def pause(self, on: bool) -> None:
-        """Pause or continue the sweep; callable from any thread."""
+        """Pause or continue the sweep."""
         if on:
             self._paused.set()
             if self._state.status == "running":
@@ -79,7 +83,7 @@ class RunSupervisor(RunProgress):
             self._paused.clear()
 
     def lose_page(self, bench: StoppableBench, problem: str) -> None:
-        """Pause a sweep or stop a pitch recording that needs its page; callable from any thread.
+        """Pause a sweep or stop a pitch recording that needs its page.
 
         Manual throttle has the dead-man switch.
         """
@@ -94,16 +98,8 @@ class RunSupervisor(RunProgress):
         elif self._state.kind == "pitch":
             bench.request_stop(problem)
 
-    def receive_answer(self, text: str) -> None:
-        """Answer the sweep's question; callable from any thread."""
-        self._answers.put(text)
-
-    def annotate(self, text: str) -> None:
-        """Add a text to the events of the run; callable from any thread."""
-        self._annotations.put(text)
-
     def annotations(self) -> list[str]:
-        return [self._annotations.get_nowait() for _ in range(self._annotations.qsize())]
+        return [self.texts.get_nowait() for _ in range(self.texts.qsize())]
 
     def start(
         self,
@@ -115,7 +111,7 @@ class RunSupervisor(RunProgress):
         """Sweep or record; the throttle is at zero when this returns or raises.
 
         Args:
-            apply_throttle: of manual throttle; called until `end_live`.
+            apply_throttle: of manual throttle; called until `ended` is set.
 
         Raises:
             BenchtoolError: the run could not start.
@@ -123,7 +119,7 @@ class RunSupervisor(RunProgress):
         """
         self.finish()
         self._paused.clear()
-        self._ended.clear()
+        self.ended.clear()
         experiment = self._build_experiment(bench, rig, command, apply_throttle)
 
         def begin(run: Run) -> None:
@@ -157,7 +153,7 @@ class RunSupervisor(RunProgress):
 
             def is_running() -> bool:
                 apply_throttle()
-                return not self._ended.is_set()
+                return not self.ended.is_set()
 
             live_inputs = SweepInputs(plan=live_plan(command.name, rig), runs=command.runs)
             return LiveRecording(live_inputs, rig, self, is_running)
@@ -169,10 +165,6 @@ class RunSupervisor(RunProgress):
         if isinstance(experiment, Sweep) and experiment.resume_state:
             experiment.start = self._prepare_resume(bench, experiment.resume_state.run.path)
         return experiment
-
-    def end_live(self) -> None:
-        """End a live recording; callable from any thread."""
-        self._ended.set()
 
     def finish(self) -> None:
         if self._closing is not None:
@@ -228,13 +220,13 @@ class RunSupervisor(RunProgress):
             return self._typed
         with suppress(queue.Empty):
             while True:
-                self._answers.get_nowait()
+                self.answers.get_nowait()
         self._change(status="asking", question=question)
         while True:
             if meanwhile is not None:
                 meanwhile()
             with suppress(queue.Empty):
-                text = self._answers.get_nowait()
+                text = self.answers.get_nowait()
                 self._change(status="running", question="")
                 return text
 

@@ -21,46 +21,66 @@ from benchtool.web.bench_process.messages import (
     SPEED_LIMIT,
     LimitShare,
     LiveStatus,
-    LiveValue,
     Notice,
+    limits_by_family,
 )
 from benchtool.web.bench_process.publisher import (
     Decimator,
     EventPublisher,
-    frame_extremes,
-    merge_frames,
 )
+
+LIMITED = (
+    ("thrust", "thrust_N", "N"),
+    (SPEED_LIMIT, "rpm", "rpm"),
+    ("pulse", "pwm_us", "us"),
+    ("voltage", "voltage_V", "V"),
+    ("current", "current_A", "A"),
+    ("temperature", "temperature_degC", "°C"),
+)
+"""Readings with a limit: name, channel family, unit."""
 
 
 def limit_shares(
-    names: Sequence[str], low: Array, high: Array, command_pwm_us: Sequence[float], limits: Limits
+    channels: Sequence[Channel],
+    readings: Array,
+    command_pwm_us: Sequence[float],
+    rig: Rig,
+    idle: dict[str, float],
 ) -> tuple[LimitShare, ...]:
-    """Return every limit with the closest reading."""
+    """Return the mean of the channel that is closest to each limit, and how close it came.
+
+    Args:
+        readings: minimum, mean and maximum (3, c); nan without samples.
+        idle: highest voltage and lowest temperature of the session, updated; their shares are 0
+            there, as these readings are not 0 at idle.
+    """
+    limits = limits_by_family(rig.limits)
+    families = np.array([channel_family(channel.name) for channel in channels])
     shares = []
-    for family, label, limit in (
-        ("thrust_N", "thrust, N", min(limits.thrust_N, limits.load_cell_rating_N)),
-        ("rpm", SPEED_LIMIT, limits.rpm),
-        ("current_A", "current, A", limits.current_A),
-        ("temperature_degC", "ESC, degC", limits.temperature_degC),
-    ):
-        columns = [i for i, name in enumerate(names) if channel_family(name) == family]
-        values = [max(high[i], -low[i] if family == "thrust_N" else high[i]) for i in columns]
-        finite = [float(value) for value in values if np.isfinite(value)]
-        if finite:
-            shares.append(LimitShare(label, max(finite), limit, max(finite) / limit))
-    if "voltage_V" in names:
-        voltage_V = float(low[list(names).index("voltage_V")])
-        if np.isfinite(voltage_V) and voltage_V > 0.0:
-            min_V = limits.voltage_min_V
-            shares.append(LimitShare("min. voltage, V", voltage_V, min_V, min_V / voltage_V))
-    if command_pwm_us:
-        max_us = max(command_pwm_us)
-        shares.append(LimitShare("pulse width, us", max_us, limits.pwm_us, max_us / limits.pwm_us))
+    for name, family, unit in LIMITED:
+        is_minimum, zero = family == "voltage_V", 0.0
+        columns = readings[:, families == family]
+        if family == "pwm_us":
+            columns, zero = np.tile(command_pwm_us, (3, 1)), rig.propulsion.pwm_stop_us
+        low, mean, high = columns[:, np.isfinite(columns[1])]
+        if not len(mean) or (is_minimum and low.min() <= 0.0):
+            continue
+        limit = limits[family]
+        extreme = low if is_minimum else np.maximum(high, -low) if family == "thrust_N" else high
+        if is_minimum:
+            zero = idle[family] = max(idle.get(family, 0.0), float(high.max()))
+        elif family == "temperature_degC":
+            zero = idle[family] = min(idle.get(family, limit), float(low.min()))
+        has_margin = zero > limit if is_minimum else zero < limit
+        share = (extreme - zero) / (limit - zero) if has_margin else np.ones(len(mean))
+        i = int(share.argmax())
+        shares.append(LimitShare(name, unit, float(mean[i]), limit, float(share[i]), is_minimum))
     return tuple(shares)
 
 
 FRAME_INTERVAL_S = 0.05
 FRAMES_PER_STATUS = 5
+MAX_READING_AGE = 8  # statuses, i.e. 2 s; an older reading is dropped; assumed
 LIVE_QUANTITIES = (  # `data.quantities` on the page, and thrust
     "thrust_N", "torque_Nm", "power_W", "mechanical_power_W", "efficiency_gf_W",
     "motor_efficiency", "propeller_efficiency_N_W", "figure_of_merit",
@@ -68,22 +88,22 @@ LIVE_QUANTITIES = (  # `data.quantities` on the page, and thrust
 
 
 def live_values(
-    channels: Sequence[Channel], samples: Array, context: MeasurementContext, *, is_driven: bool
-) -> tuple[LiveValue, ...]:
-    """Return means over samples (m, c), ignoring nan, and derived quantities of driven motors."""
-    is_finite = np.isfinite(samples)
-    with np.errstate(invalid="ignore"):
-        means = np.where(is_finite, samples, 0.0).sum(axis=0) / is_finite.sum(axis=0)
+    channels: Sequence[Channel], means: Array, context: MeasurementContext, *, is_driven: bool
+) -> dict[str, tuple[float, str]]:
+    """Return value and unit of the mean thrust, and of quantities derived from means (c,).
+
+    Derived quantities (power, efficiency) need driven motors.
+    """
     recording = Recording(tuple(channels), means[None])
     values = evaluate_quantities(recording, context) if is_driven else {}
     if "thrust_N" in recording:
         values["thrust_N"] = recording.column("thrust_N")
     titles = {quantity.name: quantity.title for quantity in QUANTITIES} | {"thrust_N": "thrust"}
-    return tuple(
-        LiveValue(titles[name], float(values[name][0]), unit_from_name(name))
+    return {
+        titles[name]: (float(values[name][0]), unit_from_name(name))
         for name in LIVE_QUANTITIES
         if name in values and np.isfinite(values[name][0])
-    )
+    }
 
 
 class Telemetry:
@@ -99,15 +119,13 @@ class Telemetry:
         self._session, self._rig, self._publisher = session, rig, publisher
         self._speed = speed
         self._guarded: GuardedBench | None = None
-        self._names: tuple[str, ...] = ()
         self._frames: Decimator | None = None
-        self._status_frame: bytes | None = None
         self._live = LiveStatus()
         self._start_s = self._last_frame_s = time.monotonic()
         self._frames_since_status = 0
         self._rate_samples, self._rate_time_s = 0, 0.0
-        self._channels: tuple[Channel, ...] = ()
         self._samples: list[Array] = []
+        self._idle: dict[str, float] = {}
         self._rig_context = measurement_context(rig=rig)
 
     def set_limits(self, limits: Limits) -> None:
@@ -117,8 +135,9 @@ class Telemetry:
         """Start publishing; earlier reads are dropped."""
         self._guarded = guarded
         self._channels = identity.channels
-        self._names = tuple(channel.name for channel in identity.channels)
-        self._frames = Decimator(self._session, len(self._names))
+        self._frames = Decimator(self._session, len(identity.channels))
+        self._readings: Array = np.full((3, len(identity.channels)), np.nan)
+        self._age: Array = np.zeros(len(identity.channels))  # of the readings, in statuses
         self._start_s = self._last_frame_s = time.monotonic()
 
     def update(self, **changes: Any) -> None:
@@ -132,7 +151,7 @@ class Telemetry:
         """Add the readings of one read; called for every read of the bench."""
         if self._frames is None:
             return
-        self._frames.add(readings.values)
+        self._frames.add(readings.values, readings.lost)
         self._samples.append(readings.values)
         live = self._live
         self._live = replace(
@@ -152,21 +171,31 @@ class Telemetry:
             return
         # Frames stay on their time grid, except after a delay of more than one interval.
         self._last_frame_s = max(self._last_frame_s + FRAME_INTERVAL_S, now_s - FRAME_INTERVAL_S)
-        frame = frames.pop_frame(now_s - self._start_s)
-        older = self._status_frame
-        self._status_frame = frame if older is None else merge_frames(older, frame)
-        self._publisher.publish_frame(frame)
+        self._publisher.publish_frame(frames.pop_frame(now_s - self._start_s))
         self._frames_since_status += 1
         if self._frames_since_status >= FRAMES_PER_STATUS:
-            self._publish_status(self._status_frame, newest_s)
-            self._status_frame, self._frames_since_status = None, 0
+            self._publish_status(newest_s)
+            self._frames_since_status = 0
 
-    def _publish_status(self, frame: bytes, newest_s: float | None) -> None:
-        low, high = frame_extremes(frame)
+    def _update_readings(self) -> None:
+        """Set the readings to those since the last status; slow channels keep theirs for 2 s."""
+        samples = np.concatenate(self._samples)
+        self._samples.clear()
+        samples[~np.isfinite(samples)] = np.nan
+        counts = np.isfinite(samples).sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            mean = np.nansum(samples, axis=0) / counts
+        low, high = (f.reduce(samples, axis=0, initial=np.nan) for f in (np.fmin, np.fmax))
+        self._age = np.where(counts, 0, self._age + 1)
+        is_held = (self._age > 0) & (self._age < MAX_READING_AGE)
+        self._readings = np.where(is_held, self._readings, (low, mean, high))
+
+    def _publish_status(self, newest_s: float | None) -> None:
+        self._update_readings()
         command_pwm_us = tuple(self._guarded.pwm_us.tolist()) if self._guarded else ()
         standstill = self._guarded.standstill if self._guarded else None
         is_driven = self._guarded is not None and standstill is None
-        samples, rate_Hz = np.concatenate(self._samples), self._live.rate_Hz
+        rate_Hz = self._live.rate_Hz
         if newest_s is not None:
             n_samples, duration_s = self._live.samples, newest_s - self._rate_time_s
             if self._rate_time_s and duration_s > 0.0:
@@ -176,10 +205,13 @@ class Telemetry:
             self._live,
             command_pwm_us=command_pwm_us,
             rate_Hz=rate_Hz,
-            values=live_values(self._channels, samples, self._rig_context, is_driven=is_driven),
-            limits=limit_shares(self._names, low, high, command_pwm_us, self._rig.limits),
+            values=live_values(
+                self._channels, self._readings[1], self._rig_context, is_driven=is_driven
+            ),
+            limits=limit_shares(
+                self._channels, self._readings, command_pwm_us, self._rig, self._idle
+            ),
             speed=self._speed(),
             standstill=standstill.text if standstill else "",
         )
-        self._samples.clear()
         self._publisher.publish(self._live)

@@ -1,4 +1,4 @@
-"""Cards with the live stream of a bench: charts, drawn in the browser, and limits."""
+"""Live stream of a bench: readings in the header, charts drawn in the browser, quantities."""
 
 from __future__ import annotations
 
@@ -13,81 +13,61 @@ from nicegui.element import Element
 from benchtool.core.channel import CHANNELS, Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Limits
-from benchtool.web.bench_process.messages import Annotate, TightenLimits
+from benchtool.report.numbers import with_unit
+from benchtool.web.bench_process.messages import (
+    Annotate,
+    LimitShare,
+    TightenLimits,
+    limits_by_family,
+)
 from benchtool.web.context import PageContext
 from benchtool.web.theme import STATIC, cycle
-from benchtool.web.widgets import open_dialog, show_errors, titled_card
+from benchtool.web.widgets import open_dialog, show_errors, show_facts, titled_card
 
-STRIPS = (
-    ("Thrust", "thrust_N", "N", 1.0, 3),
-    ("Speed", "rpm#", "rpm", 1.0, 0),
-    ("Pulse", "pwm#_us", "us", 1.0, 0),
-    ("Torque", "torque_Nm", "N m", 1.0, 4),
-    ("Plate distance", "plate_z_m", "mm", 1e3, 1),
-    ("Plate lateral position", "plate_x_m", "mm", 1e3, 1),
-    ("Plate tilt", "plate_tilt_deg", "deg", 1.0, 2),
-    ("Pitch", "theta_rad", "deg", 57.29577951308232, 2),
-    ("Voltage", "voltage_V", "V", 1.0, 2),
-    ("Current", "current_A", "A", 1.0, 2),
-    ("Temperature", "temperature_degC", "°C", 1.0, 1),
-)
-"""Charts shown by default: title, channels, display unit, factor to it, decimals."""
-
-DEFAULT_STRIPS = tuple(title for title, *_ in STRIPS)
+STRIPS = {
+    "thrust_N": ("Thrust", "N", 1.0, 3),
+    "rpm#": ("Speed", "rpm", 1.0, 0),
+    "pwm#_us": ("Pulse", "us", 1.0, 0),
+    "torque_Nm": ("Torque", "N m", 1.0, 4),
+    "plate_z_m": ("Plate distance", "mm", 1e3, 1),
+    "plate_x_m": ("Plate lateral position", "mm", 1e3, 1),
+    "plate_tilt_deg": ("Plate tilt", "deg", 1.0, 2),
+    "theta_rad": ("Pitch", "deg", 57.29577951308232, 2),
+    "voltage_V": ("Voltage", "V", 1.0, 2),
+    "current_A": ("Current", "A", 1.0, 2),
+    "temperature_degC": ("Temperature", "°C", 1.0, 1),
+}
+"""Charts shown by default, by channels: title, display unit, factor to it, decimals."""
 
 
-def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
-    """Return the chart panels of a bench's channels."""
-    patterns = [re.sub(r"\d+", "#", channel.name) for channel in channels]
-    defaults = {pattern: (title, unit, factor, n) for title, pattern, unit, factor, n in STRIPS}
-    extra = {
-        pattern: (CHANNELS.get(pattern, pattern).capitalize(), channel.unit, 1.0, 3)
-        for pattern, channel in zip(patterns, channels, strict=True)
-        if pattern not in defaults
-    }
-    panels = []
-    for pattern, (title, unit, factor, decimals) in (defaults | extra).items():
-        columns = [i for i, other in enumerate(patterns) if other == pattern]
-        lines = [
-            {
-                "column": column,
-                "name": channels[column].name,
-                "label": "".join(re.findall(r"\d", channels[column].name)),
-                "light": cycle(dark=False)[index % len(cycle(dark=False))],
-                "dark": cycle(dark=True)[index % len(cycle(dark=True))],
-            }
-            for index, column in enumerate(columns)
-        ]
-        panel = {"title": title, "unit": unit, "factor": factor, "decimals": decimals}
-        if lines:
-            panels.append({**panel, "lines": lines})
-    return panels
+def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, Any]]:
+    """Return the chart panels of a bench's channels, the default ones first."""
+    bounds, light, dark = limits_by_family(limits), cycle(dark=False), cycle(dark=True)
+    panels: dict[str, dict[str, Any]] = {pattern: {"lines": []} for pattern in STRIPS}
+    for column, channel in enumerate(channels):
+        pattern = re.sub(r"\d+", "#", channel.name)
+        other = CHANNELS.get(pattern, pattern).capitalize(), channel.unit, 1.0, 3
+        title, unit, factor, decimals = STRIPS.get(pattern, other)
+        panel = panels.setdefault(pattern, {"lines": []})
+        panel |= {"title": title, "unit": unit.replace("degC", "°C"), "decimals": decimals}
+        panel |= {"factor": factor, "limit": bounds.get(pattern.replace("#", ""))}
+        panel["selected"] = pattern in STRIPS
+        index, label = len(panel["lines"]), "".join(re.findall(r"\d", channel.name))
+        colors = {"light": light[index % len(light)], "dark": dark[index % len(dark)]}
+        panel["lines"].append({"column": column, "name": channel.name, "label": label, **colors})
+    return [panel for panel in panels.values() if panel["lines"]]
 
 
 class StripChart(Element, component=STATIC / "strip_chart.js"):
     """Live charts of one session.
 
     Args:
-        selected: titles of the panels shown at first.
         has_tools: show pause, time window, panel selection, image and table.
     """
 
-    def __init__(
-        self,
-        session: int,
-        channels: Sequence[Channel],
-        selected: Sequence[str],
-        *,
-        has_tools: bool = True,
-    ) -> None:
+    def __init__(self, session: int, panels: list[dict[str, Any]], has_tools: bool) -> None:
         super().__init__()
-        panels = chart_panels(channels)
-        titles = [panel["title"] for panel in panels]
-        self._props["session"] = session
-        self._props["panels"] = panels
-        self._props["selected"] = [title for title in selected if title in titles]
-        self._props["tools"] = has_tools
-        self._props["marks"] = []
+        self._props.update(session=session, panels=panels, tools=has_tools, marks=[])
         self.classes("w-full")
 
     def show_marks(self, marks: Sequence[tuple[float, str]]) -> None:
@@ -98,90 +78,82 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
 
 
 class ChartCard:
-    """Charts of the connected bench, and a field for annotations of its run."""
+    """Charts of the connected bench, and a field for annotations of its run.
 
-    def __init__(
-        self,
-        context: PageContext,
-        selected: Sequence[str] = DEFAULT_STRIPS,
-        *,
-        has_tools: bool = True,
-    ) -> None:
-        self._context, self._selected, self._has_tools = context, selected, has_tools
-        self._session = -1
+    Args:
+        only: titles of the charts, without tools; default: all channels, with tools.
+    """
+
+    def __init__(self, context: PageContext, only: Sequence[str] = ()) -> None:
+        self._context, self._only = context, only
+        self._displayed: tuple[int, Limits] | None = None
         self._chart: StripChart | None = None
         with ui.card().classes("w-full") as self._card:
+            self._container = ui.element("div").classes("w-full")
             with ui.row(wrap=False).classes("items-end w-full") as self._annotation_row:
                 self._text = ui.input("Annotation for the run").classes("grow")
-                self._text.on("keydown.enter", self._annotate)
+                self._text.props("dense").on("keydown.enter", self._annotate)
                 ui.button("Annotate", icon="edit_note", on_click=self._annotate).props("outline")
-            self._container = ui.element("div").classes("w-full")
 
     def refresh(self) -> None:
         bench = self._context.bench
-        identity = bench.connection.identity
+        identity, rig = bench.connection.identity, bench.connection.rig
         self._card.set_visibility(identity is not None)
         self._annotation_row.set_visibility(bench.sweep.active)
-        if bench.connection.session != self._session and identity is not None:
-            self._session = bench.connection.session
+        if identity is None or rig is None:
+            return
+        if (displayed := (bench.connection.session, rig.limits)) != self._displayed:
+            self._displayed = displayed
+            panels = chart_panels(identity.channels, rig.limits)
+            if self._only:
+                panels = [panel for panel in panels if panel["title"] in self._only]
             self._container.clear()
             with self._container:
-                self._chart = StripChart(
-                    self._session, identity.channels, self._selected, has_tools=self._has_tools
-                )
+                self._chart = StripChart(displayed[0], panels, has_tools=not self._only)
         if self._chart is not None:
             self._chart.show_marks(bench.marks)
 
     @show_errors
     def _annotate(self) -> None:
-        self._context.send(Annotate(self._text.value.strip()))
-        self._text.value = ""
+        if text := self._text.value.strip():
+            self._context.send(Annotate(text))
+            self._text.value = ""
 
 
 WARNING_SHARE = 0.9  # share of a limit at which its bar changes colour; assumed
+DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
 
 
-class LimitsCard:
-    """Readings as bars relative to their limits, and live quantities."""
+def reading_html(limit: LimitShare) -> str:
+    """Return a mean reading with its limit, and a bar that is full at the limit."""
+    decimals = DECIMALS.get(limit.unit, 0)
+    value = round(limit.value, decimals) + 0.0  # not "-0"
+    percent = 100.0 * min(max(limit.share, 0.0), 1.0)
+    bound = f"{'min' if limit.is_minimum else 'max'} {limit.limit:g}"
+    css_class = "bar near" if limit.share >= WARNING_SHARE else "bar"
+    return (
+        f'<div><span class="soft">{limit.name}</span><span class="soft">{bound}</span>'
+        f'<div class="value"><b>{value:.{decimals}f}</b> {limit.unit}</div>'
+        f'<div class="{css_class}" role="meter" aria-valuenow="{percent:.0f}" '
+        f'aria-label="{limit.name}, % of the limit"><div style="width: {percent:.1f}%"></div>'
+        "</div></div>"
+    )
+
+
+class QuantitiesCard:
+    """Mean thrust and derived quantities."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._bars: dict[str, tuple[ui.linear_progress, ui.label]] = {}
-        with titled_card("Limits") as self._card:
-            self._rows = ui.column().classes("w-full gap-1")
-            ui.button("Tighten", icon="compress", on_click=self._tighten).props("outline")
-            self._values = ui.element("div").classes("value-grid number")
-            self._value_labels: dict[str, ui.label] = {}
+        with titled_card("Live quantities") as self._card:
+            self._values = ui.element("div").classes("facts-grid number")
+            ui.button("Tighten limits", icon="compress", on_click=self._tighten).props("outline")
 
     def refresh(self) -> None:
-        limits = self._context.bench.live.limits
-        self._card.set_visibility(bool(limits))
-        if tuple(self._bars) != tuple(limit.name for limit in limits):
-            self._rows.clear()
-            self._bars.clear()
-            with self._rows:
-                for limit in limits:
-                    with ui.element("div").classes("near-row"):
-                        ui.label(limit.name)
-                        bar = ui.linear_progress(show_value=False, size="10px")
-                        bar.props(f'instant-feedback aria-label="{limit.name}, share of the limit"')
-                        self._bars[limit.name] = bar, ui.label().classes("value number")
-        for limit in limits:
-            bar, label = self._bars[limit.name]
-            bar.value = round(min(max(limit.share, 0.0), 1.0), 3)
-            bar.props(f"color={'warning' if limit.share >= WARNING_SHARE else 'primary'}")
-            label.set_text(f"{limit.value:.4g} of {limit.limit:g}")
-        values = self._context.bench.live.values
-        if tuple(self._value_labels) != tuple(value.name for value in values):
-            self._values.clear()
-            with self._values:
-                pairs = [(ui.label(value.name), ui.label()) for value in values]
-            self._value_labels = {
-                value.name: pair[1] for value, pair in zip(values, pairs, strict=True)
-            }
-        for value in values:
-            unit = "" if value.unit == "1" else f" {value.unit}"
-            self._value_labels[value.name].set_text(f"{value.value:#.4g}{unit}")
+        live = self._context.bench.live
+        self._card.set_visibility(bool(live.limits))
+        facts = {name: with_unit(f"{x:#.4g}", unit) for name, (x, unit) in live.values.items()}
+        show_facts(self._values, facts)
 
     def _tighten(self) -> None:
         connection = self._context.bench.connection
@@ -190,17 +162,12 @@ class LimitsCard:
             return
         with open_dialog("Tighten limits") as dialog:
             ui.label("Valid until the bench is disconnected; at most the rig's limits.")
-            inputs = {
-                field.name: ui.number(
-                    field.name,
-                    value=getattr(rig.limits, field.name),
-                    format="%g",
-                )
-                .props(f'hint="rig: {getattr(rig_limits, field.name):g}" dense')
-                .classes("w-full")
-                for field in fields(Limits)
-                if field.name != "load_cell_rating_N"
-            }
+            inputs = {}
+            for name in (field.name for field in fields(Limits)):
+                if name != "load_cell_rating_N":
+                    number = ui.number(name, value=getattr(rig.limits, name), format="%g")
+                    number.props(f'hint="rig: {getattr(rig_limits, name):g}" dense')
+                    inputs[name] = number.classes("w-full")
 
             @show_errors
             def send() -> None:

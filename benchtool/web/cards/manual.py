@@ -24,16 +24,16 @@ class ThrottleCard:
         self._displayed: tuple[int, Limits | None] = (-1, None)
         self._rotors: list[ui.checkbox] = []
         with titled_card("Manual throttle") as self._card:
-            self._pulse = ui.number("Pulse, us", value=1000.0, step=10.0, format="%.0f")
-            self._pulse.classes("w-full")
-            self._slider = LocalSlider(min=1000.0, max=2000.0, step=5.0)
-            self._slider.props('aria-label="Pulse"').bind_value(self._pulse)
+            with ui.row(wrap=False).classes("items-center w-full"):
+                self._pulse = ui.number("Pulse, us", value=1000.0, step=10.0, format="%.0f")
+                self._pulse.classes("w-28").props("dense")
+                self._slider = LocalSlider(min=1000.0, max=2000.0, step=5.0).classes("grow")
+                self._slider.props('aria-label="Pulse"').bind_value(self._pulse)
             self._names = ui.row().classes("gap-1")
-            with ui.row().classes("items-center w-full"):
-                self._hold = ui.element("button").classes("hold-button grow").props("type=button")
-                with self._hold:
-                    self._commanded = ui.label("Hold to turn")
-                    ui.html('<small class="hold-why" role="status"></small>', sanitize=False)
+            self._hold = ui.element("button").classes("hold-button w-full").props("type=button")
+            with self._hold:
+                self._commanded = ui.label("Hold to turn")
+                ui.html('<small class="hold-why" role="status"></small>', sanitize=False)
             self._warnings = ui.column().classes("gap-1")
             with ui.row(wrap=False).classes("items-end w-full") as self._arming:
                 self._typed = ui.input(f"Type {CONFIRMATION} to arm").classes("grow")
@@ -102,9 +102,8 @@ class LoadCellCard:
             self._scale = ui.label().classes("soft")
             with ui.column().classes("w-full") as self._guarded:
                 with ui.row():
-                    ui.button(
-                        "Tare", icon="exposure_zero", on_click=lambda: send(messages.TareLoadCell())
-                    )
+                    tare = ui.button("Tare", icon="exposure_zero")
+                    tare.on_click(lambda: send(messages.TareLoadCell()))
                     calibrate = ui.button("Calibrate", icon="scale")
                     calibrate.on_click(lambda: self._reconnect(is_weighing=True)).props("outline")
                 with ui.row(wrap=False).classes("items-end w-full") as self._plate:

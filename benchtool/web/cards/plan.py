@@ -12,6 +12,7 @@ from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
+from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.visit_order import (
     Visit,
     expected_duration_s,
@@ -23,8 +24,9 @@ from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
-from benchtool.core.text import format_value
+from benchtool.core.text import format_value, pluralize
 from benchtool.data.catalogue.index import load_entries
+from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
@@ -57,16 +59,10 @@ def plan_facts(
     plan: Plan, rig: Rig, visits: Sequence[Visit], expected: PlanExtremes
 ) -> dict[str, str]:
     """Return the summary of a resolved plan."""
-    radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
     extra = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
     extra = extra if plan.plate.used else ""
-    pulses = ", ".join(f"{pwm_us:g}" for pwm_us in plan.throttle.pwm_us)
     return {
-        "rig": f"{rig.name}: {rig.title}",
-        "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
-        or "no plate: throttle only",
-        "pulse widths": f"{pulses} us",
         "points": (
             f"{len(visits)}, of {len(plan_settings(plan, rig))} settings: "
             f"{plan.repeats} repeats{extra}"
@@ -83,12 +79,10 @@ def plan_rows(plan: Plan, rig: Rig, visits: Sequence[Visit]) -> list[dict[str, s
     """Return the points in order, with keys COLUMNS."""
     rows = []
     for visit in visits[:MAX_PREVIEW_ROWS]:
-        kind: str = visit.kind
-        z_text = f"{visit.target_z_m / rig.propulsion.radius_m:.2f}"
-        if not plan.plate.used:
-            kind, z_text = "throttle", "–"
-        elif visit.is_parked:
-            z_text = "parked"
+        kind, z_text = "throttle", "–"
+        if plan.plate.used:
+            z_over_R = visit.target_z_m / rig.propulsion.radius_m
+            kind, z_text = visit.kind, "parked" if visit.is_parked else f"{z_over_R:.2f}"
         row = (str(visit.point), kind, z_text, f"{visit.level_us:g}", str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
     return rows
@@ -142,16 +136,13 @@ class PlanCard:
         with options, ui.element("div").classes("field-grid"):
             self._form.add("operator", *AIR, "calibration", "stage")
             self._form.add(*(name for name in FIELDS if name not in MAIN_FIELDS))
-        with ui.row().classes("items-center"):
+        with ui.row(wrap=False).classes("items-center w-full"):
             tests = {name: name for name in THROTTLE_TESTS}
-            ui.select(
-                {"": "plate sweep"} | tests, value="", label="Test", on_change=self._select_test
-            ).classes("w-40")
-            upload = file_upload(
-                "Plan file (TOML)", max_file_size=MAX_PLAN_BYTES, on_upload=self._load
-            )
-            upload.props("accept=.toml flat bordered dense").classes("w-72")
-            self._base_hint = ui.label().classes("soft")
+            test = ui.select({"": "plate sweep"} | tests, value="", label="Test")
+            test.props("dense").classes("w-40").on_value_change(self._select_test)
+            upload = file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
+            upload.props("accept=.toml flat bordered dense").on_upload(self._load)
+        self._base_hint = ui.label().classes("soft")
 
     def _select_test(self, event: events.ValueChangeEventArguments[str]) -> None:
         """Use a library plan without a plate as the base of the form."""
@@ -234,9 +225,11 @@ class PlanCard:
             select = ui.select(names, value=names[0]).classes("w-full")
 
             @show_errors
-            def resume() -> None:
+            async def resume() -> None:
                 path = RunsFolder(self._context.runs).find_path(select.value)
-                text = f"The remaining points of {select.value} are measured."
+                state = await asyncio.to_thread(load_resume_state, Run.open(path))
+                text = f"{select.value}: {pluralize(state.remaining, 'point')} remaining\n"
+                text += arming_prompt(state.plan, state.rig, check_plan(state.plan, state.rig))
                 inputs = SweepInputs(runs=self._context.runs, resume=path)
                 with self._card:
                     confirm_arming(self._context, self._card, text, inputs)

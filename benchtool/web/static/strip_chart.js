@@ -1,16 +1,28 @@
 // Live charts of the connected bench's stream, drawn by ECharts, which NiceGUI provides.
 import { echarts } from "nicegui-echart";
 
-const HEADER_LENGTH = 3, FRAMES_PER_S = 20, HISTORY_S = 600, TOP = 26, LEFT = 62, RIGHT = 14, GAP_S = 0.1;
+const HEADER_LENGTH = 4, FRAMES_PER_S = 20, HISTORY_S = 600, TOP = 26, LEFT = 54, RIGHT = 14, MAX_SILENCE_S = 1;
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600].map((value) => ({ value, label: value < 60 ? `${value} s` : `${value / 60} min` }));
 const DRAW_INTERVAL_MS = 100, MAX_DRAW_SHARE = 0.2; // minimum interval and maximum share of time for drawing; assumed
 
-// Return for each time whether it is connected to the previous one. A gap is longer than three median steps
-// of the channel, as slow channels have samples in every tenth frame only.
-export function joins(times) {
-  const steps = times.slice(1).map((time, i) => time - times[i]);
-  const median = [...steps].sort((a, b) => a - b)[Math.floor(steps.length / 2)] ?? 0;
-  return times.map((time, i) => i > 0 && steps[i - 1] <= 3 * median + GAP_S);
+// Return for each frame, given as [time, samples, lost samples], whether the lines are interrupted: samples were
+// lost, or none came for a second. A late frame that contains all samples is no gap.
+export function findGaps(frames) {
+  let heard = Infinity;
+  return frames.map(([time, samples, lost]) => {
+    const isGap = lost > 0 || (!samples && time - heard > MAX_SILENCE_S);
+    if (samples) heard = time;
+    return isGap;
+  });
+}
+
+// Return minimum, maximum and interval of an axis with about four steps at round numbers.
+function roundAxis(low, high, decimals) {
+  const step = Math.max((high - low) / 4, 10 ** -decimals), power = 10 ** Math.floor(Math.log10(step));
+  const interval = power * [1, 2, 2.5, 5, 10].find((factor) => factor * power >= 0.999 * step);
+  // Lines may exceed the axis by a pixel: noise below 0 needs no tick.
+  const min = Math.floor(low / interval + 0.04), max = Math.ceil(high / interval - 0.04);
+  return { interval, min: (min < max || !low ? min : min - 1) * interval, max: (min < max ? max : max + 1) * interval };
 }
 
 // Frames of the current session, shared by all charts of the page. A frame contains minimum and maximum of
@@ -33,6 +45,7 @@ const stream = {
     for (const chart of this.charts) chart.wake();
   },
   first() { return Math.max(0, this.count - this.capacity); },
+  header(i) { return this.frames.subarray((i % this.capacity) * this.width + 1, (i % this.capacity) * this.width + 4); },
   time(i) { return this.frames[(i % this.capacity) * this.width + 1]; },
   range(i, column) {
     const index = (i % this.capacity) * this.width + HEADER_LENGTH + 2 * column;
@@ -58,19 +71,19 @@ function save(name, address) {
 
 export default {
   template: `<div class="w-full">
+    <div class="strips" role="img" aria-label="Live strip charts"></div>
+    <small v-if="paused" role="status" class="soft">Paused: wheel or pinch to zoom, drag to move. No data are lost.</small>
     <div v-if="tools" class="strip-tools">
-      <q-btn outline no-caps :icon="paused ? 'play_arrow' : 'pause'" :label="paused ? 'Live' : 'Pause'" @click="pause(!paused)" />
+      <q-btn outline no-caps :icon="paused ? 'play_arrow' : 'pause'" :label="paused ? 'Live' : 'Pause'" :aria-label="paused ? 'Live' : 'Pause'" @click="pause(!paused)" />
       <q-select dense options-dense emit-value map-options label="Window" v-model="seconds" :options="windows" />
       <q-select dense options-dense multiple class="grow" label="Charts" v-model="visibleTitles" :options="panels.map((panel) => panel.title)" />
-      <q-btn outline no-caps icon="image" label="PNG" @click="savePicture" />
-      <q-btn outline no-caps icon="table_view" label="CSV" @click="saveTable" />
+      <q-btn outline no-caps icon="image" label="PNG" aria-label="PNG" @click="savePicture" />
+      <q-btn outline no-caps icon="table_view" label="CSV" aria-label="CSV" @click="saveTable" />
     </div>
-    <small v-if="paused" role="status" class="soft">Paused: wheel or pinch to zoom, drag to move. No data are lost.</small>
-    <div class="strips" role="img" aria-label="Live strip charts"></div>
   </div>`,
-  props: { session: Number, panels: Array, selected: Array, tools: Boolean, marks: Array },
+  props: { session: Number, panels: Array, tools: Boolean, marks: Array },
   data() {
-    return { paused: false, seconds: 30, visibleTitles: this.selected, windows: WINDOWS };
+    return { paused: false, seconds: 30, visibleTitles: this.panels.filter((panel) => panel.selected).map((panel) => panel.title).slice(0, innerWidth < 600 ? 3 : undefined), windows: WINDOWS };
   },
   watch: {
     visibleTitles() { this.build(); },
@@ -100,7 +113,7 @@ export default {
       if (this.waiting || this.paused || !this.container.clientWidth || document.hidden) return;
       this.waiting = setTimeout(() => {
         const start = performance.now();
-        this.draw();
+        if (!this.paused) this.draw();
         this.draw_ms = performance.now() - start;
         this.waiting = 0;
       }, Math.max(DRAW_INTERVAL_MS, (this.draw_ms ?? 0) / MAX_DRAW_SHARE) - (this.draw_ms ?? 0));
@@ -109,14 +122,13 @@ export default {
     // Set up the charts without data: one grid per selected panel, in two columns on a wide page.
     build() {
       this.selectedPanels = this.panels.filter((panel) => this.visibleTitles.includes(panel.title));
-      const width = this.container.clientWidth, columns = width > 1000 ? 2 : 1, height = columns === 2 ? 158 : 128;
-      const rows = Math.ceil(this.selectedPanels.length / columns), wide = width / columns;
-      this.container.style.height = `${rows * height + 20}px`;
+      const width = this.container.clientWidth, columns = width > 640 ? 2 : 1, height = columns === 2 ? 150 : 124;
+      const rows = Math.ceil(this.selectedPanels.length / columns), wide = (this.wide = width / columns);
+      this.container.style.height = `${rows * height}px`;
       this.chart.resize();
       const style = getComputedStyle(document.body), [ink, soft, line, paper] = ["--ink", "--soft", "--line", "--paper"].map((name) => style.getPropertyValue(name).trim());
       this.dark = document.body.classList.contains("body--dark");
-      const places = this.selectedPanels.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP, bottom: at >= this.selectedPanels.length - columns }));
-      const text = { color: ink, fontSize: 12 };
+      const places = this.selectedPanels.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP }));
       const all = this.selectedPanels.map((panel, at) => at);
       this.chart.setOption({
         animation: false, textStyle: { fontFamily: "system-ui, sans-serif" },
@@ -124,7 +136,7 @@ export default {
         title: this.selectedPanels.map((panel, at) => ({ text: `${panel.title}, ${panel.unit}`, left: places[at].left - 5, top: places[at].top - TOP + 2, textStyle: { color: ink, fontSize: 13 } })),
         legend: this.selectedPanels.map((panel, at) => ({
           data: panel.lines.map((line) => line.name), right: width - places[at].left - wide + LEFT + RIGHT, top: places[at].top - TOP,
-          itemWidth: 10, itemHeight: 8, itemGap: 8, icon: "rect", textStyle: { ...text, fontFamily: "ui-monospace, monospace" },
+          itemWidth: 8, itemHeight: 8, itemGap: 6, icon: "rect", textStyle: { color: ink, fontSize: 11, fontFamily: "ui-monospace, monospace" },
           formatter: (name) => this.newest(panel, panel.lines.find((line) => line.name === name)),
         })),
         xAxis: this.selectedPanels.map((panel, at) => ({
@@ -132,12 +144,11 @@ export default {
           axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: formatTime }, axisPointer: { label: { formatter: ({ value }) => formatTime(Math.round(value * 100) / 100) } },
         })),
         yAxis: this.selectedPanels.map((panel, at) => ({
-          gridIndex: at, type: "value", scale: true, splitNumber: 2, axisLine: { show: true, onZero: false, lineStyle: { color: line } }, splitLine: { lineStyle: { color: line } },
-          axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: (value) => value.toFixed(panel.decimals) }, axisPointer: { show: false },
-          min: ({ min, max }) => this.edge(panel, min, max, -1), max: ({ min, max }) => this.edge(panel, min, max, 1),
+          gridIndex: at, type: "value", axisLine: { show: true, onZero: false, lineStyle: { color: line } }, splitLine: { lineStyle: { color: line } },
+          axisLabel: { color: soft, formatter: (value) => `${Number(value.toFixed(panel.decimals))}` }, axisPointer: { show: false },
         })),
         axisPointer: { link: [{ xAxisIndex: "all" }], lineStyle: { color: soft } },
-        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: text, formatter: (items) => this.values(items) },
+        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: { color: ink, fontSize: 12 }, formatter: (items) => this.values(items) },
         dataZoom: [{ type: "inside", xAxisIndex: all, filterMode: "filter", disabled: !this.paused }],
         series: this.lines().map((line) => ({
           type: "line", name: line.name, xAxisIndex: line.at, yAxisIndex: line.at, showSymbol: false, symbol: "none", silent: true,
@@ -146,48 +157,53 @@ export default {
       }, { notMerge: true });
       this.draw();
     },
-    edge({ decimals }, min, max, side) {
-      if (!Number.isFinite(min)) return side;
-      const margin = Math.max(0.08 * (max - min), 2 * Math.pow(10, -decimals) - (max - min) / 2);
-      return side > 0 ? max + margin : min - margin;
-    },
     draw() {
       if (stream.session !== this.session || !stream.count || !this.chart) return;
       if (this.dark !== document.body.classList.contains("body--dark")) return void this.build();
-      const now = stream.time(stream.count - 1), from = this.paused ? stream.time(stream.first()) : now - this.seconds;
-      const frames = stream.between(from, now), lines = this.lines(), color = this.dark ? "#e8eaed" : "#1b1b1b";
-      this.container.dataset.marks = (this.marks ?? []).length;
-      const marks = (this.marks ?? []).filter((mark) => mark.time_s >= from);
-      this.chart.setOption({
-        xAxis: this.selectedPanels.map(() => ({ min: from, max: now })),
-        series: lines.map((line, i) => ({
-          data: this.points(line, frames),
-          markLine: {
-            symbol: "none", lineStyle: { color, type: "dashed" }, data: marks.map((mark) => ({ xAxis: mark.time_s, name: mark.text })),
-            label: { show: i === 0, color, position: "insideEndTop", rotate: 0, formatter: "{b}" },
+      const now = stream.time(stream.count - 1), from = this.paused ? stream.time(stream.first()) : Math.max(now - this.seconds, 0);
+      const frames = stream.between(from, now), gaps = findGaps(frames.map((i) => stream.header(i))), color = this.dark ? "#e8eaed" : "#1b1b1b";
+      const marks = this.marks.filter((mark) => mark.time_s >= from).map(({ time_s, text }) => ({ xAxis: time_s, name: text }));
+      const warn = getComputedStyle(document.body).getPropertyValue("--warn").trim();
+      const series = [], yAxis = this.selectedPanels.map((panel) => {
+        const all = panel.lines.map((line) => this.points({ ...line, panel }, frames, gaps)), limit = panel.limit === null ? NaN : panel.limit * panel.factor;
+        let low = Infinity, high = -Infinity;
+        for (const points of all) for (const [, value] of points) if (value !== "-") [low, high] = [Math.min(low, value), Math.max(high, value)];
+        if (!(low <= high)) low = high = 0;
+        // A limit that is far away would flatten the lines.
+        const shown = Math.max(limit - high, low - limit) <= Math.abs(limit) / 2;
+        const bound = { yAxis: limit, name: `limit ${limit}`, lineStyle: { color: warn, type: "solid" }, label: { show: true, color: warn, position: limit < low ? "insideStartTop" : "insideStartBottom" } };
+        all.forEach((data, k) => series.push({
+          data, markLine: {
+            animation: false, symbol: "none", lineStyle: { color, type: "dashed" }, data: shown && !k ? [...marks, bound] : marks,
+            label: { show: !series.length, color, position: "insideEndTop", rotate: 0, formatter: "{b}" },
           },
-        })),
-      }, { lazyUpdate: false });
+        }));
+        return roundAxis(shown ? Math.min(low, limit) : low, shown ? Math.max(high, limit) : high, panel.decimals);
+      });
+      this.chart.setOption({ xAxis: yAxis.map(() => ({ min: from, max: Math.max(now, from + (this.paused ? 0 : this.seconds)) })), yAxis, series }, { lazyUpdate: false });
     },
     // Return maximum and minimum of each frame as points, with breaks at gaps.
-    points(line, frames) {
+    points(line, frames, gaps) {
       const { factor } = line.panel, points = [];
-      const present = frames.filter((i) => !Number.isNaN(stream.range(i, line.column)[0])), times = present.map((i) => stream.time(i));
-      joins(times).forEach((joined, k) => {
-        const [low, high] = stream.range(present[k], line.column);
-        if (!joined && k) points.push([times[k], "-"]);
-        points.push([times[k], high * factor]);
+      let joined = false;
+      frames.forEach((i, k) => {
+        const [low, high] = stream.range(i, line.column), time = stream.time(i);
+        joined &&= !gaps[k];
+        if (Number.isNaN(low)) return;
+        if (!joined && points.length) points.push([time, "-"]);
+        points.push([time, high * factor]);
         // Offset by 0.02 s, so that a single value is visible.
-        if (!joined || low !== high) points.push([times[k] + (joined ? 0 : 0.02), low * factor]);
+        if (!joined || low !== high) points.push([time + (joined ? 0 : 0.02), low * factor]);
+        joined = true;
       });
       return points;
     },
     newest({ factor, decimals, lines }, line) {
-      if (lines.length > 1 && this.container.clientWidth < 520) return line.label;
-      const label = lines.length > 1 ? `${line.label}: ` : "";
+      if (lines.length > 1 && this.wide < 390) return line.label;
+      const label = lines.length > 1 ? `${line.label} ` : "";
       for (let i = stream.count - 1; stream.session === this.session && i >= Math.max(stream.first(), stream.count - 60); i--) {
         const [low, high] = stream.range(i, line.column);
-        if (!Number.isNaN(low)) return label + (((low + high) / 2) * factor).toFixed(decimals);
+        if (!Number.isNaN(low)) return label + (((low + high) / 2) * factor).toFixed(decimals).replace(/^-(?=[0.]*$)/, "");
       }
       return `${label}-`;
     },

@@ -24,7 +24,7 @@ from benchtool.web.bench_process.messages import (
     SetClockSpeed,
     StartLiveRecording,
 )
-from benchtool.web.cards.live import ChartCard, LimitsCard
+from benchtool.web.cards.live import ChartCard, QuantitiesCard
 from benchtool.web.cards.manual import LoadCellCard, ThrottleCard
 from benchtool.web.choices import rig_choices
 from benchtool.web.context import PageContext
@@ -60,7 +60,7 @@ class ConnectCard:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         send = show_errors(context.send)
-        with ui.card().classes("w-full"):
+        with ui.card().classes("w-full") as self._card:
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
                 self._session = 0
@@ -75,20 +75,18 @@ class ConnectCard:
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)
                 self._off = ui.button("Disconnect", on_click=lambda: send(Disconnect()))
                 self._off.props("outline")
-                self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes(
-                    "w-44"
-                )
-                self._speed.on_value_change(self._set_speed)
             self._command = CommandRow()
         with titled_card("No bench is connected") as self._help_card:
             ui.markdown("\n".join(f"1. {step}" for step in FIRST_STEPS)).classes("steps")
         self._show_command()
 
     def refresh(self) -> None:
-        connection, live = self._context.bench.connection, self._context.bench.live
+        connection = self._context.bench.connection
+        if connection.status == "off":
+            self._context.shows_connection = False
+        self._card.set_visibility(connection.status != "on" or self._context.shows_connection)
         self._on.set_visibility(connection.status == "off")
         self._off.set_visibility(connection.status != "off")
-        self._speed.set_visibility(live.speed > 0.0)
         self._help_card.set_visibility(connection.status == "off")
         if connection.status == "on" and connection.session != self._session:
             # A reloaded or watching page shows the connected bench.
@@ -101,13 +99,7 @@ class ConnectCard:
     @show_errors
     def _connect(self) -> None:
         self._context.require_control()
-        self._speed.value = 1
         self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
-
-    @show_errors
-    def _set_speed(self) -> None:
-        if self._context.bench.live.speed > 0.0 and self._context.in_control():
-            self._context.bench.send(SetClockSpeed(float(self._speed.value)))
 
     def _show_command(self) -> None:
         rig = ["--rig", self._rig.value] if self._rig.value else []
@@ -120,10 +112,9 @@ class ConnectCard:
         from benchtool.bench.ports import serial_ports
 
         self._addresses.clear()
-        try:
+        ports = None
+        with suppress(BenchtoolError):
             ports = await run.io_bound(serial_ports)
-        except BenchtoolError:
-            ports = ()
         with self._addresses:
             for port in ports or ():
                 name = port.by_id or port.name
@@ -146,13 +137,15 @@ class ConnectCard:
 
 
 class DeviceCard:
-    """Device information and link quality."""
+    """Device information, link quality and virtual clock."""
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._session = -1
         with titled_card("Link and device") as self._card:
             self._link = ui.label().classes("number")
+            self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes("w-44")
+            self._speed.on_value_change(self._set_speed)
             self._facts = ui.element("div").classes("facts-grid")
 
     def refresh(self) -> None:
@@ -166,9 +159,11 @@ class DeviceCard:
             f"{live.lost} lost, {live.corrupt} corrupt"
         )
         self._link.classes(**({"add": "warn"} if live.lost else {"remove": "warn"}))
+        self._speed.set_visibility(live.speed > 0.0)
         if connection.session == self._session:
             return
         self._session = connection.session
+        self._speed.value = 1
         facts = {
             "device": identity.device_id + (" (virtual)" if identity.simulated else ""),
             "firmware": identity.firmware,
@@ -181,16 +176,21 @@ class DeviceCard:
         }
         show_facts(self._facts, facts)
 
+    @show_errors
+    def _set_speed(self) -> None:
+        if self._context.bench.live.speed > 0.0 and self._context.in_control():
+            self._context.bench.send(SetClockSpeed(float(self._speed.value)))
+
 
 def build(context: PageContext) -> None:
     """Build the tab."""
+    cards: list[Any] = [ConnectCard(context)]
     with ui.element("div").classes("grid-main"):
         with ui.element("div"):
-            cards: list[Any] = [ConnectCard(context), RecordCard(context)]
-            cards += [LiveRecordCard(context), ChartCard(context)]
+            cards.append(ChartCard(context))
         with ui.element("div"):
-            cards += [ThrottleCard(context), LimitsCard(context)]
-            cards += [LoadCellCard(context), DeviceCard(context)]
+            cards += [ThrottleCard(context), LiveRecordCard(context), RecordCard(context)]
+            cards += [QuantitiesCard(context), LoadCellCard(context), DeviceCard(context)]
     refresh_cards(REFRESH_INTERVAL_S, *cards)
 
 
@@ -208,7 +208,7 @@ class LiveRecordCard:
         send = show_errors(context.send)
         with titled_card("Live recording") as self._card:
             with ui.row().classes("items-end w-full"):
-                name = ui.input("Name of the run", value="live").classes("grow")
+                name = ui.input("Name of the run", value="live").props("dense").classes("grow")
                 self._start = ui.button("Record", icon="fiber_manual_record")
                 self._start.on_click(
                     lambda: send(StartLiveRecording(runs=context.runs, name=name.value.strip()))
@@ -216,7 +216,7 @@ class LiveRecordCard:
                 self._end = ui.button("End", icon="save", on_click=lambda: send(EndRecording()))
                 self._show = ui.button("Show", icon="folder_open").props("outline")
                 self._show.on_click(lambda: open_tab("runs", run=context.bench.sweep.name))
-            self._status = ui.label().classes("number").props("role=status")
+            self._status = ui.label().classes("number soft").props("role=status")
 
     def refresh(self) -> None:
         connection, sweep = self._context.bench.connection, self._context.bench.sweep

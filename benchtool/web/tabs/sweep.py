@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from benchtool.physics.model_file import model_names
 from benchtool.report.palette import GREY, SERIES_STYLES
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
-from benchtool.web.cards.live import ChartCard, LimitsCard
+from benchtool.web.cards.live import ChartCard
 from benchtool.web.cards.plan import PlanCard
 from benchtool.web.context import PageContext
 from benchtool.web.ratio_plot import (
@@ -38,7 +37,6 @@ class RunCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._n_events = -1
         send = show_errors(context.send)
         with ui.card().classes("w-full run-card") as self._card:
             with ui.row().classes("items-center w-full"):
@@ -58,7 +56,7 @@ class RunCard:
                 with ui.row(wrap=False).classes("items-end w-full"):
                     self._answer = ui.input("Answer").classes("grow")
                     ui.button("Send", on_click=self._send)
-            self._log = ui.column().classes("events w-full gap-0")
+            self._log = ui.label().classes("events w-full")
 
     def refresh(self) -> None:
         sweep, events = self._context.bench.sweep, self._context.bench.events
@@ -71,20 +69,16 @@ class RunCard:
         self._bar.value = round(share, 3)
         text = f"{sweep.n_measured} of {sweep.n_points} points"
         text += f", about {format_duration(sweep.remaining_s)} left" if sweep.active else ""
-        self._progress.set_text(f"{text}  {sweep.point_text}")
+        self._progress.set_text(f"{text} · {sweep.point_text}" if sweep.point_text else text)
         self._reason.set_text(sweep.reason)
         self._reason.set_visibility(bool(sweep.reason))
         is_warning = sweep.status == "stopped" or "not seen to stand" in sweep.reason
         self._reason.classes(**{"add" if is_warning else "remove": "warn-box"})
         self._question_box.set_visibility(bool(sweep.question))
         self._question.set_text(sweep.question)
-        if len(events) != self._n_events:
-            self._n_events = len(events)
-            visible = [event for event in events if event.event not in NO_PROGRESS]
-            self._log.clear()
-            with self._log:
-                for event in reversed(visible[-MAX_EVENTS:]):
-                    ui.label(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
+        visible = [event for event in events if event.event not in NO_PROGRESS]
+        lines = [f"{event.time_s:8.1f} s  {event.event}: {event.text}" for event in visible]
+        self._log.set_text("\n".join(reversed(lines[-MAX_EVENTS:])))
 
     @show_errors
     def _send(self) -> None:
@@ -108,26 +102,20 @@ class RatioCard:
         self._rig_name = ""
         self._curves: tuple[Trace, ...] = ()
         self._curves_key: tuple[str, ...] = ()
-        self._lock = asyncio.Lock()
         with ui.card().classes("w-full"):
-            with ui.row().classes("items-end w-full"):
+            with ui.row().classes("items-center w-full"):
                 ui.label("Thrust").classes("card-title grow")
                 self._basis = ui.select(BASES, value=RATIO_BASES[0], label="At")
-                self._basis.classes("w-36")
+                self._basis.props("dense").classes("w-36")
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
-                self._model.classes("w-52")
+                self._model.props("dense").classes("w-52")
             figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
-            self._plot = ui.echart(figure).classes("w-full ratio-plot").props("role=img")
+            self._plot = ui.echart(figure).classes("w-full ratio-plot")
+            self._plot.props('role=img aria-label="Thrust, no measured point"')
             self._problem = ui.label().classes("soft")
 
     async def refresh(self) -> None:
-        if self._lock.locked():
-            return
-        async with self._lock:
-            await self._refresh()
-
-    async def _refresh(self) -> None:
         bench = self._context.bench
         rig, sweep = bench.connection.rig, bench.sweep
         ink = LIGHT_INK if self._context.dark else SERIES_STYLES["measurement"].color
@@ -172,11 +160,10 @@ def build(context: PageContext) -> None:
     with ui.element("div").classes("grid-main plan-left"):
         with ui.element("div"):
             run = RunCard(context)
-            charts = ChartCard(context, ("Thrust", "Speed"), has_tools=False)
-            limits = LimitsCard(context)
             plot = RatioCard(context)
+            charts = ChartCard(context, only=("Thrust", "Speed"))
         with ui.element("div"):
             plan = PlanCard(context)
-    refresh_cards(REFRESH_INTERVAL_S, run, charts, limits, plan)
+    refresh_cards(REFRESH_INTERVAL_S, run, charts, plan)
     # Separate timer: the status of a sweep must not wait for its plot.
     ui.timer(REFRESH_INTERVAL_S, plot.refresh)
