@@ -111,6 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if COMPLETION_VARIABLE in os.environ:
         line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
         argument_list = _find_command(line.split()[1:]).split()
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # a search takes pydantic 0.02 s
     for stream in (sys.stdout, sys.stderr):
         # Characters that the console cannot encode are replaced, without a traceback.
         if reconfigure := getattr(stream, "reconfigure", None):

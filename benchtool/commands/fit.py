@@ -48,7 +48,10 @@ def _base_inputs(options: dict[str, Any]) -> FitArguments:
     run_filters: tuple[str, ...] = ()
     given = {item.name: options[item.name] for item in items(TableInputs) if item.name in options}
     if "data" in options and "recipe" not in options:
-        # Wrong names are reported before numpy is imported.
+        # Wrong values and names are reported before numpy is imported.
+        for item in items(FitArguments):
+            if item.name in options and item.name != "fix":  # may be a name without a value
+                item.read(options[item.name], item.option)
         for path in options["data"]:
             if not Path(path).exists():
                 data_hash(path)  # raises the error

@@ -52,7 +52,7 @@ def _fields(cls: type[Inputs]) -> dict[str, InputField]:
     return {item.key.replace(".", "_"): item for item in items(cls)}
 
 
-def with_options(command: Any) -> Callable[..., None]:
+def with_options(command: Any) -> Any:
     """Return a command with the signature that typer reads; built for the requested one only."""
     parameters = [
         _parameter(name, item, item.required and not command.has_base)
@@ -60,8 +60,7 @@ def with_options(command: Any) -> Callable[..., None]:
     ]
     command.__signature__ = inspect.Signature(parameters)
     command.__annotations__ = {item.name: item.annotation for item in parameters}
-    function: Callable[..., None] = command
-    return function
+    return command
 
 
 def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter:

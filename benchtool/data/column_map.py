@@ -352,11 +352,11 @@ def match_channel(name: str) -> str | None:
 
 
 def is_similar(cell: str, channel: str) -> bool:
-    """Return whether a word of a column name begins or continues a usual word of a channel."""
+    """Return whether a word of a column name abbreviates or extends a usual one of a channel."""
     usual = {word for name in _USUAL_NAMES[channel] for word in re.findall(r"[^\W_]{2,}", name)}
     words = re.findall(r"[^\W_]{2,}", cell.casefold())
     return any(
-        word == name or ((len(word) > 2 and name.startswith(word)) or word.startswith(name))
+        word.startswith(name) or (len(word) > 2 and name.startswith(word))
         for word in words
         for name in usual
     )

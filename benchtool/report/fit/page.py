@@ -143,12 +143,8 @@ def summary_blocks(fit: FitSummary) -> list[Block]:
     blocks += [item.sentence for item in (fit.comparison, fit.laws) if item is not None]
     # The error after the output says that a model is rejected.
     warnings = [line for line in fit.warnings if "is rejected" not in line]
-    hidden = len(table.rows) - len(rows), len(warnings) - 1
-    texts = [
-        pluralize(count, noun)
-        for count, noun in zip(hidden, ("more parameter", "more warning"), strict=True)
-        if count > 0
-    ]
+    hidden = {"more parameter": len(table.rows) - len(rows), "more warning": len(warnings) - 1}
+    texts = [pluralize(count, noun) for noun, count in hidden.items() if count > 0]
     texts += ["statistical errors"] + ["the uncertainty budget"] * (fit.budget is not None)
     return [*blocks, Warnings(warnings[:1]), f"--verbose prints {', '.join(texts)}"]
 
