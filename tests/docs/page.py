@@ -26,6 +26,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.docs.forked import program_folder
+
 BLOCK = re.compile(
     r"(?:^<!--[ ]*(?P<mark>not[ ]run|file):[ ]*(?P<note>[^\n]*?)[ ]*-->\n\s*)?"
     r"^(?P<indent>[ ]*)```(?P<language>\w+)[^\n]*\n(?P<body>.*?)^(?P=indent)```[ ]*$",
@@ -111,9 +113,9 @@ def on_free_ports(text: str) -> str:
 def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | None:
     """Run one command line; say what is wrong with how it ended, or None."""
     expected = int(found[1]) if (found := re.search(r"# exit (\d+)\s*$", command)) else 0
-    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    programs = [str(Path(sys.executable).parent), os.environ["PATH"]]
     environment = os.environ | {"MPLBACKEND": "Agg", "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"}
-    environment["PATH"] = programs
+    environment["PATH"] = os.pathsep.join(programs)
     bash = ["bash", "-o", "pipefail", "-c"]
     if command.rstrip().endswith("&"):
         process = subprocess.Popen(
@@ -126,6 +128,7 @@ def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | N
         until_the_end.callback(stop, process)
         assert process.stdout is not None
         return None if process.stdout.readline() else "ended without a word"
+    environment["PATH"] = os.pathsep.join([program_folder(), *programs])
     ended = subprocess.run(
         [*bash, command],
         cwd=folder,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.forked import program_folder
 from tests.docs.page import Block, blocks_of
 
 ROOT = Path(__file__).parents[2]
@@ -48,7 +49,8 @@ def run(command: str, folder: Path, data: Path) -> tuple[int, str]:
     """Return the exit code of a command and what it prints, blanks squeezed."""
     environment = os.environ | {"MPLBACKEND": "Agg", "COLUMNS": "120", "PYTHONIOENCODING": "utf-8"}
     environment |= {"DATA": str(data), "MACHINES": str(data.parent / "machines")}
-    environment["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    programs = (program_folder(), str(Path(sys.executable).parent), os.environ["PATH"])
+    environment["PATH"] = os.pathsep.join(programs)
     ended = subprocess.run(
         ["bash", "-c", command],
         cwd=folder,
