@@ -1,7 +1,7 @@
 """Program `benchtool` for pages: every command is a fork of one process that has all imports.
 
 As a module it starts that process and returns the folder of the program; as a script it is the
-process. PNG files of reports are empty images: their SVG files show the same figures.
+process. PNG files of reports are empty: their SVG files show the same figures.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ import signal
 import socket
 import subprocess
 import sys
-import traceback
-from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -63,7 +61,8 @@ def serve(address: str) -> None:
     for name in ("agg", "svg"):
         import_module(f"matplotlib.backends.backend_{name}")
     figure: Any = import_module("benchtool.report.figure")
-    figure.figure_bytes = without_png(figure.figure_bytes)
+    draw = figure.figure_bytes
+    figure.figure_bytes = lambda shown, kind="svg": b"" if kind == "png" else draw(shown, kind)
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(address)
         server.listen()
@@ -75,13 +74,6 @@ def serve(address: str) -> None:
                 server.close()
                 answer(call)
             call.close()
-
-
-def without_png(figure_bytes: Callable[..., bytes]) -> Callable[..., bytes]:
-    """Return the function of figures' contents that draws no PNG."""
-    return lambda figure, file_format="svg": (
-        b"\x89PNG\r\n\x1a\n" if file_format == "png" else figure_bytes(figure, file_format)
-    )
 
 
 def answer(call: socket.socket) -> None:
@@ -99,14 +91,11 @@ def answer(call: socket.socket) -> None:
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = ["benchtool", *arguments]
-    code: Any = 0
+    code: Any = 1
     try:
         import_module("benchtool.commands.app").main()
     except SystemExit as end:
         code = end.code
-    except BaseException:  # noqa: BLE001 -- this process must not return to the loop of its parent
-        traceback.print_exc()
-        code = 1
     finally:
         atexit._run_exitfuncs()
         sys.stdout.flush()
