@@ -23,6 +23,8 @@ RESULTS := build/tests
 
 # A worker a core, and one thread for the algebra of each: more of them wait for each other.
 test test-all: export OPENBLAS_NUM_THREADS = 1
+# Workers, stages and commands compile each module once.
+test test-all: export PYTHONDONTWRITEBYTECODE =
 
 test: $(TESTING)
 	$(PYTEST) $(PARALLEL) -m "not slow and not proof" --junitxml $(RESULTS)/test.xml

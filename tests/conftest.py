@@ -52,14 +52,14 @@ def _own_state(tmp_path_factory):
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))
 
 
-ALONE = ("tests/avr/test_firmware_sweep", "tests/browser/", "tests/proof/presses/",
-         "tests/proof/soak/", "tests/system/test_bench_link", "tests/system/test_mavlink",
-         "tests/system/test_pitch_recorded", "tests/system/test_sweep_killed",
-         "tests/system/test_sweep_staged")  # fmt: skip
-"""Slow suites that talk in real time to processes of their own."""
+ALONE = ("tests/avr/test_firmware_sweep", "tests/browser/test_axe", "tests/browser/test_stop",
+         "tests/proof/presses/", "tests/proof/soak/", "tests/system/test_bench_link",
+         "tests/system/test_mavlink", "tests/system/test_pitch_recorded",
+         "tests/system/test_sweep_killed", "tests/system/test_sweep_staged")  # fmt: skip
+"""Slow suites that talk in real time to processes of their own; others are marked `real_time`."""
 
-SLOW = (*ALONE, "tests/avr/", "tests/proof/blind/", "tests/docs/test_docs", "tests/system/",
-        "tests/proof/truth/")  # fmt: skip
+SLOW = (*ALONE, "tests/avr/", "tests/browser/", "tests/proof/blind/", "tests/docs/test_docs",
+        "tests/system/", "tests/proof/truth/")  # fmt: skip
 """Suites that `make test` leaves out and `make test-all` runs."""
 
 PROOF = (*(f"tests/proof/blind/{name}" for name in ("pitch/", "sweep/", "test_found",

@@ -19,8 +19,6 @@ from tests.browser.conftest import expect, serving
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-pytestmark = pytest.mark.real_time(deadline_s=0.1)
-
 EXPLAINS_MS = 150_000
 MODEL = str(Path(__file__).parents[2] / "datasets/pitch_bench/model.toml")
 

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from urllib.parse import urlsplit
 
-import pytest
-
 from tests.browser.conftest import expect, serving
-
-pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
 def test_forms_survive_a_reload_and_a_restart_of_the_server(open_page, tmp_path):

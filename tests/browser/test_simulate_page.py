@@ -6,14 +6,10 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
-import pytest
-
 from tests.browser.conftest import expect
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
-
-pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 COMPILES_MS = 150_000  # the first simulation of a machine compiles
 

@@ -26,6 +26,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.docs.forked import program_folder
+
 BLOCK = re.compile(
     r"(?:^<!--[ ]*(?P<mark>not[ ]run|file):[ ]*(?P<note>[^\n]*?)[ ]*-->\n\s*)?"
     r"^(?P<indent>[ ]*)```(?P<language>\w+)[^\n]*\n(?P<body>.*?)^(?P=indent)```[ ]*$",
@@ -111,34 +113,42 @@ def on_free_ports(text: str) -> str:
 def run_command(command: str, folder: Path, until_the_end: ExitStack) -> str | None:
     """Run one command line; say what is wrong with how it ended, or None."""
     expected = int(found[1]) if (found := re.search(r"# exit (\d+)\s*$", command)) else 0
-    programs = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = os.environ | {"MPLBACKEND": "Agg", "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"}
-    environment["PATH"] = programs
-    bash = ["bash", "-o", "pipefail", "-c"]
     if command.rstrip().endswith("&"):
         process = subprocess.Popen(
-            [*bash, f"exec {command.rstrip().removesuffix('&')}"],
+            ["bash", "-c", f"exec {command.rstrip().removesuffix('&')}"],
             cwd=folder,
-            env=environment,
+            env=environment(),
             stdout=subprocess.PIPE,
             text=True,
         )
         until_the_end.callback(stop, process)
         assert process.stdout is not None
         return None if process.stdout.readline() else "ended without a word"
-    ended = subprocess.run(
-        [*bash, command],
+    ended = run_line(command, folder)
+    if ended.returncode == expected:
+        return None
+    return f"exit code {ended.returncode}, expected {expected}\n{ended.stdout}{ended.stderr}"
+
+
+def environment(*folders: str) -> dict[str, str]:
+    """Return the variables of a command; its programs are first looked for in some folders."""
+    programs = (*folders, str(Path(sys.executable).parent), os.environ["PATH"])
+    own = {"MPLBACKEND": "Agg", "COLUMNS": "100", "PYTHONIOENCODING": "utf-8"}
+    return os.environ | own | {"PATH": os.pathsep.join(programs)}
+
+
+def run_line(command: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run one line in bash to its end; a fork takes the part of `benchtool`."""
+    return subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command],
         cwd=folder,
-        env=environment,
+        env=environment(program_folder()) | variables,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         encoding="utf-8",
         timeout=LONGEST_S,
         check=False,
     )
-    if ended.returncode == expected:
-        return None
-    return f"exit code {ended.returncode}, expected {expected}\n{ended.stdout}{ended.stderr}"
 
 
 def stop(process: subprocess.Popen[str]) -> None:

@@ -18,7 +18,8 @@ PAGES = [
 
 
 def as_case(page: Path) -> ParameterSet:
-    serves = "bench serve" in page.read_text(encoding="utf-8")
+    blocks = [block for block in blocks_of(page.read_text(encoding="utf-8")) if not block.mark]
+    serves = any(line.endswith("&") for block in blocks for line in block.commands())
     marks = [pytest.mark.real_time(deadline_s=0.1)] if serves else []
     return pytest.param(page, marks=marks, id=page.relative_to(ROOT).as_posix())
 

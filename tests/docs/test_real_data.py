@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
 from math import exp, hypot, pi
 from pathlib import Path
 
 import pytest
 
-from tests.docs.page import Block, blocks_of
+from tests.docs.page import Block, blocks_of, run_line
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/explanation/real-data.md"
@@ -46,19 +43,8 @@ def shown_in(block: Block) -> list[Shown]:
 
 def run(command: str, folder: Path, data: Path) -> tuple[int, str]:
     """Return the exit code of a command and what it prints, blanks squeezed."""
-    environment = os.environ | {"MPLBACKEND": "Agg", "COLUMNS": "120", "PYTHONIOENCODING": "utf-8"}
-    environment |= {"DATA": str(data), "MACHINES": str(data.parent / "machines")}
-    environment["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    ended = subprocess.run(
-        ["bash", "-c", command],
-        cwd=folder,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=120.0,
-        check=False,
-    )
+    machines = str(data.parent / "machines")
+    ended = run_line(command, folder, COLUMNS="120", DATA=str(data), MACHINES=machines)
     return ended.returncode, " ".join((ended.stdout + ended.stderr).split())
 
 

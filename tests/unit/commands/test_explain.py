@@ -120,6 +120,7 @@ def test_a_recording_of_another_simulator_is_explained(capsys, tmp_path, referen
     code, output, _ = run(
         capsys, str(folder / "body_lift.csv"), "--model", str(MODEL),
         "--check", str(folder / "body_lift_check.csv"), "--out", str(tmp_path / "out"),
+        "--draws", "30",
     )  # fmt: skip
     assert code == 0
     # Other differences of the simulators are 1.7 noise floors.
