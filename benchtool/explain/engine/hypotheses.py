@@ -99,7 +99,8 @@ class Hypotheses:
         Also the changes by one prior standard deviation of each parameter (n_rows, n_parameters)
         and of each discrepancy column (n_rows, r). All are divided by the noise.
         """
-        rows, jacobian = finite_differences(self.evidence.residuals, values, self._upper)
+        table = finite_differences(self.evidence.residuals, values, self._upper)
+        rows, jacobian = table[:, 0], table[:, 1:]
         noise, penalty = self.errors.noise, self.region(active).penalty
         slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
         return (rows - jacobian @ values) / noise, slope, self.errors.columns({})
