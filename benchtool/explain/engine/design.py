@@ -223,7 +223,6 @@ class Designer(ABC, Generic[D]):
             is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
             after = finite_differences(new.residuals, fit.values, self._upper)
             table = np.concatenate([before, after])
-            rows, jacobian = table[:, 0], table[:, 1:]
             factors = self._hypotheses.errors.factors(fit.amplitudes)
             shared = [factor * columns[name] for name, factor in factors.items()]
             for name in fit.active:
@@ -233,8 +232,8 @@ class Designer(ABC, Generic[D]):
                     residuals = both.residuals(sets)
                     shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
             n_before, n_free = len(before), int(is_free.sum())
-            design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
-            rows = rows / noise
+            design = np.hstack([-table[:, 1:][:, is_free], *shared]) / noise[:, None]
+            rows = table[:, 0] / noise
             n_shared = design.shape[1] - n_free
             prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(n_shared)])
             precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)

@@ -100,10 +100,9 @@ class Hypotheses:
         and of each discrepancy column (n_rows, r). All are divided by the noise.
         """
         table = finite_differences(self.evidence.residuals, values, self._upper)
-        rows, jacobian = table[:, 0], table[:, 1:]
         noise, penalty = self.errors.noise, self.region(active).penalty
-        slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
-        return (rows - jacobian @ values) / noise, slope, self.errors.columns({})
+        slope = table[:, 1:] / noise[:, None] / np.maximum(penalty, 1e-3)
+        return (table[:, 0] - table[:, 1:] @ values) / noise, slope, self.errors.columns({})
 
     def log_evidence(self, fit: Hypothesis) -> float:
         """Return the log marginal likelihood of a hypothesis, up to a common constant.

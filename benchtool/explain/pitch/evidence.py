@@ -108,12 +108,12 @@ class PitchEvidence:
             benches = [self.bench(values, log.logged.rate_Hz) for values in sets]
             channels, first = block.reshape(log.n_channels, log.n_rows, -1), 0
             for part in log.pieces():
-                logged, indices = part.logged, part.indices
+                logged, selected = part.logged, part.selected
                 run = filter_log(benches, logged, log.filter.gains)
                 readings = [logged.theta_rad, logged.gyro_rad_s, *logged.speed_rad_s]
                 predictions = [run.theta_rad, run.gyro_rad_s, *run.speed_rad_s.swapaxes(0, 1)]
                 pairs = zip(readings, predictions, strict=True)
-                errors = [read[indices, None] - value[indices] for read, value in pairs]
+                errors = [read[selected, None] - value[selected] for read, value in pairs]
                 part.whiten(errors, channels[:, first : first + part.n_rows])
                 first += part.n_rows
         return rows
