@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections import deque, namedtuple
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from itertools import islice
@@ -190,8 +190,8 @@ class Loop(ABC):
         return memoryview(numbers)
 
     @abstractmethod
-    def measure(self, time_s: float) -> Any:
-        """Return the readings for a user-defined controller."""
+    def measurements(self, times_s: Sequence[float]) -> Iterator[Any]:
+        """Yield the current readings for a user-defined controller, with the times of its ticks."""
 
     @abstractmethod
     def references(self, first: int, last: int) -> Iterator[Any]:
@@ -216,20 +216,20 @@ class Loop(ABC):
         Raises:
             InputError: the controller raised, or returned an invalid command.
         """
-        step, advance = controller.step, self.advance
-        measure, write = self.measure, self.write_command
+        step, write, advance = controller.step, self.write_command, self.advance
         dt_s, n_ticks = 1.0 / self.rate_Hz, last - first
         times_s = (np.arange(ticks_before, ticks_before + n_ticks) / self.rate_Hz).tolist()
-        ticks = zip(range(first, last), times_s, self.references(first, last), strict=False)
-        for tick, time_s, reference in ticks:
+        inputs = zip(self.measurements(times_s), self.references(first, last), strict=False)
+        for tick, (measurement, reference) in enumerate(inputs, first):
             try:
-                command = step(measure(time_s), reference, dt_s)
+                command = step(measurement, reference, dt_s)
             except (Exception, SystemExit) as error:
-                raise controller_error(controller, error, time_s) from error
+                raise controller_error(controller, error, measurement.time_s) from error
             try:
                 write(command)
             except (TypeError, ValueError):
                 field, value, remedy = self.invalid_field(command)
+                time_s = measurement.time_s
                 raise invalid_command_error(controller, field, value, time_s, remedy) from None
             if advance(tick, tick + 1) == tick:
                 return tick

@@ -48,10 +48,6 @@ class BoundedRegion:
         total: Array = (sets**2) @ self.penalty**2
         return total
 
-    def contains(self, values: Array) -> bool:
-        """Return True if a point is within the bounds."""
-        return bool(np.all(values >= self.lower - 1e-9) and np.all(values <= self.upper + 1e-9))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
@@ -126,7 +122,7 @@ class BoundedSearch:
         local = linearisation if linearisation is not None else self.linearise(region.clip(start))
         penalty_cost = float(region.penalty_cost(local.point))
         best = MinimizationResult(local.point, local.cost + penalty_cost, False)
-        if not region.contains(local.point):
+        if np.any(np.abs(region.clip(local.point) - local.point) > 1e-9):
             best = MinimizationResult(local.point, np.inf, False)
         for step in range(1, max_steps + 1):
             target, predicted_cost = local.step(region)
@@ -147,14 +143,17 @@ class BoundedSearch:
         return best
 
 
-def finite_differences(residuals: Residuals, at: Array, upper: Array) -> tuple[Array, Array]:
-    """Return residuals (n_rows,) and their Jacobian (n_rows, n); no step exceeds `upper`."""
+def finite_differences(residuals: Residuals, at: Array, upper: Array) -> Array:
+    """Return residuals with their Jacobian beside them (n_rows, 1 + n); no step exceeds `upper`."""
     steps = np.where(at + STEP <= upper, STEP, -STEP)
-    rows = residuals(np.vstack([at, at + np.diag(steps)]))
-    jacobian = rows[:, 1:] - rows[:, :1]
+    rows = residuals(np.vstack([at, at + np.diag(steps)]))  # overwritten
+    jacobian = rows[:, 1:]
+    jacobian -= rows[:, :1]
     jacobian /= steps
-    jacobian[~np.isfinite(jacobian)] = 0.0
-    return rows[:, 0], jacobian
+    is_finite = np.isfinite(jacobian)
+    if not is_finite.all():
+        jacobian[~is_finite] = 0.0
+    return rows
 
 
 UNDETERMINED_HINT = 25.0  # mean ratio below which two effects form a class: a draw may be 10
@@ -218,14 +217,15 @@ class SharedErrors:
     @cached_property
     def _noise(self) -> tuple[Array, Array]:
         """Noise and variance by stage, from residuals not explained by large discrepancies."""
-        rows, jacobian = finite_differences(self._evidence.residuals, self.null_start, self._upper)
+        table = finite_differences(self._evidence.residuals, self.null_start, self._upper)
+        rows, jacobian = table[:, 0].copy(), table[:, 1:]
         sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
             return sigma, share
         jacobian *= PRIOR_WIDTH_FACTOR
         wide = np.hstack([*(part.columns for part in self.discrepancies.values()), jacobian])
         wide[:, : -len(jacobian.T)] *= AMPLITUDES[1]
-        del jacobian  # the largest array of a recording of half an hour
+        del table, jacobian  # the largest array of a recording of half an hour
         solved, remaining = solve_covariance(wide, rows), _own_shares(wide)
         del wide
         for mask in self._evidence.groups().stages.values():
@@ -251,11 +251,6 @@ class SharedErrors:
         products = [columns @ rows for columns in self.all_columns.values()]
         return np.vstack([np.empty((0, rows.shape[1])), *products])
 
-    @property
-    def n_rows(self) -> int:
-        """Number of residuals."""
-        return len(self.noise)
-
     @cached_property
     def null_start(self) -> Array:
         """Initial values of a search (n_parameters,)."""
@@ -268,10 +263,9 @@ class SharedErrors:
 
     def columns(self, amplitudes: Mapping[str, float]) -> Array:
         """Return the active columns (n_rows, r), scaled by amplitude, over the noise."""
-        self._noise  # noqa: B018  # computes the columns
-        factors = self.factors(amplitudes)
+        factors, n_rows = self.factors(amplitudes), len(self.noise)  # computes the columns
         parts = [factors[name] * self.all_columns[name].T.astype(np.float32) for name in factors]
-        return np.hstack([np.empty((self.n_rows, 0)), *parts])
+        return np.hstack([np.empty((n_rows, 0)), *parts])
 
     def rows(self, sets: Array) -> Array:
         """Return residuals over the noise (n_rows, n_sets)."""
@@ -305,8 +299,7 @@ class SharedErrors:
         indices, half, _ = self.kernel(amplitudes)
         residual, columns = self._products.get(key, (np.empty((0, 0)), np.empty((0, 0))))
         if not len(residual) or indices.max(initial=-1) >= len(columns):  # new, or new columns
-            rows, jacobian = finite_differences(self._evidence.residuals, at, self._upper)
-            both = np.column_stack([rows, jacobian])
+            both = finite_differences(self._evidence.residuals, at, self._upper)
             both /= noise[:, None]
             residual, columns = self._products[key] = both.T @ both, self._project(both)
         explained = half @ columns[indices]

@@ -222,7 +222,7 @@ class Designer(ABC, Generic[D]):
             region = self._hypotheses.region(fit.active)
             is_free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
             after = finite_differences(new.residuals, fit.values, self._upper)
-            rows, jacobian = (np.concatenate(pair) for pair in zip(before, after, strict=True))
+            table = np.concatenate([before, after])
             factors = self._hypotheses.errors.factors(fit.amplitudes)
             shared = [factor * columns[name] for name, factor in factors.items()]
             for name in fit.active:
@@ -231,9 +231,9 @@ class Designer(ABC, Generic[D]):
                     sets = np.vstack([fit.values, np.where(is_own, 0.0, fit.values)])
                     residuals = both.residuals(sets)
                     shared.append(both.varied(residuals[:, 0] - residuals[:, 1]))
-            n_before, n_free = len(before[0]), int(is_free.sum())
-            design = np.hstack([-jacobian[:, is_free], *shared]) / noise[:, None]
-            rows = rows / noise
+            n_before, n_free = len(before), int(is_free.sum())
+            design = np.hstack([-table[:, 1:][:, is_free], *shared]) / noise[:, None]
+            rows = table[:, 0] / noise
             n_shared = design.shape[1] - n_free
             prior = np.concatenate([region.penalty[is_free] ** 2, np.ones(n_shared)])
             precision = design[:n_before].T @ design[:n_before] + np.diag(prior + 1e-9)

@@ -71,9 +71,12 @@ def parameters_at(
         for item, z in zip(moved, scaled.tolist(), strict=True)
     }
     return Parameters(
-        (name, item.with_value(values[name]) if name in values else item)
+        (name, _with_value(item, values[name]) if name in values else item)
         for name, item in parameters.items()
     )
+
+
+_with_value = lru_cache(maxsize=256)(Parameter.with_value)  # sets mostly differ in one parameter
 
 
 def effect_parameters(

@@ -99,10 +99,10 @@ class Hypotheses:
         Also the changes by one prior standard deviation of each parameter (n_rows, n_parameters)
         and of each discrepancy column (n_rows, r). All are divided by the noise.
         """
-        rows, jacobian = finite_differences(self.evidence.residuals, values, self._upper)
+        table = finite_differences(self.evidence.residuals, values, self._upper)
         noise, penalty = self.errors.noise, self.region(active).penalty
-        slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
-        return (rows - jacobian @ values) / noise, slope, self.errors.columns({})
+        slope = table[:, 1:] / noise[:, None] / np.maximum(penalty, 1e-3)
+        return (table[:, 0] - table[:, 1:] @ values) / noise, slope, self.errors.columns({})
 
     def log_evidence(self, fit: Hypothesis) -> float:
         """Return the log marginal likelihood of a hypothesis, up to a common constant.

@@ -128,7 +128,7 @@ class LearnedDiscrepancies:
     def __init__(
         self, errors: SharedErrors, discrepancies: Iterable[Discrepancy], fit: Hypothesis
     ) -> None:
-        self._errors, self._fit, n = errors, fit, errors.n_rows
+        self._errors, self._fit, n = errors, fit, len(errors.noise)
         parts = [d for d in discrepancies if d.readings is not None]
         scaled = [fit.amplitudes.get(d.name, float(d.always)) * d.columns[:n] for d in parts]
         self._unscaled = np.hstack([np.empty((n, 0)), *scaled])

@@ -36,7 +36,6 @@ MIN_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
 # them over tens of milliseconds.
 MAX_ROWS = 40000
 
-LANES = 16  # parameter sets run at once; memory is proportional to it
 LENGTH = 0.3  # correlation length of a discrepancy, in shares of its variable's range
 RESOLUTION = 0.05  # of positions, in correlation lengths
 
@@ -77,8 +76,6 @@ class PitchEvidence:
         """Return the evidence of other recordings about the same model."""
         return PitchEvidence(self.model, logs, self._extra_effects, n_averaged)
 
-    # --- parameters ----------------------------------------------------------------------------
-
     def _owner_parameters(self) -> list[ScaledParameter]:
         parameters = self.model.parameters
         radius, inertia = parameters["R_m"], parameters["inertia_kgm2"]
@@ -94,8 +91,6 @@ class PitchEvidence:
             ),
         ]
 
-    # --- evidence -------------------------------------------------------------------------
-
     def bench(self, scaled: Array, rate_Hz: float) -> PitchBench:
         """Return the bench with the parameters at scaled values (n_parameters,)."""
         parameters = parameters_at(self.model.parameters, self.parameters, scaled)
@@ -107,23 +102,21 @@ class PitchEvidence:
 
     def residuals(self, scaled: Array) -> Array:
         sets = np.atleast_2d(scaled)
-        parts = [sets[first : first + LANES] for first in range(0, len(sets), LANES)]
-        return np.hstack([self._residuals(part) for part in parts])
-
-    def _residuals(self, sets: Array) -> Array:
-        rows: list[Array] = []
-        for log in self.logs:
+        ends = np.cumsum([log.n_channels * log.n_rows for log in self.logs])
+        rows = np.empty((ends[-1], len(sets)))
+        for log, block in zip(self.logs, np.split(rows, ends[:-1]), strict=True):
             benches = [self.bench(values, log.logged.rate_Hz) for values in sets]
-            pieces = []
-            for part, start_s in log.pieces():
-                logged = part.logged
-                run = filter_log(benches, logged, log.filter.gains, start_s=start_s)
+            channels, first = block.reshape(log.n_channels, log.n_rows, -1), 0
+            for part in log.pieces():
+                logged, selected = part.logged, part.selected
+                run = filter_log(benches, logged, log.filter.gains)
                 readings = [logged.theta_rad, logged.gyro_rad_s, *logged.speed_rad_s]
                 predictions = [run.theta_rad, run.gyro_rad_s, *run.speed_rad_s.swapaxes(0, 1)]
                 pairs = zip(readings, predictions, strict=True)
-                pieces.append(part.whiten([read[:, None] - value for read, value in pairs]))
-            rows += [np.concatenate(channel) for channel in zip(*pieces, strict=True)]
-        return np.concatenate(rows)
+                errors = [read[selected, None] - value[selected] for read, value in pairs]
+                part.whiten(errors, channels[:, first : first + part.n_rows])
+                first += part.n_rows
+        return rows
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
         """Return torques, speeds and reading errors, each a smooth function of one variable."""

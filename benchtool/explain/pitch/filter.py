@@ -106,13 +106,22 @@ class FilteredLog:
         )
 
     @property
+    def selected(self) -> NDArray[np.intp] | slice:
+        """The indices, as a slice if they are consecutive: four times faster, without a copy."""
+        if len(self.indices) and np.ptp(self.indices) == len(self.indices) - 1:
+            return slice(self.indices[0], self.indices[-1] + 1)
+        return self.indices
+
+    @property
     def n_rows(self) -> int:
         """Number of rows of evidence per channel."""
         return len(self.indices) // self.n_averaged
 
     def average(self, values: Array) -> Array:
         """Return values (n, ...) averaged over each row of evidence (n_rows, ...)."""
-        rows = np.asarray(values[self.indices], float)
+        return self._average(np.asarray(values[self.indices], float))
+
+    def _average(self, rows: Array) -> Array:
         if self.n_averaged == 1:
             return rows
         return np.asarray(rows.reshape(self.n_rows, self.n_averaged, *rows.shape[1:]).mean(axis=1))
@@ -122,31 +131,27 @@ class FilteredLog:
         """Number of channels with rows."""
         return 1 + self.has_gyro + sum(self.has_speed)
 
-    def whiten(self, errors: Sequence[Array] | Array) -> tuple[Array, ...]:
-        """Return errors (n, r) of pitch, gyro and each disc's speed as whitened rows."""
-        whitener = self.filter.whitener
-        pitch = np.nan_to_num(errors[0])
+    def whiten(self, errors: Sequence[Array] | Array, whitened: Array) -> None:
+        """Write errors (n_indices, r) of pitch, gyro and speeds as (n_channels, n_rows, r)."""
+        whitener, pitch = self.filter.whitener, _without_nan(errors[0])
         rows = [whitener[0, 0] * pitch]
         if self.has_gyro:  # empty rows would lower the estimated noise
-            rows.append(np.nan_to_num(whitener[1, 0] * pitch + whitener[1, 1] * errors[1]))
+            rows.append(_without_nan(whitener[1, 0] * pitch + whitener[1, 1] * errors[1]))
         speeds = zip(self.has_speed, self.logged.speed_rad_s, errors[2:], strict=True)
         for has_readings, readings, error in speeds:
             if has_readings:
-                is_finite = np.isfinite(readings)[:, None]
-                rows.append(np.where(is_finite, error, 0.0) / self.filter.reading_sd["rpm"])
-        return tuple(np.sqrt(self.n_averaged) * self.average(row) for row in rows)
+                error[~np.isfinite(readings[self.indices])] = 0.0
+                rows.append(error / self.filter.reading_sd["rpm"])
+        for row, whitened_row in zip(rows, whitened, strict=True):
+            np.multiply(np.sqrt(self.n_averaged), self._average(row), out=whitened_row)
 
-    def pieces(self) -> Iterator[tuple[FilteredLog, float]]:
-        """Yield pieces of the recording, each with the time of its first row: s.
-
-        Each begins before its rows of evidence, for the filter to settle.
-        """
+    def pieces(self) -> Iterator[FilteredLog]:
+        """Yield pieces; each begins before its rows of evidence, for the filter to settle."""
         lead = round(SETTLING_S * self.logged.rate_Hz)
         for first in range(0, len(self.logged), PIECE):
             start, stop = max(first - lead, 0), min(first + PIECE, len(self.logged))
             indices = self.indices[(self.indices >= first) & (self.indices < stop)] - start
-            part = replace(self, logged=self.logged.between(start, stop), indices=indices)
-            yield part, start / self.logged.rate_Hz
+            yield replace(self, logged=self.logged.between(start, stop), indices=indices)
 
     @cached_property
     def speed(self) -> Array:
@@ -203,9 +208,12 @@ class FilteredLog:
 
         Errors of a torque in N m, of a reading, or of the speeds as a share of them.
         """
-        blocks = np.array_split(errors, 1 + errors.size // MAX_BLOCK_SIZE, axis=1)
-        rows = [self.whiten(self._innovations(channel, block)) for block in blocks]
-        return np.hstack([np.concatenate(channels) for channels in rows])
+        rows = np.empty((self.n_channels, self.n_rows, errors.shape[1]))
+        n_blocks = 1 + errors.size // MAX_BLOCK_SIZE
+        blocks = (np.array_split(array, n_blocks, axis=-1) for array in (errors, rows))
+        for block, whitened in zip(*blocks, strict=True):
+            self.whiten(self._innovations(channel, block)[:, self.indices], whitened)
+        return rows.reshape(-1, errors.shape[1])
 
     def whitened_rows(self, name: str, basis: Array) -> tuple[Array, Array]:
         """Return whitened rows and shares of readings (n_rows, r) of smooth functions (n, r)."""
@@ -258,6 +266,11 @@ class FilteredLog:
             for index, row in enumerate(rows):
                 innovations[index, part] = lfilter(row, denominator, errors[part], axis=0)
         return innovations
+
+
+def _without_nan(values: Array) -> Array:
+    """Return values with nan replaced by 0 and infinity by the largest number."""
+    return values if np.isfinite(values).all() else np.nan_to_num(values)
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:

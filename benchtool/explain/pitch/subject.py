@@ -28,7 +28,7 @@ from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import (
     LoggedPitch,
     Predictions,
-    filter_log,
+    filter_states,
     predict_windows,
 )
 
@@ -144,11 +144,9 @@ class Windows:
         return [slice(first, first + n_windows) for first in range(0, len(self.starts), n_windows)]
 
     def states(self, benches: Sequence[PitchBench]) -> list[Array]:
-        """Return the filter's predicted state before each window (4 + n_discs, lanes)."""
-        run = filter_log(benches, self.log.logged, self.log.filter.gains)
-        rows = (run.pitch_rad, run.rate_rad_s, run.wake_Nm, run.deflection)
-        speed = run.state_speed_rad_s
-        return [np.vstack([*(v[row] for v in rows), speed[row]]) for row in self.starts]
+        """Return the filter's state before each window (4 + n_discs, lanes)."""
+        states = filter_states(benches, self.log.logged, self.log.filter.gains)
+        return [states[row] for row in self.starts]
 
     def run(
         self,

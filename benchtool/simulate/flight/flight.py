@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
+from itertools import repeat
 from math import inf, isfinite
 from typing import Any, Literal, get_args
 
@@ -181,19 +182,20 @@ class FlightLoop(Loop):
         )  # fmt: skip
         self.use(arrays)
         self.ended = self.n_ticks
-        self._read_measured = self.numbers("measured").tolist
         self._wrench, self._factors = self.numbers("command"), self.view("command")[4:, 0]
         self._n_discs = rig.n_discs
         self._has_factors = False
 
-    def measure(self, time_s: float) -> FlightMeasurement:
-        numbers, n = self._read_measured(), -self._n_discs
-        heights_m, coverages = tuple(numbers[n + n : n]), tuple(numbers[n:])
-        return _new(FlightMeasurement, (time_s, *numbers[1 : n + n], heights_m, coverages))
+    def measurements(self, times_s: Sequence[float]) -> Iterator[FlightMeasurement]:
+        read, n = self.numbers("measured").tolist, -self._n_discs
+        for time_s in times_s:
+            numbers = read()
+            heights_m, coverages = tuple(numbers[n + n : n]), tuple(numbers[n:])
+            yield _new(FlightMeasurement, (time_s, *numbers[1 : n + n], heights_m, coverages))
 
     def references(self, first: int, last: int) -> Iterator[FlightReference]:
         rows = self.arrays.schedule[rows_in(TICK, "reference"), first:last].T.tolist()
-        return map(partial(_new, FlightReference), rows)
+        return map(_new, repeat(FlightReference), rows)
 
     def write_command(self, command: FlightCommand) -> None:
         wrench, factors = self._wrench, self._factors

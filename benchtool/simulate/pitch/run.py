@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
+from itertools import repeat
 from math import isfinite
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -237,22 +239,19 @@ class PitchLoop(Loop):
         self.set_driver(PULSES)
 
     @cached_property
-    def _read(self) -> Callable[[], list[float]]:
-        return self.numbers("readings").tolist  # type: ignore[no-any-return]
-
-    @cached_property
     def _command(self) -> Any:
         return self.numbers("command")
 
-    def measure(self, time_s: float) -> PitchMeasurement:
-        numbers = self._read()
-        readings = (time_s, numbers[0], numbers[1], numbers[2], tuple(numbers[3:]))
-        return _new(PitchMeasurement, readings)
+    def measurements(self, times_s: Sequence[float]) -> Iterator[PitchMeasurement]:
+        numbers, speeds = self.numbers("readings"), self.numbers("readings.speed_rad_s")
+        read, read_speeds = Struct("3d").unpack_from, Struct(f"{self.n_discs}d").unpack
+        for time_s in times_s:
+            yield _new(PitchMeasurement, (time_s, *read(numbers), read_speeds(speeds)))
 
     def references(self, first: int, last: int) -> Iterator[PitchReference]:
         fields = ("setpoint.reference_rad", "setpoint.collective_N", "observer")
         tracks = (self.schedule_view(field)[0, first:last].tolist() for field in fields)
-        return map(partial(_new, PitchReference), zip(*tracks, strict=True))
+        return map(_new, repeat(PitchReference), zip(*tracks, strict=True))
 
     def write_command(self, command: PitchCommand | float) -> None:
         torque_Nm, difference_us = command if isinstance(command, tuple) else (command, 0.0)

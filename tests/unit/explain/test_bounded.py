@@ -24,7 +24,8 @@ def curved(sets: Array) -> Array:
 
 def search(residuals: Callable[[Array], Array], upper: Array) -> bounded.BoundedSearch:
     def linearise(at: Array) -> bounded.Linearisation:
-        rows, jacobian = bounded.finite_differences(residuals, at, upper)
+        table = bounded.finite_differences(residuals, at, upper)
+        rows, jacobian = table[:, 0], table[:, 1:]
         return bounded.Linearisation(
             at, float(rows @ rows), jacobian.T @ rows, jacobian.T @ jacobian
         )

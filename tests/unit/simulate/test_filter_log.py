@@ -83,4 +83,4 @@ def test_windows_of_a_log_are_what_its_parts_are_alone(true_model):
         part = logged.between(start - lead, start + rows)
         (alone,) = predict_windows(benches, part, {lead: state}, rows, lead)
         np.testing.assert_array_equal(run.theta_rad, alone.theta_rad)
-        np.testing.assert_array_equal(run.state_speed_rad_s, alone.state_speed_rad_s)
+        np.testing.assert_array_equal(run.speed_rad_s, alone.speed_rad_s)

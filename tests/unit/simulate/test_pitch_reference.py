@@ -47,7 +47,7 @@ def test_logged_pulses_predict_the_encoder(reference_data):
         states[start] = np.array([[fit[-1], began_rad_s, 0.0, 0.0, *speed[:, start]]]).T
     predicted = predict_windows([bench], logged, states, WINDOW, 0)
     errors = [
-        run.pitch_rad[:, 0] - theta[start : start + WINDOW]
+        run.theta_rad[:, 0] - theta[start : start + WINDOW]
         for start, run in zip(starts, predicted, strict=True)
     ]
     rms = float(np.sqrt(np.mean(np.square(errors))))
