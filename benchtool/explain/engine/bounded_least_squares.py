@@ -218,14 +218,13 @@ class SharedErrors:
     def _noise(self) -> tuple[Array, Array]:
         """Noise and variance by stage, from residuals not explained by large discrepancies."""
         table = finite_differences(self._evidence.residuals, self.null_start, self._upper)
-        rows, jacobian = table[:, 0].copy(), table[:, 1:]
+        rows, jacobian = table[:, 0], table[:, 1:]
         sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
             return sigma, share
         jacobian *= PRIOR_WIDTH_FACTOR
         wide = np.hstack([*(part.columns for part in self.discrepancies.values()), jacobian])
         wide[:, : -len(jacobian.T)] *= AMPLITUDES[1]
-        del table, jacobian  # the largest array of a recording of half an hour
         solved, remaining = solve_covariance(wide, rows), _own_shares(wide)
         del wide
         for mask in self._evidence.groups().stages.values():
