@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -55,8 +56,6 @@ def _run(inputs: SweepInputs | RecordInputs, *, verbose: bool) -> Run | None:
 
 def _next_command(run: Run) -> str:
     """Return the command that evaluates a sweep."""
-    import shlex
-
     from benchtool.acquire.plan import plan_from_toml
     from benchtool.data.run.read import run_rig
 

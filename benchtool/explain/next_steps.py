@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from benchtool import __version__
-from benchtool.core.parameter import Parameter
 from benchtool.core.rig_file import export_rig_reference
 from benchtool.core.schedule import schedule_to_toml
 from benchtool.explain.engine.evidence import known_prior
@@ -26,7 +25,7 @@ from benchtool.physics.model_file import model_to_toml
 MODEL = "model.toml"  # file of the new model in the folder of an answer
 NEAREST = "model_nearest.toml"  # model with the effect nearest to an unnamed one
 ZERO_TOLERANCE = 1e-15  # largest rounding error of a zero after optimisation, in any unit; assumed
-NEGLIGIBLE = 0.1  # of a tolerance or prior sd: a smaller adjustment from zero is nothing; assumed
+NEGLIGIBLE = 0.1  # of a tolerance or prior sd: a smaller estimate adds no effect; assumed
 
 RICHER_EXPERIMENT_HINT: dict[BenchKind, str] = {  # if most effects are unjudged
     "pitch": (
@@ -211,7 +210,10 @@ def model_with_effects(answer: Explanation) -> Model:
         if owner in candidates:
             continue
         if dot and name not in model.parameters:
-            if parameter.neutral is not None and _is_negligible(parameter, parameter.neutral):
+            prior, neutral = parameter.prior, parameter.neutral
+            matters = parameter.tolerance or (prior.sd if prior.kind == "normal" else 0.0)
+            nothing = max(ZERO_TOLERANCE, NEGLIGIBLE * matters)
+            if neutral is not None and isclose(parameter.value, neutral, abs_tol=nothing):
                 continue
             model = model.with_effect(answer.request.effects[owner])
         value = model.parameters[name].value
@@ -255,20 +257,13 @@ def _with_effect(answer: Explanation, model: Model, effect: NamedEffect) -> Mode
     return model
 
 
-def _is_negligible(parameter: Parameter, other_value: float) -> bool:
-    """Return whether two values of a parameter differ by nothing that matters."""
-    prior_sd = parameter.prior.sd if parameter.prior.kind == "normal" else 0.0
-    tolerance = NEGLIGIBLE * (parameter.tolerance or prior_sd)
-    return isclose(parameter.value, other_value, abs_tol=max(ZERO_TOLERANCE, tolerance))
-
-
 def _with_estimate(answer: Explanation, model: Model, name: str, source: str) -> Model:
-    """Return the model with an estimated parameter; unchanged if it came out as its value or zero.
+    """Return the model with an estimated parameter; unchanged if the estimate equals its value.
 
     For a sweep a fixed parameter becomes free with its prior, for the next fit.
     """
     before, value = model.parameters[name], answer.parameters[name].value
-    if value == before.value or (before.value == 0.0 and _is_negligible(before, value)):
+    if value == before.value:
         return model
     prior = known_prior(name, before)
     if answer.bench != "sweep" or before.free or prior is None:

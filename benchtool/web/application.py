@@ -152,7 +152,7 @@ class Header:
                     self._take_button = ui.button("Take over", on_click=self._take_over)
                     self._take_button.props("outline dense")
                 with ui.row(wrap=False).classes("header-tools gap-1"):
-                    self._connection = ui.button(icon="cable", on_click=self._show_connection)
+                    self._connection = ui.button(icon="usb", on_click=self._show_connection)
                     self._connection.props('aria-label="Connection"')
                     self._theme = ui.button(on_click=self._next_theme)
                     self._theme.props('aria-label="Theme: light, dark or system setting"')

@@ -126,7 +126,6 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     ("change", "options", "message"),
     [
         ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS_M"),
-        ({}, {"z": ""}, "no column name matches the plate distance .* add z=COLUMN or z='none'"),
         ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='motor' or runs='none'"),
         ({"motor": list("aaabbb")}, {"runs": "motor"}, "2 fits; .* with where='motor=a'"),
         ({}, {"thrst": "F"}, "unknown input 'thrst'; did you mean 'thrust'"),
@@ -184,6 +183,7 @@ def test_draws_have_the_shape_of_the_chains(heights):
     assert fit.samples["R_m"].median() == pytest.approx(fit.params["R_m"].value, rel=0.05)
 
 
+@pytest.mark.slow
 def test_examples_of_docstrings_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))

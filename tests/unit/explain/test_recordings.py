@@ -111,7 +111,7 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path):
         ("m.toml", "a.csv", "m.toml: this is a TOML file"),
         ("word.csv", "a.csv", "it contains 'hello' and no row below"),
         ("bare.parquet", "a.csv", "bare.parquet.json is missing"),
-        ("other.csv", "a.csv", r"of model.toml names 't', which other.csv lacks; .* a, b, c$"),
+        ("other.csv", "a.csv", r"of model.toml names 't', .*which other.csv lacks; .* a, b, c$"),
         ("notime.csv", "a.csv", "neither theta_rad .* nor thrust_N"),
         ("a.csv", "swept.csv", "a.csv is from a pitch bench, .* plate sweep"),
     ],
