@@ -212,7 +212,9 @@ def model_with_effects(answer: Explanation) -> Model:
         if dot and name not in model.parameters:
             prior, neutral = parameter.prior, parameter.neutral
             matters = parameter.tolerance or (prior.sd if prior.kind == "normal" else 0.0)
-            nothing = max(ZERO_TOLERANCE, NEGLIGIBLE * matters)
+            # For a sweep even nothing adds its uncertainty to the next fit.
+            share = NEGLIGIBLE if answer.bench == "pitch" else 0.0
+            nothing = max(ZERO_TOLERANCE, share * matters)
             if neutral is not None and isclose(parameter.value, neutral, abs_tol=nothing):
                 continue
             model = model.with_effect(answer.request.effects[owner])
