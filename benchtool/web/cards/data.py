@@ -59,12 +59,12 @@ def allowed_units(channel: str) -> tuple[str, ...]:
     return (default, *(symbol for symbol in others if symbol != default))
 
 
-def load_columns(table: Path, radius_m: float | None = None) -> dict[str, ColumnSource]:
+def load_columns(table: Path) -> dict[str, ColumnSource]:
     """Return the stored column map of a table, or one guessed from its header."""
     stored = column_map_path(table)
     if stored.is_file():
         return dict(read_column_map(stored))
-    return guess_columns(read_csv_header(table), FIT_CHANNELS, radius_m)
+    return guess_columns(read_csv_header(table), FIT_CHANNELS)
 
 
 def check_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
@@ -165,7 +165,6 @@ class DataCard:
         make.on_click(store)
 
     def _add_column_form(self, name: str) -> None:
-        """Add the form for the column map of a table."""
         path = self._folder.find_file(name)
         header, columns = read_csv_header(path), load_columns(path)
         main = [channel for channel, label in FIT_CHANNELS.items() if label or channel in columns]

@@ -167,7 +167,6 @@ class ExplainTab(CommandTab):
             show_section(result.section)
 
     def _add_acceptance(self, job: CommandJob, result: Explanation) -> None:
-        """Add the button that writes the result, and its status."""
         with ui.row().classes("items-center gap-4 w-full"):
             effects = result.new_effects
             label = f"Accept {' and '.join(effects)} into a new model"

@@ -186,7 +186,6 @@ class RunDetail:
         self._add_save(label, "download", load)
 
     def _add_export(self, name: str) -> None:
-        """Add a download of the files of `benchtool export`."""
         titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
 
         def load() -> Awaitable[tuple[str, bytes]]:
