@@ -99,7 +99,7 @@ def serve_page(server: ServerState) -> None:
             for name, icon in TABS.items():
                 ui.tab(name.lower(), label=name, icon=icon)
         with ui.tab_panels(tabs, value=initial_key, animated=False, keep_alive=True).classes(
-            "w-full"
+            "w-full bg-transparent"
         ):
             panels = {key: ui.tab_panel(key).classes("w-full") for key in keys}
         built: set[str] = set()
@@ -125,7 +125,7 @@ def serve_page(server: ServerState) -> None:
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
     "<small>space bar or Esc</small></button>"
-    '<span class="stop-note" role="alert"></span>'
+    '<span class="stop-note warn-box" role="alert"></span>'
 )
 
 ZERO_THROTTLE_TEXT = "motors at zero"
@@ -161,7 +161,7 @@ class Header:
                     for button in (self._connection, self._theme, log):
                         button.props("flat round dense")
                 ui.html(STOP, sanitize=False).classes("stop-place")
-                self._known = ui.label().classes("known")
+                self._known = ui.label().classes("known hidden")
             with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
                 self._cause = ui.label().classes("grow").props("role=alert")
                 self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")

@@ -203,11 +203,11 @@ def _add_column_fields(
     choices = {NONE: "–", CONSTANT: "one number for all rows"}
     choices |= {cell: cell for cell in header if cell}
     value = NONE if source is None else source.column or CONSTANT
-    with ui.row().classes("items-center w-full gap-3 column-line"):
+    with ui.row().classes("items-center w-full gap-3"):
         column = ui.select(choices, value=value if value in choices else NONE)
         column.props(f'dense outlined label="{FIT_CHANNELS[channel] or channel}"').classes("grow")
         number = ui.number(value=source.constant if source else None)
-        number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-40")
+        number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-44")
         number.bind_visibility_from(column, "value", value=CONSTANT)
         unit = ui.select(
             list(allowed_units(channel)), value=(source and source.unit) or default_unit

@@ -138,7 +138,7 @@ class PlanCard:
         with ui.row(wrap=False).classes("items-center w-full"):
             tests = {name: name for name in THROTTLE_TESTS}
             test = ui.select({"": "plate sweep"} | tests, value="", label="Test")
-            test.props("dense").classes("w-40").on_value_change(self._select_test)
+            test.props("dense").classes("w-44").on_value_change(self._select_test)
             upload = file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
             upload.props("accept=.toml flat bordered dense").on_upload(self._load)
         self._base_hint = ui.label().classes("soft")

@@ -187,7 +187,7 @@ class ParameterTable:
             return
         self._model, self._parameters = model, parameters
         self._container.clear()
-        with self._container, ui.element("table").classes("shown parameters"):
+        with self._container, ui.element("table").classes("shown parameters w-full"):
             with ui.element("thead"), ui.element("tr"):
                 for text in ("parameter", "unit", "free", "value", "bounds", "source"):
                     with ui.element("th").props("scope=col"):
@@ -214,7 +214,7 @@ class ParameterTable:
                 free = ui.checkbox(value=choice.free).props(f'dense aria-label="{name} is free"')
             with cell("value"):
                 value = ui.number(value=choice.value, format="%.6g").props("dense outlined")
-                value.props(f'aria-label="{name} is fixed at" step=any').classes("w-32")
+                value.props(f'aria-label="{name} is fixed at" step=any').classes("w-44")
                 value.set_enabled(not choice.free)
             with cell("bounds").classes("number soft"):
                 ui.label(bounds)
@@ -267,7 +267,7 @@ class FitTab(CommandTab):
         context.persist("fit.name", self._name)
 
     def _build_method(self, models: Mapping[str, str]) -> None:
-        with ui.row().classes("items-center w-full gap-4"):
+        with ui.row().classes("items-center w-full"):
             self._squares = ui.checkbox("least squares", value=True, on_change=self.change)
             self._emcee = ui.checkbox("emcee (posterior samples)", on_change=self.change)
             self.context.persist("fit.least_squares", self._squares)
