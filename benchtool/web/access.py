@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
+from http import HTTPStatus
 from ipaddress import ip_address
 from secrets import compare_digest
 from typing import TYPE_CHECKING
@@ -25,18 +27,11 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})  # names of the loopback
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """Access rules of a server.
+    """Access rules of a server."""
 
-    Attributes:
-        names: host names of the server; another name may be an attacker's (DNS rebinding).
-        any_address: accept every numeric address as host, for a server on all interfaces;
-            numeric addresses cannot be rebound.
-        token: required token; None if only this machine can reach the server.
-    """
-
-    names: frozenset[str] = LOOPBACK
-    any_address: bool = False
-    token: str | None = None
+    names: frozenset[str] = LOOPBACK  # other host names may be an attacker's (DNS rebinding)
+    any_address: bool = False  # accept numeric addresses as host; they cannot be rebound
+    token: str | None = None  # None if only this machine can reach the server
 
     def find_rejection(
         self, headers: Mapping[str, str], token: str, *, reads_only: bool, is_socket: bool
@@ -109,9 +104,6 @@ POLICY = (
 MAX_BODY_BYTES = MAX_UPLOAD_BYTES + 100_000  # a table and its multipart form
 WRONG_TOKEN_DELAY_S = 1.0  # between responses to wrong tokens; assumed
 MAX_WAITING = 50  # delayed responses to wrong tokens
-FORBIDDEN = 403
-TOO_LARGE = 413
-TOO_MANY = 429
 POLICY_VIOLATION = 1008  # close code of a websocket (RFC 6455, section 7.4.1)
 
 
@@ -161,9 +153,10 @@ class AccessMiddleware:
         response: Response | None = None
         if rejection is not None:
             is_token_guess = self._access.token is not None and bool(url_token or token)
-            status = FORBIDDEN
+            status = HTTPStatus.FORBIDDEN
             if is_token_guess and not await self._delay():
-                status, rejection = TOO_MANY, "too many wrong tokens; try again later"
+                status = HTTPStatus.TOO_MANY_REQUESTS
+                rejection = "too many wrong tokens; try again later"
             response = PlainTextResponse(f"benchtool: {rejection}\n", status)
         elif url_token and self._access.token is not None:
             # Remove the token from the address bar and the history.
@@ -184,11 +177,9 @@ class AccessMiddleware:
             name = f"[{name}]" if ":" in name else name
             stop = "" if self._stop_port is None else f" http://{name}:{self._stop_port}"
             policy = POLICY.format(host=host, stop=stop)
-        body = SizeLimitedBody(receive, _with_headers(send, policy))
-        try:
-            await (response or self._app)(scope, body.receive, body.send)
-        except BodyTooLarge:
-            pass
+        exchange = GuardedExchange(receive, send, policy)
+        with suppress(BodyTooLarge):
+            await (response or self._app)(scope, exchange.receive, exchange.send)
 
     async def _delay(self) -> bool:
         """Delay the response to a wrong token; return False if too many are waiting."""
@@ -207,11 +198,15 @@ class BodyTooLarge(Exception):
     """The application has read a body beyond the size limit."""
 
 
-class SizeLimitedBody:
-    """Request body with a size limit; above it, the middleware sends the response."""
+class GuardedExchange:
+    """Request with a size limit, and response with security headers.
 
-    def __init__(self, receive: Receive, send: Send) -> None:
+    Above the limit, the middleware sends the response.
+    """
+
+    def __init__(self, receive: Receive, send: Send, policy: str) -> None:
         self._receive, self._send = receive, send
+        self._headers = (*HEADERS, (b"content-security-policy", policy.encode("latin-1")))
         self._n_bytes = 0
         self._has_started = False
 
@@ -223,9 +218,9 @@ class SizeLimitedBody:
             if not self._has_started:
                 text = f"benchtool: request is too large; allowed: {MAX_BODY_BYTES / 1e6:.1f} MB\n"
                 headers = [(b"content-type", b"text/plain"), (b"connection", b"close")]
-                await self.send(
-                    {"type": "http.response.start", "status": TOO_LARGE, "headers": headers}
-                )
+                status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+                start = {"type": "http.response.start", "status": status, "headers": headers}
+                await self.send(start)
                 await self._send({"type": "http.response.body", "body": text.encode()})
             raise BodyTooLarge
         return message
@@ -234,15 +229,6 @@ class SizeLimitedBody:
         """Forward a message unless the body is too large."""
         if self._n_bytes <= MAX_BODY_BYTES or not self._has_started:
             self._has_started = True
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message.get("headers", ()), *self._headers]}
             await self._send(message)
-
-
-def _with_headers(send: Send, policy: str) -> Send:
-    extra = (*HEADERS, (b"content-security-policy", policy.encode("latin-1")))
-
-    async def send_with_headers(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", ()), *extra]}
-        await send(message)
-
-    return send_with_headers

@@ -25,7 +25,7 @@ from benchtool.web.bench_process.spawn import ProcessHandle
 from benchtool.web.cards.live import reading_html
 from benchtool.web.context import PageContext, ServerState
 from benchtool.web.sockets import add_control_script, serve_control_sockets, serve_stream
-from benchtool.web.theme import apply_theme, serve_static
+from benchtool.web.theme import STATIC, apply_theme
 from benchtool.web.widgets import notify, notify_all_pages, notify_error, open_dialog, show_errors
 
 RECONNECT_TIMEOUT_S = 15.0  # a page disconnected for longer is dropped; assumed
@@ -48,7 +48,7 @@ def run_application(
     app.on_startup(server.bench.start)
     app.on_shutdown(server.close)
     app.on_exception(notify_error)
-    serve_static()
+    app.add_static_files("/static", STATIC)
     serve_control_sockets(server)
     serve_stream(server.bench)
     serve_page(server)
@@ -99,7 +99,7 @@ def serve_page(server: ServerState) -> None:
             for name, icon in TABS.items():
                 ui.tab(name.lower(), label=name, icon=icon)
         with ui.tab_panels(tabs, value=initial_key, animated=False, keep_alive=True).classes(
-            "w-full"
+            "w-full bg-transparent"
         ):
             panels = {key: ui.tab_panel(key).classes("w-full") for key in keys}
         built: set[str] = set()
@@ -125,7 +125,7 @@ def serve_page(server: ServerState) -> None:
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
     "<small>space bar or Esc</small></button>"
-    '<span class="stop-note" role="alert"></span>'
+    '<span class="stop-note warn-box" role="alert"></span>'
 )
 
 ZERO_THROTTLE_TEXT = "motors at zero"
@@ -161,7 +161,7 @@ class Header:
                     for button in (self._connection, self._theme, log):
                         button.props("flat round dense")
                 ui.html(STOP, sanitize=False).classes("stop-place")
-                self._known = ui.label().classes("known")
+                self._known = ui.label().classes("known hidden")
             with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
                 self._cause = ui.label().classes("grow").props("role=alert")
                 self._dismiss = ui.button(on_click=self._dismiss_alarm).props("outline")
@@ -199,7 +199,6 @@ class Header:
         self._take_button.set_visibility(is_free and not in_control and bool(self._context.tab))
 
     def _show_connection(self) -> None:
-        """Show or hide the connection of an open bench on its tab."""
         self._context.shows_connection = not self._context.shows_connection
         self.tabs.set_value("bench")
 
@@ -215,7 +214,6 @@ class Header:
         self.refresh()
 
     def _show_log(self) -> None:
-        """Open a dialog with the message history, newest first."""
         with open_dialog("Messages") as dialog:
             lines = [
                 f"{message.time:%H:%M:%S}  {'! ' if message.is_error else ''}{message.text}"

@@ -78,15 +78,6 @@ EXAMPLE_PREFIX = "example: "  # of recordings of a source checkout; no run name 
 RECORDING_KINDS = (*SWEEPS, "pitch recording", "recording", "table")
 
 
-def examples_folder() -> Path | None:
-    """Return the folder of example recordings of a source checkout, relative if possible."""
-    folder = Path(__file__).parents[2] / "datasets"
-    if not (folder / "pitch_friction").is_dir():
-        return None
-    cwd = Path.cwd()
-    return folder.relative_to(cwd) if folder.is_relative_to(cwd) else folder
-
-
 class RecordingSources(NamedTuple):
     """Folders of recordings and models; maps choices to paths inside them only."""
 
@@ -95,8 +86,11 @@ class RecordingSources(NamedTuple):
 
     @classmethod
     def from_folder(cls, root: Path) -> RecordingSources:
-        examples = examples_folder()
-        return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
+        examples, cwd = Path(__file__).parents[2] / "datasets", Path.cwd()
+        if not (examples / "pitch_friction").is_dir():  # no source checkout
+            return cls(RunsFolder(root))
+        examples = examples.relative_to(cwd) if examples.is_relative_to(cwd) else examples
+        return cls(RunsFolder(root), RunsFolder(examples))
 
     def read_choices(self) -> tuple[dict[str, str], dict[str, str]]:
         """Return labels of recordings and of models by choice: newest run first, examples last."""
@@ -155,7 +149,6 @@ def _channel_names(file: Path) -> tuple[str, ...]:
 
 
 def _recordings(entries: Iterable[Entry]) -> dict[str, str]:
-    """Return the labels of explainable entries by name."""
     labels = {}
     for entry in entries:
         if entry.kind in RECORDING_KINDS and not entry.problem:

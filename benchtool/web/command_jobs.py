@@ -16,7 +16,7 @@ from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.recipe import FitInputs
 from benchtool.simulate.inputs import FlightInputs, PitchInputs
 from benchtool.tasks import Job, ReportProgress
-from benchtool.web.drawing import PageSection, Tiles, Verdict
+from benchtool.web.drawing import PageSection, Tiles, Verdict, as_html
 from benchtool.web.entries import view_fit
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def simulate_to_folder(
     head, *lines = result.summary().splitlines()
     blocks = [block for section in page.sections(result.found) for block in section.blocks]
     blocks = [Listing(head, "\n".join(lines)), *blocks]
-    section = PageSection.draw(out.name, blocks, simulated=True, command=command)
+    section = PageSection(out.name, as_html(*blocks), simulated=True, command=command)
     return section, f"{out.name}/{recording.name}" if page is PITCH else ""
 
 
@@ -144,10 +144,10 @@ def explain(
     skipped_blocks = [added_sentence(answer)] if answer.effects else []
     next_blocks = [block for block in now.blocks if block not in skipped_blocks]
     verdict, tiles = Verdict(page.summary), Tiles(page.highlights)
-    head = PageSection.draw("Result", [verdict, tiles], simulated=answer.simulated)
-    details = [PageSection.draw(section.title, section.blocks) for section in others]
-    blocks = [*where.blocks, *next_blocks]
-    section = PageSection.draw("", blocks, command=command, details=details)
+    head = PageSection("Result", as_html(verdict, tiles), simulated=answer.simulated)
+    details = [PageSection(section.title, as_html(*section.blocks)) for section in others]
+    html = as_html(*where.blocks, *next_blocks)
+    section = PageSection("", html, command=command, details=details)
     effects = tuple(effect.name for effect in added_effects(answer))
     return Explanation(head, section, effects, answer.seconds)
 

@@ -39,7 +39,7 @@ class CommandTab(ABC):
         self._job: CommandJob | None = None
         self.inputs = ui.expansion("Inputs", value=True).classes("w-full inputs")
         with ui.column().classes("w-full gap-1") as self._panel:
-            with ui.row(wrap=False).classes("items-center w-full gap-4"):
+            with ui.row(wrap=False).classes("items-center w-full"):
                 ui.spinner(size="sm")
                 self._stage = ui.label().props("role=status").classes("grow")
                 cancel = ui.button("Cancel", icon="close", on_click=self._cancel)
@@ -62,7 +62,7 @@ class CommandTab(ABC):
 
     def add_controls(self) -> None:
         """Create start button, hint and equivalent command in the current slot."""
-        with ui.row().classes("items-center w-full gap-4"):
+        with ui.row().classes("items-center w-full"):
             self._start = ui.button(self.label, icon=self.icon, on_click=self.start)
             self._hint = ui.label().classes("soft").props("role=status")
         with ui.element("div").classes("w-full") as self._command_container:

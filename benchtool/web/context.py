@@ -164,7 +164,6 @@ class FormState:
             asyncio.get_running_loop().call_later(WRITE_DELAY_S, self.write)
 
     def write(self) -> None:
-        """Write pending changes."""
         if self._pending:
             self._pending = False
             with suppress(BenchtoolError):
@@ -201,9 +200,7 @@ class ServerState:
     async def run(self, worker: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of a short function in the worker process of a purpose ("figures").
 
-        Raises:
-            BenchtoolError: raised by the function, or an unexpected error of it.
-            RunInterrupted: the process ended unexpectedly.
+        Every error is raised as a `BenchtoolError`.
         """
         if worker not in self.workers:
             self.workers[worker] = WorkerProcesses(1)
@@ -254,10 +251,8 @@ class PageContext:
     def persist(self, name: str, form_field: Any, *, restore: bool = True) -> None:
         """Restore the stored value of a field and store its changes.
 
-        Args:
-            name: of the field, unchanged by a reload.
-            form_field: an element with a value; a select restores only values among its options.
-            restore: False if the page's address sets the value.
+        A select restores only values among its options. `restore` is False if the page's address
+        sets the value.
         """
         self.fields[name] = form_field
         if restore:

@@ -7,8 +7,8 @@ are slow to import, so the functions are called in worker processes only.
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from html import escape
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -45,33 +45,24 @@ class Tiles(dict[str, str]):
 Content: TypeAlias = "Block | FigureImage"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class PageSection:
     """Section of the page."""
 
     title: str
-    html: str  # with escaped text
+    html: str  # of its blocks
+    _: KW_ONLY
     simulated: bool = False
     command: tuple[str, ...] = ()  # arguments of the equivalent `benchtool` command
     details: Sequence[PageSection] = ()  # folded below
 
-    @classmethod
-    def draw(
-        cls,
-        title: str,
-        blocks: Iterable[Content],
-        *,
-        simulated: bool = False,
-        command: tuple[str, ...] = (),
-        details: Sequence[PageSection] = (),
-    ) -> PageSection:
-        """Return a section of blocks."""
-        html = "".join(map(as_html, blocks))
-        return cls(title=title, html=html, simulated=simulated, command=command, details=details)
+
+def as_html(*blocks: Content) -> str:
+    """Return blocks as HTML with escaped text; figures and small tables may be side by side."""
+    return "".join(map(_block_html, blocks))
 
 
-def as_html(block: Content) -> str:
-    """Return a block as HTML with escaped text; figures and small tables may be side by side."""
+def _block_html(block: Content) -> str:
     from benchtool.report import page
     from benchtool.report.figure import FigureBlock, figure_axes
 

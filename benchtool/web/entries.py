@@ -29,7 +29,7 @@ from benchtool.data.run.runs_folder import (
     upload_name,
 )
 from benchtool.data.table import read_table
-from benchtool.web.drawing import Content, FigureImage, PageSection, Tiles, Verdict
+from benchtool.web.drawing import Content, FigureImage, PageSection, Tiles, Verdict, as_html
 
 if TYPE_CHECKING:
     from benchtool.commands.import_file import ImportInputs
@@ -113,7 +113,8 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
     header = ("channel", "unit", "values", "minimum", "maximum")
     repairs = recording.provenance["repairs"]
     table = Table(f"{len(recording)} rows for the fit.", header, rows, text_columns=2)
-    return PageSection.draw(name, [table, f"Repairs: {repairs}."] if repairs else [table])
+    texts = [f"Repairs: {repairs}."] if repairs else []
+    return PageSection(name, as_html(table, *texts))
 
 
 FIGURE_WORKER = "figures"  # process that reads runs and draws
@@ -142,10 +143,10 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         from benchtool.report.run_facts import simple_facts
 
         facts = simple_facts(read_json(path / "metadata.json"))
-        details.append(PageSection.draw("Rig, device and conditions", [facts]))
-    section = PageSection.draw(
+        details.append(PageSection("Rig, device and conditions", as_html(facts)))
+    section = PageSection(
         name,
-        [report.summary, Tiles(report.highlights), *report.sections[0].blocks],
+        as_html(report.summary, Tiles(report.highlights), *report.sections[0].blocks),
         simulated=report.simulated,
         command=("report", str(path)),
         details=details,
@@ -162,7 +163,7 @@ def view_part(root: Path, name: str, title: str, propeller: str = "") -> PageSec
     report = _report(folder.find_path(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == title:
-            return PageSection.draw(title, section.blocks, simulated=report.simulated)
+            return PageSection(title, as_html(*section.blocks), simulated=report.simulated)
     raise InputError(f"{name} has no section {title!r}; open it again")
 
 
@@ -179,24 +180,20 @@ def view_fit(root: Path, name: str) -> PageSection:
     # Statistical errors are in the details.
     table = short_table(stored.results[0]).select_columns(range(4))
     tiles = {key: value.partition(" (stat")[0] for key, value in FIT.highlights(stored).items()}
-    head: list[Content] = [
-        Verdict(sentence(stored, short=True)),
-        Tiles(tiles),
-        Warnings(stored.warnings),
-    ]
+    head = (Verdict(sentence(stored, short=True)), Tiles(tiles), Warnings(stored.warnings))
     blocks = [block for block in terminal_blocks(stored) if block != SIMULATED]
     texts = captions("fit")
     figures = [
         FigureImage(file.read_bytes(), texts[key]) for key, file in figure_files(path).items()
     ]
-    return PageSection.draw(
+    return PageSection(
         name,
-        [*head, *figures[:1], table],
+        as_html(*head, *figures[:1], table),
         simulated=stored.simulated,
         command=("report", str(path)),
         details=(
-            PageSection.draw("Values, methods and comparisons", blocks[:-1]),
-            PageSection.draw("More figures", figures[1:]),
+            PageSection("Values, methods and comparisons", as_html(*blocks[:-1])),
+            PageSection("More figures", as_html(*figures[1:])),
         ),
     )
 
@@ -225,12 +222,12 @@ def _view_motor(path: Path, propeller: str) -> PageSection:
         if propeller or "propeller" not in str(error):
             raise
         text = "The log names no propeller; type it to fit the motor constants."
-        return PageSection.draw(MOTOR_PART, [text])
+        return PageSection(MOTOR_PART, as_html(text))
     option = ("--propeller", propeller) if propeller else ()
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
-    return PageSection.draw(
+    return PageSection(
         MOTOR_PART,
-        [motor_sentence(fit), *blocks],
+        as_html(motor_sentence(fit), *blocks),
         simulated=fit.simulated,
         command=("motor", str(path), *option),
     )
@@ -272,7 +269,7 @@ def view_comparison(
         report = build_report(paths, "sweep")
         blocks, is_simulated = [*report.sections[0].blocks], report.simulated
     title = f"{len(names)} compared" + (f" over {over}" if over else "")
-    return PageSection.draw(title, blocks, simulated=is_simulated, command=command)
+    return PageSection(title, as_html(*blocks), simulated=is_simulated, command=command)
 
 
 def _report(path: Path, entry: Entry) -> Report:
@@ -313,12 +310,12 @@ def _view_explanation(path: Path, name: str) -> PageSection:
             rows[label] = ", ".join(data[purpose])
     if next_title := facts.get("next_experiment", {}).get("title"):
         rows["next experiment"] = str(next_title)
-    return PageSection.draw(
+    return PageSection(
         name,
-        [Verdict(facts["sentence"]), *figures[:1], rows],
+        as_html(Verdict(facts["sentence"]), *figures[:1], rows),
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
-        details=[PageSection.draw("More figures", figures[1:])],
+        details=[PageSection("More figures", as_html(*figures[1:]))],
     )
 
 
@@ -332,9 +329,10 @@ def _view_table(path: Path, name: str) -> PageSection:
     caption = f"First {min(PREVIEW_ROWS, len(table.rows))} rows."
     rows = Table(caption, table.header, table.rows[:PREVIEW_ROWS].tolist(), text_columns=0)
     if blocks := stand_blocks(path):
-        details = [PageSection.draw("Import", blocks), PageSection.draw("First rows", [rows])]
-        return PageSection.draw(name, [size], details=details)
-    return PageSection.draw(name, [size, rows])
+        preview = PageSection("First rows", as_html(rows))
+        details = [PageSection("Import", as_html(*blocks)), preview]
+        return PageSection(name, as_html(size), details=details)
+    return PageSection(name, as_html(size, rows))
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:

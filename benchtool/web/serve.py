@@ -25,10 +25,7 @@ def open_page(
     """Open an address in the user's browser.
 
     Every user of the machine can read command lines, so an address with a token is opened through
-    a redirect file that only this user can read.
-
-    Returns:
-        The redirect file, to be deleted when the token has expired; None without a token.
+    a redirect file that only this user can read. The caller deletes the returned file.
     """
     if "token=" not in address:
         open_address(address)
@@ -59,15 +56,9 @@ def serve(
     *,
     requires_token: bool = False,
 ) -> None:
-    """Serve the page until Ctrl-C.
+    """Serve the page until Ctrl-C; `announce` gets its address before the framework is loaded.
 
-    Args:
-        port: 0 means a free port, None means DEFAULT_PORT or, if taken, a free port.
-        announce: called with the address of the page before the web framework is loaded.
-        requires_token: require the token from users of this machine too.
-
-    Raises:
-        InputError: the address is not available.
+    Port 0 is a free port, None is DEFAULT_PORT or, if taken, a free port.
     """
     listening = listen(host, port)
     port = listening.getsockname()[1]

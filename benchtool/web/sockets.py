@@ -10,8 +10,8 @@ from time import monotonic
 from fastapi import WebSocket, WebSocketDisconnect
 from nicegui import app, background_tasks, ui
 
+from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.client import BenchClient
-from benchtool.web.bench_process.messages import HoldThrottle, PressEnded, ReleaseThrottle
 from benchtool.web.bench_process.publisher import merge_frames
 from benchtool.web.bench_process.throttle import RELEASE_TIMEOUT_S
 from benchtool.web.context import PageContext, ServerState
@@ -44,11 +44,13 @@ def forward(server: ServerState, tab: str, message: str) -> None:
     without reports counts as released.
     """
     if (match := _RELEASE.fullmatch(message)) is not None:
-        server.bench.send(ReleaseThrottle(tab, int(match[1])))
+        server.bench.send(messages.ReleaseThrottle(tab, int(match[1])))
     elif (match := _HOLD.fullmatch(message)) is not None:
         rotors = tuple(int(number) for number in match[3].split(","))
         server.bench.send(
-            HoldThrottle(tab, int(match[1]), float(match[2]), rotors, 1e-3 * float(match[4]))
+            messages.HoldThrottle(
+                tab, int(match[1]), float(match[2]), rotors, 1e-3 * float(match[4])
+            )
         )
 
 
@@ -62,7 +64,7 @@ def serve_control_sockets(server: ServerState) -> None:
     """Serve /control, /hold and /stop."""
     connections: set[tuple[str, WebSocket]] = set()
 
-    def report_end(event: PressEnded) -> None:
+    def report_end(event: messages.PressEnded) -> None:
         for tab, socket in connections:
             if tab == event.tab:
                 background_tasks.create(_send(socket, f"let go {event.reason}"))
@@ -81,7 +83,7 @@ def serve_control_sockets(server: ServerState) -> None:
             while True:
                 message = await socket.receive_text()
                 if message == "stop":
-                    server.bench.stop("the page")
+                    server.bench.send(messages.StopMotors())
                     await socket.send_text("stopped")
                 elif message == "ping":
                     await socket.send_text("pong")
@@ -107,11 +109,11 @@ def serve_control_sockets(server: ServerState) -> None:
                 elif server.control.is_held_by(tab):
                     forward(server, tab, message)
         server.watch.disconnect(tab)
-        server.bench.send(ReleaseThrottle(tab))
+        server.bench.send(messages.ReleaseThrottle(tab))
 
     @app.post("/stop")
     def stop() -> str:
-        server.bench.stop("the page")
+        server.bench.send(messages.StopMotors())
         return "stopped"
 
 
@@ -153,10 +155,9 @@ def serve_stream(bench: BenchClient) -> None:
         buffers.add(buffer)
         sending = asyncio.ensure_future(buffer.send_all(socket))
         try:
-            while True:  # a page sends nothing; this raises on disconnection
-                await socket.receive_bytes()
-        except (WebSocketDisconnect, RuntimeError, KeyError):
-            pass
+            with suppress(WebSocketDisconnect, RuntimeError, KeyError):
+                while True:  # a page sends nothing; this raises on disconnection
+                    await socket.receive_bytes()
         finally:
             sending.cancel()
             buffers.discard(buffer)

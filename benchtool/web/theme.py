@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nicegui import app, ui
+from nicegui import ui
 
 from benchtool.report.palette import BLACK, BLUE, CYCLE, SKY
 
@@ -31,8 +31,3 @@ def apply_theme(theme: str) -> ui.dark_mode:
         ui.add_head_html(f'<link rel="stylesheet" href="/static/{sheet}.css">')
     ui.add_head_html('<script src="/static/shown.js" defer></script>')
     return ui.dark_mode({"light": False, "dark": True}.get(theme))
-
-
-def serve_static() -> None:
-    """Serve style sheets and scripts under /static."""
-    app.add_static_files("/static", STATIC)

@@ -89,7 +89,6 @@ def notify_all_pages(notice: Notice) -> None:
 
 @contextmanager
 def _errors_shown() -> Iterator[None]:
-    """Show an error of the block as a notification."""
     page = ui.context.client
     try:
         yield

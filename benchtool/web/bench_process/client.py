@@ -41,24 +41,20 @@ class BenchClient:
         self._closing = threading.Event()
 
     def start(self) -> None:
-        if not self._process.started:
-            self._process.start()
-        loop = asyncio.get_running_loop()
+        self._start_process()
         threading.Thread(target=self._send_heartbeats, name="heartbeat", daemon=True).start()
-        self._listen_to_process(loop)
 
-    def _listen_to_process(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _start_process(self) -> None:
+        self._process.start()
+        arguments = self._process, asyncio.get_running_loop()
         threading.Thread(
-            target=self._listen, args=(self._process, loop), name="bench events", daemon=True
+            target=self._listen, args=arguments, name="bench events", daemon=True
         ).start()
 
     def send(self, command: messages.Command) -> None:
         """Send a command; the bench process responds with events."""
         # A missing process is reported and replaced by the listener thread.
         self._process.send(pickle.dumps(command))
-
-    def stop(self, source: str) -> None:
-        self.send(messages.StopMotors(source))
 
     def dismiss_alarm(self) -> None:
         """Clear the standstill warning and the disconnect reason after a user's confirmation."""
@@ -95,8 +91,7 @@ class BenchClient:
         problem = reason if self.connection.status == "on" else ""
         session = self.connection.session
         self._process = ProcessHandle(self._process.stop_endpoint)
-        self._process.start()
-        self._listen_to_process(asyncio.get_running_loop())
+        self._start_process()
         self.connection = messages.ConnectionStatus(
             reason=reason, session=session, standstill_problem=problem
         )

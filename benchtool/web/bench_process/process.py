@@ -275,8 +275,7 @@ class Session:
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; no motor was started")
         elif isinstance(command, messages.TightenLimits):
             bench.tighten_limits(command.limits)
-            self.rig = replace(self.rig, limits=command.limits)
-            self.telemetry.set_limits(command.limits)
+            self.rig = self.telemetry.rig = replace(self.rig, limits=command.limits)
             self._publish_connection(bench.identity)
         elif isinstance(command, messages.TareLoadCell):
             bench.tare()

@@ -27,11 +27,7 @@ from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.tasks import Job, ReportProgress
-from benchtool.web.bench_process.messages import (
-    StartLiveRecording,
-    StartRun,
-    SweepStatus,
-)
+from benchtool.web.bench_process.messages import StartLiveRecording, StartRun, SweepStatus
 from benchtool.web.bench_process.publisher import EventPublisher
 
 READ_TIMEOUT_S = 0.05
@@ -74,7 +70,6 @@ class RunSupervisor(RunProgress):
         return self._state.noun
 
     def pause(self, on: bool) -> None:
-        """Pause or continue the sweep."""
         if on:
             self._paused.set()
             if self._state.status == "running":
@@ -110,12 +105,8 @@ class RunSupervisor(RunProgress):
     ) -> None:
         """Sweep or record; the throttle is at zero when this returns or raises.
 
-        Args:
-            apply_throttle: of manual throttle; called until `ended` is set.
-
-        Raises:
-            BenchtoolError: the run could not start.
-            BenchError: the bench is no longer usable.
+        A live recording calls `apply_throttle` until `ended` is set. A `BenchError` means that the
+        bench is no longer usable, another error that the run could not start.
         """
         self.finish()
         self._paused.clear()

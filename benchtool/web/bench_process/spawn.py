@@ -48,10 +48,8 @@ class StopEndpoint(NamedTuple):
 class ProcessHandle:
     """Bench process and the pipe to it.
 
-    When the pipe closes, the process stops the motors, closes its run and ends.
-
-    Args:
-        stop_endpoint: for its STOP listener; stays open for a replacement process.
+    When the pipe closes, the process stops the motors, closes its run and ends. The endpoint of
+    its STOP listener stays open for a replacement process.
     """
 
     def __init__(self, stop_endpoint: StopEndpoint | None = None) -> None:
@@ -60,11 +58,10 @@ class ProcessHandle:
         self._pipe: Pipe | None = None
         self._sending = threading.Lock()
 
-    @property
-    def started(self) -> bool:
-        return self._pipe is not None
-
     def start(self) -> None:
+        """Start the process unless it is started."""
+        if self._pipe is not None:
+            return
         spawn = get_context("spawn")
         self._pipe, child_pipe = spawn.Pipe()
         arguments = (child_pipe, *(self.stop_endpoint or ()))

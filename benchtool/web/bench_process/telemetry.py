@@ -13,25 +13,16 @@ from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.channel import Channel, channel_family, unit_from_name
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Limits, Rig
+from benchtool.core.rig import Rig
 from benchtool.core.units import Array
 from benchtool.data.derived import MeasurementContext, evaluate_quantities, measurement_context
 from benchtool.data.quantities import QUANTITIES
-from benchtool.web.bench_process.messages import (
-    SPEED_LIMIT,
-    LimitShare,
-    LiveStatus,
-    Notice,
-    limits_by_family,
-)
-from benchtool.web.bench_process.publisher import (
-    Decimator,
-    EventPublisher,
-)
+from benchtool.web.bench_process import messages
+from benchtool.web.bench_process.publisher import Decimator, EventPublisher
 
 LIMITED = (
     ("thrust", "thrust_N", "N"),
-    (SPEED_LIMIT, "rpm", "rpm"),
+    (messages.SPEED_LIMIT, "rpm", "rpm"),
     ("pulse", "pwm_us", "us"),
     ("voltage", "voltage_V", "V"),
     ("current", "current_A", "A"),
@@ -46,15 +37,13 @@ def limit_shares(
     command_pwm_us: Sequence[float],
     rig: Rig,
     idle: dict[str, float],
-) -> tuple[LimitShare, ...]:
+) -> tuple[messages.LimitShare, ...]:
     """Return the mean of the channel that is closest to each limit, and how close it came.
 
-    Args:
-        readings: minimum, mean and maximum (3, c); nan without samples.
-        idle: highest voltage and lowest temperature of the session, updated; their shares are 0
-            there, as these readings are not 0 at idle.
+    `readings` are minimum, mean and maximum (3, c), nan without samples. Voltage and temperature
+    are not 0 at idle: their share is 0 at the session's extreme in `idle`, which is updated.
     """
-    limits = limits_by_family(rig.limits)
+    limits = messages.limits_by_family(rig.limits)
     families = np.array([channel_family(channel.name) for channel in channels])
     shares = []
     for name, family, unit in LIMITED:
@@ -74,7 +63,9 @@ def limit_shares(
         has_margin = zero > limit if is_minimum else zero < limit
         share = (extreme - zero) / (limit - zero) if has_margin else np.ones(len(mean))
         i = int(share.argmax())
-        shares.append(LimitShare(name, unit, float(mean[i]), limit, float(share[i]), is_minimum))
+        shares.append(
+            messages.LimitShare(name, unit, float(mean[i]), limit, float(share[i]), is_minimum)
+        )
     return tuple(shares)
 
 
@@ -110,26 +101,19 @@ class Telemetry:
     """Telemetry of every read of a bench; `speed` returns 0 for real time."""
 
     def __init__(
-        self,
-        session: int,
-        rig: Rig,
-        publisher: EventPublisher,
-        speed: Callable[[], float],
+        self, session: int, rig: Rig, publisher: EventPublisher, speed: Callable[[], float]
     ) -> None:
-        self._session, self._rig, self._publisher = session, rig, publisher
+        self.rig = rig  # with the limits in force
+        self._session, self._publisher = session, publisher
         self._speed = speed
         self._guarded: GuardedBench | None = None
         self._frames: Decimator | None = None
-        self._live = LiveStatus()
-        self._start_s = self._last_frame_s = time.monotonic()
+        self._live = messages.LiveStatus()
         self._frames_since_status = 0
         self._rate_samples, self._rate_time_s = 0, 0.0
         self._samples: list[Array] = []
         self._idle: dict[str, float] = {}
         self._rig_context = measurement_context(rig=rig)
-
-    def set_limits(self, limits: Limits) -> None:
-        self._rig = replace(self._rig, limits=limits)
 
     def begin(self, identity: DeviceInfo, guarded: GuardedBench | None) -> None:
         """Start publishing; earlier reads are dropped."""
@@ -162,19 +146,16 @@ class Telemetry:
         )
         for message in readings.messages:
             if not message.startswith("arrived"):
-                self._publisher.publish(Notice(text=f"device: {message}"))
-        self._publish(self._frames, float(readings.time_s[-1]) if len(readings) else None)
-
-    def _publish(self, frames: Decimator, newest_s: float | None) -> None:
+                self._publisher.publish(messages.Notice(text=f"device: {message}"))
         now_s = time.monotonic()
         if now_s - self._last_frame_s < FRAME_INTERVAL_S:
             return
         # Frames stay on their time grid, except after a delay of more than one interval.
         self._last_frame_s = max(self._last_frame_s + FRAME_INTERVAL_S, now_s - FRAME_INTERVAL_S)
-        self._publisher.publish_frame(frames.pop_frame(now_s - self._start_s))
+        self._publisher.publish_frame(self._frames.pop_frame(now_s - self._start_s))
         self._frames_since_status += 1
         if self._frames_since_status >= FRAMES_PER_STATUS:
-            self._publish_status(newest_s)
+            self._publish_status(float(readings.time_s[-1]) if len(readings) else None)
             self._frames_since_status = 0
 
     def _update_readings(self) -> None:
@@ -209,7 +190,7 @@ class Telemetry:
                 self._channels, self._readings[1], self._rig_context, is_driven=is_driven
             ),
             limits=limit_shares(
-                self._channels, self._readings, command_pwm_us, self._rig, self._idle
+                self._channels, self._readings, command_pwm_us, self.rig, self._idle
             ),
             speed=self._speed(),
             standstill=standstill.text if standstill else "",

@@ -59,12 +59,12 @@ def allowed_units(channel: str) -> tuple[str, ...]:
     return (default, *(symbol for symbol in others if symbol != default))
 
 
-def load_columns(table: Path, radius_m: float | None = None) -> dict[str, ColumnSource]:
+def load_columns(table: Path) -> dict[str, ColumnSource]:
     """Return the stored column map of a table, or one guessed from its header."""
     stored = column_map_path(table)
     if stored.is_file():
         return dict(read_column_map(stored))
-    return guess_columns(read_csv_header(table), FIT_CHANNELS, radius_m)
+    return guess_columns(read_csv_header(table), FIT_CHANNELS)
 
 
 def check_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
@@ -165,7 +165,6 @@ class DataCard:
         make.on_click(store)
 
     def _add_column_form(self, name: str) -> None:
-        """Add the form for the column map of a table."""
         path = self._folder.find_file(name)
         header, columns = read_csv_header(path), load_columns(path)
         main = [channel for channel, label in FIT_CHANNELS.items() if label or channel in columns]
@@ -204,11 +203,11 @@ def _add_column_fields(
     choices = {NONE: "–", CONSTANT: "one number for all rows"}
     choices |= {cell: cell for cell in header if cell}
     value = NONE if source is None else source.column or CONSTANT
-    with ui.row().classes("items-center w-full gap-3 column-line"):
+    with ui.row().classes("items-center w-full gap-3"):
         column = ui.select(choices, value=value if value in choices else NONE)
         column.props(f'dense outlined label="{FIT_CHANNELS[channel] or channel}"').classes("grow")
         number = ui.number(value=source.constant if source else None)
-        number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-40")
+        number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-44")
         number.bind_visibility_from(column, "value", value=CONSTANT)
         unit = ui.select(
             list(allowed_units(channel)), value=(source and source.unit) or default_unit

@@ -14,12 +14,7 @@ from benchtool.core.channel import CHANNELS, Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Limits
 from benchtool.report.numbers import with_unit
-from benchtool.web.bench_process.messages import (
-    Annotate,
-    LimitShare,
-    TightenLimits,
-    limits_by_family,
-)
+from benchtool.web.bench_process import messages
 from benchtool.web.context import PageContext
 from benchtool.web.theme import STATIC, cycle
 from benchtool.web.widgets import open_dialog, show_errors, show_facts, titled_card
@@ -42,7 +37,7 @@ STRIPS = {
 
 def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, Any]]:
     """Return the chart panels of a bench's channels, the default ones first."""
-    bounds, light, dark = limits_by_family(limits), cycle(dark=False), cycle(dark=True)
+    bounds, light, dark = messages.limits_by_family(limits), cycle(dark=False), cycle(dark=True)
     panels: dict[str, dict[str, Any]] = {pattern: {"lines": []} for pattern in STRIPS}
     for column, channel in enumerate(channels):
         pattern = re.sub(r"\d+", "#", channel.name)
@@ -59,11 +54,7 @@ def chart_panels(channels: Sequence[Channel], limits: Limits) -> list[dict[str, 
 
 
 class StripChart(Element, component=STATIC / "strip_chart.js"):
-    """Live charts of one session.
-
-    Args:
-        has_tools: show pause, time window, panel selection, image and table.
-    """
+    """Live charts of one session; tools are pause, window, panel selection, image and table."""
 
     def __init__(self, session: int, panels: list[dict[str, Any]], has_tools: bool) -> None:
         super().__init__()
@@ -80,8 +71,7 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
 class ChartCard:
     """Charts of the connected bench, and a field for annotations of its run.
 
-    Args:
-        only: titles of the charts, without tools; default: all channels, with tools.
+    `only` are titles of charts without tools; default: all channels, with tools.
     """
 
     def __init__(self, context: PageContext, only: Sequence[str] = ()) -> None:
@@ -116,7 +106,7 @@ class ChartCard:
     @show_errors
     def _annotate(self) -> None:
         if text := self._text.value.strip():
-            self._context.send(Annotate(text))
+            self._context.send(messages.Annotate(text))
             self._text.value = ""
 
 
@@ -124,7 +114,7 @@ WARNING_SHARE = 0.9  # share of a limit at which its bar changes colour; assumed
 DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
 
 
-def reading_html(limit: LimitShare) -> str:
+def reading_html(limit: messages.LimitShare) -> str:
     """Return a mean reading with its limit, and a bar that is full at the limit."""
     decimals = DECIMALS.get(limit.unit, 0)
     value = round(limit.value, decimals) + 0.0  # not "-0"
@@ -175,7 +165,7 @@ class QuantitiesCard:
                 missing = [name for name, number in numbers.items() if not number]
                 if missing:
                     raise InputError(f"{missing[0]} is empty or 0; type a number above 0")
-                self._context.send(TightenLimits(replace(rig.limits, **numbers)))
+                self._context.send(messages.TightenLimits(replace(rig.limits, **numbers)))
                 dialog.close()
 
             with ui.row():

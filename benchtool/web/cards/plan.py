@@ -12,7 +12,6 @@ from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
-from benchtool.acquire.resume import load_resume_state
 from benchtool.acquire.visit_order import (
     Visit,
     expected_duration_s,
@@ -24,15 +23,15 @@ from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
-from benchtool.core.text import format_value, pluralize
+from benchtool.core.text import format_value
 from benchtool.data.catalogue.index import load_entries
-from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
     CommandRow,
     confirm_arming,
+    confirm_resume,
     file_upload,
     open_dialog,
     show_errors,
@@ -139,7 +138,7 @@ class PlanCard:
         with ui.row(wrap=False).classes("items-center w-full"):
             tests = {name: name for name in THROTTLE_TESTS}
             test = ui.select({"": "plate sweep"} | tests, value="", label="Test")
-            test.props("dense").classes("w-40").on_value_change(self._select_test)
+            test.props("dense").classes("w-44").on_value_change(self._select_test)
             upload = file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
             upload.props("accept=.toml flat bordered dense").on_upload(self._load)
         self._base_hint = ui.label().classes("soft")
@@ -153,7 +152,6 @@ class PlanCard:
 
     @show_errors
     async def _load(self, event: events.UploadEventArguments) -> None:
-        """Use a plan file as the base of the form."""
         name = event.file.name
         try:
             text = (await event.file.read()).decode("utf-8-sig")
@@ -227,12 +225,7 @@ class PlanCard:
             @show_errors
             async def resume() -> None:
                 path = RunsFolder(self._context.runs).find_path(select.value)
-                state = await asyncio.to_thread(load_resume_state, Run.open(path))
-                text = f"{select.value}: {pluralize(state.remaining, 'point')} remaining\n"
-                text += arming_prompt(state.plan, state.rig, check_plan(state.plan, state.rig))
-                inputs = SweepInputs(runs=self._context.runs, resume=path)
-                with self._card:
-                    confirm_arming(self._context, self._card, text, inputs)
+                await confirm_resume(self._context, self._card, path)
                 dialog.close()
 
             with ui.row():

@@ -1,13 +1,7 @@
 // Sortable tables, and figures in a large view with zoom, pan and values at the pointer.
 "use strict";
 (() => {
-  if (window.benchtoolShown) return;
-  window.benchtoolShown = true;
-
-  const parseNumber = (text) => {
-    const match = /^[<>≈]?\s*[-−+]?[\d.,\u202f]*\d(?:[eE][-+]?\d+)?/.exec(text.trim());
-    return match ? Number(match[0].replace(/[<>≈\s,\u202f]/g, "").replace("−", "-")) : NaN;
-  };
+  const parseNumber = (text) => Number.parseFloat(text.replace(/[<>≈,\u202f]/g, "").replace("−", "-"));
 
   function sort(button) {
     const head = button.closest("th"), table = head.closest("table"), body = table.tBodies[0];
@@ -26,21 +20,16 @@
 
   const fileStem = (image) => (image.alt.split(/[.:;,]/)[0].trim() || "figure").slice(0, 60).replace(/[^\w-]+/g, "-");
 
-  function save(address, name) {
-    const link = document.createElement("a");
-    Object.assign(link, { href: address, download: name });
-    link.click();
-  }
+  // Also used by strip_chart.js.
+  window.saveFile = (address, name) => Object.assign(document.createElement("a"), { href: address, download: name }).click();
 
   function savePng(image) {
-    const canvas = document.createElement("canvas"), scale = 2;
-    canvas.width = scale * image.naturalWidth;
-    canvas.height = scale * image.naturalHeight;
+    const canvas = Object.assign(document.createElement("canvas"), { width: 2 * image.naturalWidth, height: 2 * image.naturalHeight });
     const context = canvas.getContext("2d");
     context.fillStyle = "#ffffff";
     context.fillRect(0, 0, canvas.width, canvas.height);
     context.drawImage(image, 0, 0, canvas.width, canvas.height);
-    save(canvas.toDataURL("image/png"), `${fileStem(image)}.png`);
+    saveFile(canvas.toDataURL("image/png"), `${fileStem(image)}.png`);
   }
 
   // Return the value at a share of an axis from its low end, linear or logarithmic.
@@ -56,20 +45,15 @@
   }
 
   function enlarge(image) {
-    const dialog = document.createElement("dialog"), figure = image.cloneNode(), container = document.createElement("div");
-    const line = document.createElement("p"), close = document.createElement("button");
-    dialog.className = "figure-large";
-    dialog.ariaLabel = image.alt;
-    line.setAttribute("role", "status");
-    close.textContent = "Close";
+    const dialog = Object.assign(document.createElement("dialog"), { className: "figure-large", ariaLabel: image.alt });
+    dialog.innerHTML = '<button>Close</button><p role="status"></p><div></div>';
+    const [close, line, container] = dialog.children, figure = image.cloneNode();
     container.append(figure);
-    dialog.append(close, line, container);
     document.body.append(dialog);
     const axes = JSON.parse(image.dataset.axes || "[]");
     let scale = 1, x = 0, y = 0, from;
     const draw = () => (figure.style.transform = `translate(${x}px, ${y}px) scale(${scale})`);
-    const hint = "Wheel: zoom. Drag: move. Double click: reset.";
-    line.textContent = hint;
+    const hint = (line.textContent = "Wheel: zoom. Drag: move. Double click: reset.");
     container.addEventListener("wheel", (event) => {
       event.preventDefault();
       const box = container.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
@@ -109,7 +93,7 @@
     if (!button) return;
     if (button.closest("table")) return sort(button);
     const image = button.closest("figure").querySelector("img");
-    if (button.dataset.does === "svg") save(image.src, `${fileStem(image)}.svg`);
+    if (button.dataset.does === "svg") saveFile(image.src, `${fileStem(image)}.svg`);
     else if (button.dataset.does === "png") savePng(image);
     else enlarge(image);
   });

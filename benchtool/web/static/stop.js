@@ -8,7 +8,7 @@
   const COMPOSING = "An input method is active and may intercept Esc. Press the STOP button to stop.";
   const { page, silenceMs, stopPort, stopToken } = document.currentScript.dataset;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
-  const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`;
+  const server = location.origin.replace("http", "ws");
   const worker = new Worker("/static/hold_worker.js"), answers = new Map();
   let socket, held, holder, press = Math.floor(performance.timeOrigin), lastStopMs = -1, stops = 0, stopKey, noteTimer, dark, lostPress, openPings = 0;
 
@@ -135,8 +135,9 @@
   }
 
   function flash() {
-    mark("pressed", true);
-    setTimeout(() => mark("pressed", false), 400);
+    const mark = (on) => document.querySelectorAll(".stop-button").forEach((button) => button.classList.toggle("pressed", on));
+    mark(true);
+    setTimeout(mark, 400, false);
   }
 
   // Show a note next to the button without the server.
@@ -156,19 +157,13 @@
     style.setProperty("--stop-scale", 1 / scale);
   }
 
-  function mark(name, on) {
-    document.querySelectorAll(".stop-button").forEach((button) => button.classList.toggle(name, on));
-  }
-
   function sendDark() {
     const now = document.body.classList.contains("body--dark");
     if (now !== dark && send(`dark ${Number(now)}`)) dark = now;
   }
 
-  function typesText(field) {
-    return field.isContentEditable || (/^(INPUT|TEXTAREA|SELECT)$/.test(field.tagName) &&
-      !/^(checkbox|radio|button|range|number|file)$/.test(field.type) && !field.readOnly);
-  }
+  const typesText = (field) => field.isContentEditable || (/^(INPUT|TEXTAREA|SELECT)$/.test(field.tagName) &&
+    !/^(checkbox|radio|button|range|number|file)$/.test(field.type) && !field.readOnly);
 
   const on = (names, listen) => names.forEach((name) => addEventListener(name, listen, { capture: true, passive: false }));
   on(["pointerdown"], (event) => {
@@ -203,8 +198,7 @@
     if (event.type === "keyup") stopKey = undefined;
   });
   // The pointer or key that pressed the button releases it; another finger does not.
-  const isHolder = (event) => (event.pointerId ?? event.key) === holder;
-  on(["pointerup", "keyup"], (event) => isHolder(event) && release());
+  on(["pointerup", "keyup"], (event) => (event.pointerId ?? event.key) === holder && release());
   on(["pointercancel"], (event) => isHolder(event) && release("the browser treated the touch as a gesture"));
   on(["contextmenu"], () => release("a browser menu was opened"));
   on(["pagehide"], () => release("the page was closed"));

@@ -30,8 +30,7 @@ function roundAxis(low, high, decimals) {
 const stream = {
   session: -1, count: 0, capacity: HISTORY_S * FRAMES_PER_S, charts: new Set(),
   connect() {
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/stream`);
+    const socket = new WebSocket(`${location.origin.replace("http", "ws")}/stream`);
     socket.binaryType = "arraybuffer";
     socket.onmessage = (event) => this.add(new Float32Array(event.data));
     socket.onclose = () => setTimeout(() => this.connect(), 1000);
@@ -61,13 +60,6 @@ const stream = {
 stream.connect();
 
 const formatTime = (time_s) => time_s < 0 ? "" : `${Math.floor(time_s / 60)}:${(time_s % 60).toFixed(time_s % 1 ? 1 : 0).padStart(time_s % 1 ? 4 : 2, "0")}`;
-
-function save(name, address) {
-  const link = document.createElement("a");
-  link.href = address;
-  link.download = name;
-  link.click();
-}
 
 export default {
   template: `<div class="w-full">
@@ -126,7 +118,8 @@ export default {
       const rows = Math.ceil(this.selectedPanels.length / columns), wide = (this.wide = width / columns);
       this.container.style.height = `${rows * height}px`;
       this.chart.resize();
-      const style = getComputedStyle(document.body), [ink, soft, line, paper] = ["--ink", "--soft", "--line", "--paper"].map((name) => style.getPropertyValue(name).trim());
+      const style = getComputedStyle(document.body), color = (name) => style.getPropertyValue(`--${name}`).trim();
+      const { ink, soft, line, paper } = (this.colors = { ink: color("ink"), soft: color("soft"), line: color("line"), paper: color("paper"), warn: color("warn") });
       this.dark = document.body.classList.contains("body--dark");
       const places = this.selectedPanels.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP }));
       const all = this.selectedPanels.map((panel, at) => at);
@@ -161,9 +154,8 @@ export default {
       if (stream.session !== this.session || !stream.count || !this.chart) return;
       if (this.dark !== document.body.classList.contains("body--dark")) return void this.build();
       const now = stream.time(stream.count - 1), from = this.paused ? stream.time(stream.first()) : Math.max(now - this.seconds, 0);
-      const frames = stream.between(from, now), gaps = findGaps(frames.map((i) => stream.header(i))), color = this.dark ? "#e8eaed" : "#1b1b1b";
+      const frames = stream.between(from, now), gaps = findGaps(frames.map((i) => stream.header(i))), { ink, warn } = this.colors;
       const marks = this.marks.filter((mark) => mark.time_s >= from).map(({ time_s, text }) => ({ xAxis: time_s, name: text }));
-      const warn = getComputedStyle(document.body).getPropertyValue("--warn").trim();
       const series = [], yAxis = this.selectedPanels.map((panel) => {
         const all = panel.lines.map((line) => this.points({ ...line, panel }, frames, gaps)), limit = panel.limit === null ? NaN : panel.limit * panel.factor;
         let low = Infinity, high = -Infinity;
@@ -174,8 +166,8 @@ export default {
         const bound = { yAxis: limit, name: `limit ${limit}`, lineStyle: { color: warn, type: "solid" }, label: { show: true, color: warn, position: limit < low ? "insideStartTop" : "insideStartBottom" } };
         all.forEach((data, k) => series.push({
           data, markLine: {
-            animation: false, symbol: "none", lineStyle: { color, type: "dashed" }, data: shown && !k ? [...marks, bound] : marks,
-            label: { show: !series.length, color, position: "insideEndTop", rotate: 0, formatter: "{b}" },
+            animation: false, symbol: "none", lineStyle: { color: ink, type: "dashed" }, data: shown && !k ? [...marks, bound] : marks,
+            label: { show: !series.length, color: ink, position: "insideEndTop", rotate: 0, formatter: "{b}" },
           },
         }));
         return roundAxis(shown ? Math.min(low, limit) : low, shown ? Math.max(high, limit) : high, panel.decimals);
@@ -223,20 +215,14 @@ export default {
       const now = stream.time(stream.count - 1);
       this.chart.setOption({ dataZoom: [on ? { disabled: false, startValue: now - this.seconds, endValue: now } : { disabled: true, start: 0, end: 100 }] });
     },
-    visibleFrames() {
-      const [{ startValue, endValue }] = this.chart.getOption().dataZoom;
-      return stream.between(startValue, endValue);
-    },
-    savePicture() {
-      const backgroundColor = getComputedStyle(document.body).getPropertyValue("--paper").trim();
-      save("live.png", this.chart.getDataURL({ pixelRatio: 2, backgroundColor }));
-    },
+    savePicture() { saveFile(this.chart.getDataURL({ pixelRatio: 2, backgroundColor: this.colors.paper }), "live.png"); },
     // Save minimum and maximum of each frame, in the stream's units.
     saveTable() {
       const lines = this.lines(), row = (i, column) => stream.range(i, column).map((value) => (Number.isNaN(value) ? "" : value.toPrecision(7)));
       const head = ["time_s", ...lines.flatMap(({ name }) => [`${name}_least`, `${name}_greatest`])];
-      const rows = this.visibleFrames().map((i) => [stream.time(i).toFixed(3), ...lines.flatMap(({ column }) => row(i, column))]);
-      save("live.csv", URL.createObjectURL(new Blob([[head, ...rows].map((cells) => cells.join(",")).join("\n") + "\n"], { type: "text/csv" })));
+      const [{ startValue, endValue }] = this.chart.getOption().dataZoom;
+      const rows = stream.between(startValue, endValue).map((i) => [stream.time(i).toFixed(3), ...lines.flatMap(({ column }) => row(i, column))]);
+      saveFile(URL.createObjectURL(new Blob([[head, ...rows].map((cells) => cells.join(",")).join("\n") + "\n"], { type: "text/csv" })), "live.csv");
     },
   },
 };

@@ -64,7 +64,7 @@ class ConnectCard:
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
                 self._session = 0
-                self._address.classes("grow address").on_value_change(self._show_command)
+                self._address.classes("grow w-96").on_value_change(self._show_command)
                 with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
                     # Filled instead of the menu: a late update of the menu would close it.
                     self._addresses = ui.element("div")

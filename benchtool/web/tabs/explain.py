@@ -94,10 +94,10 @@ class ExplainTab(CommandTab):
         with self.inputs, titled_card("Recordings and model"):
             ui.label(DESCRIPTION).classes("soft")
             with ui.element("div").classes("fit-form w-full"):
-                with ui.column().classes("w-full gap-2"):
+                with ui.column().classes("w-full gap-3"):
                     self._learn = multiple_choice("Training recordings", self._suggest_model)
                     self._check = multiple_choice("Validation recordings", self.change)
-                with ui.column().classes("w-full gap-2"):
+                with ui.column().classes("w-full gap-3"):
                     self._model = ui.select({}, label="Model", on_change=self.change)
                     self._model.props("use-input input-debounce=0").classes("w-full")
                     rigs = rig_choices(self.folder)
@@ -167,8 +167,7 @@ class ExplainTab(CommandTab):
             show_section(result.section)
 
     def _add_acceptance(self, job: CommandJob, result: Explanation) -> None:
-        """Add the button that writes the result, and its status."""
-        with ui.row().classes("items-center gap-4 w-full"):
+        with ui.row().classes("items-center w-full"):
             effects = result.new_effects
             label = f"Accept {' and '.join(effects)} into a new model"
             button = ui.button(label if effects else "Save this result", icon="check")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple, get_args
@@ -141,12 +141,6 @@ def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
         ) from None
 
 
-def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:
-    """Return a free name for the fit of some data."""
-    first = re.sub(r"\.csv$", "", data[0].rsplit("/", 1)[-1]) if data else "data"
-    return free_path(folder.root / f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', first)}").name
-
-
 RESULT_KEY = "fit.answer"  # form key of the displayed fit
 
 BASES = {
@@ -185,6 +179,7 @@ class ParameterTable:
         """Discard the changes before another model is shown."""
         self._parameters, self.changes = {}, {}
         self._container.clear()
+        self._on_change()
 
     def show(self, model: str, parameters: dict[str, Parameter]) -> None:
         """Show a model's parameters and keep the user's changes, also for another rig."""
@@ -192,7 +187,7 @@ class ParameterTable:
             return
         self._model, self._parameters = model, parameters
         self._container.clear()
-        with self._container, ui.element("table").classes("shown parameters"):
+        with self._container, ui.element("table").classes("shown parameters w-full"):
             with ui.element("thead"), ui.element("tr"):
                 for text in ("parameter", "unit", "free", "value", "bounds", "source"):
                     with ui.element("th").props("scope=col"):
@@ -219,7 +214,7 @@ class ParameterTable:
                 free = ui.checkbox(value=choice.free).props(f'dense aria-label="{name} is free"')
             with cell("value"):
                 value = ui.number(value=choice.value, format="%.6g").props("dense outlined")
-                value.props(f'aria-label="{name} is fixed at" step=any').classes("w-32")
+                value.props(f'aria-label="{name} is fixed at" step=any').classes("w-44")
                 value.set_enabled(not choice.free)
             with cell("bounds").classes("number soft"):
                 ui.label(bounds)
@@ -261,8 +256,8 @@ class FitTab(CommandTab):
             with titled_card("Model"):
                 self._model = ui.select(models, value=DEFAULT_MODEL)
                 self._model.props('use-input input-debounce=0 dense aria-label="Model"')
-                self._model.classes("w-full").on_value_change(self._on_model_change)
                 self._parameters = ParameterTable(context, self.change)
+                self._model.classes("w-full").on_value_change(self._parameters.clear)
             with ui.card().classes("w-full"):
                 self._name = ui.input("Name of the fit's folder", on_change=self.change)
                 self._name.props("dense").classes("w-full")
@@ -272,7 +267,7 @@ class FitTab(CommandTab):
         context.persist("fit.name", self._name)
 
     def _build_method(self, models: Mapping[str, str]) -> None:
-        with ui.row().classes("items-center w-full gap-4"):
+        with ui.row().classes("items-center w-full"):
             self._squares = ui.checkbox("least squares", value=True, on_change=self.change)
             self._emcee = ui.checkbox("emcee (posterior samples)", on_change=self.change)
             self.context.persist("fit.least_squares", self._squares)
@@ -310,12 +305,10 @@ class FitTab(CommandTab):
     def _choose_rig(self, path: str) -> None:
         self._form.choose("rig", rig_choices(self.folder), path)
 
-    def _on_model_change(self) -> None:
-        self._parameters.clear()
-        self.change()
-
     def read_form(self) -> tuple[str, FitInputs]:
-        name = suggested_name(self.folder, self.data.names)
+        first = self.data.names[0].rsplit("/", 1)[-1] if self.data.names else "data"
+        stem = re.sub(r"[^A-Za-z0-9._-]+", "-", first.removesuffix(".csv"))
+        name = free_path(self.folder.root / f"fit-{stem}").name
         if not self._name.value or self._name.value == self._suggested_name:
             self._suggested_name = name
             self._name.set_value(name)
@@ -354,7 +347,8 @@ def build(context: PageContext) -> None:
         # Loading runs in a thread, so it never blocks the event loop and STOP.
         listing = RunsListing(RunsFolder(context.runs))
         await listing.refresh()
-        await asyncio.to_thread(_preload)
+        await asyncio.to_thread(form_parameters, DEFAULT_MODEL)
+        await asyncio.to_thread(Recipe, name="any", data=("any",), model=DEFAULT_MODEL)
         container.clear()
         with container:
             tab = FitTab(context, listing)
@@ -369,8 +363,3 @@ def build(context: PageContext) -> None:
             tab.inputs.set_value(True)
 
     ui.timer(0.0, fill, once=True)
-
-
-def _preload() -> None:
-    form_parameters(DEFAULT_MODEL)
-    Recipe(name="any", data=("any",), model=DEFAULT_MODEL)

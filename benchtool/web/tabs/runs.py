@@ -103,7 +103,7 @@ class RunDetail:
         is_stand_log = entry.kind == "table" and is_stand_table(self._folder.find_file(name))
         with self._container, ui.card().classes("w-full"):
             show_title(section, f"{entry.kind} {entry.state}".strip())
-            with ui.row().classes("w-full gap-2 items-center"):
+            with ui.row().classes("w-full gap-3 items-center"):
                 if is_motor_log:
                     compare = ui.button("Compare", icon="stacked_line_chart").props("dense")
                     compare.on_click(lambda: self._on_compare(name))
@@ -161,7 +161,7 @@ class RunDetail:
     def _add_motor(self, name: str) -> None:
         """Add thrust curve and motor constants of a log, with a field for its propeller."""
         label = "Propeller, if the log names none: size in inches, or name"
-        with ui.row().classes("items-end w-full gap-4"):
+        with ui.row().classes("items-end w-full"):
             field = ui.input(label, autocomplete=[*propeller_names()]).classes("grow")
             field.props("dense").bind_value_to(self, "_propeller")
             button = ui.button("Motor constants", icon="functions").props("outline")
@@ -186,7 +186,6 @@ class RunDetail:
         self._add_save(label, "download", load)
 
     def _add_export(self, name: str) -> None:
-        """Add a download of the files of `benchtool export`."""
         titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
 
         def load() -> Awaitable[tuple[str, bytes]]:
@@ -195,7 +194,7 @@ class RunDetail:
 
         with ui.row().classes("items-center gap-1"):
             target = ui.select(titles, value="ardupilot", label="For")
-            target.props("dense").classes("w-40")
+            target.props("dense").classes("w-44")
             self._add_save("Export", "flight", load)
 
     def _add_save(
@@ -244,7 +243,7 @@ _NAME = """
 <span v-for="tag in props.row.tags" class="run-tag">{{ tag }}</span></q-td>
 """
 _SUMMARY = """
-<q-td :props="props"><span :class="props.row.problem ? 'summary problem' : 'summary'">
+<q-td :props="props"><span :class="props.row.problem ? 'summary problem warn' : 'summary soft'">
 <q-icon v-if="props.row.problem" name="warning" aria-label="cannot be read" />
 {{ props.row.summary }}</span></q-td>
 """
@@ -260,7 +259,7 @@ class RunsTab:
     def __init__(self, context: PageContext) -> None:
         self._listing = RunsListing(RunsFolder(context.runs))
         with ui.card().classes("w-full"):
-            with ui.row().classes("items-end w-full gap-4 runs-filter"):
+            with ui.row().classes("items-end w-full runs-filter"):
                 self._search = ui.input("Search name, rig, date, state, note", on_change=self._fill)
                 self._search.classes("grow").props('debounce=120 clearable type="search"')
                 kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}

@@ -21,13 +21,11 @@ from benchtool.web.widgets import open_tab, show_section, show_title, titled_car
 
 KINDS: dict[str, type[Simulation]] = {"pitch bench": PitchInputs, "flight": FlightInputs}
 
-COMMON_FIELDS = ("duration_s", "seed", "set", "out")
-
 
 def _choices() -> dict[str, dict[str, Options | None]]:
     """Return the fields of each kind with their options; None for a text field."""
     rigs = {name: load_rig_by_name(name).rotors for name in rig_names()}
-    common = dict.fromkeys(COMMON_FIELDS)
+    common = dict.fromkeys(("duration_s", "seed", "set", "out"))
     return {
         "pitch bench": {
             "rig": [name for name, rotors in rigs.items() if any(rotor.x_m for rotor in rotors)],

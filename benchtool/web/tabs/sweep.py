@@ -106,10 +106,10 @@ class RatioCard:
             with ui.row().classes("items-center w-full"):
                 ui.label("Thrust").classes("card-title grow")
                 self._basis = ui.select(BASES, value=RATIO_BASES[0], label="At")
-                self._basis.props("dense").classes("w-36")
+                self._basis.props("dense").classes("w-44")
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
-                self._model.props("dense").classes("w-52")
+                self._model.props("dense").classes("w-44")
             figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
             self._plot = ui.echart(figure).classes("w-full ratio-plot")
             self._plot.props('role=img aria-label="Thrust, no measured point"')
