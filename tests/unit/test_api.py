@@ -98,6 +98,9 @@ def test_a_fit_takes_a_read_run_and_writes_its_report(fitted, tmp_path):
     assert {"ratio", "residuals"} <= set(fitted.figures())
 
 
+COLUMNS = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
+
+
 @pytest.fixture
 def heights():
     """Thrust over height of one rotor, R_m 0.105 m."""
@@ -108,12 +111,11 @@ def heights():
 
 def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    columns = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
     heights.to_csv("heights.csv", index=False)
-    expected = bt.fit("heights.csv", **columns).params["R_m"]
+    expected = bt.fit("heights.csv", **COLUMNS).params["R_m"]
     mapping = {name: heights[name].to_numpy() for name in heights}
     for table in (heights, heights.set_index("height"), mapping):
-        assert bt.fit(table, "single", **columns).params["R_m"] == expected
+        assert bt.fit(table, "single", **COLUMNS).params["R_m"] == expected
     heights.attrs["units"] = {"height": "mm", "F": "gf", "rpm": "rpm"}
     fit = bt.fit(heights, z="height", thrust="F", radius="127mm")
     assert fit.params["R_m"] == expected
@@ -134,9 +136,8 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     ],
 )
 def test_a_table_that_lacks_something_is_an_error_in_keywords(heights, change, options, message):
-    columns = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
     with pytest.raises(InputError, match=message):
-        bt.fit(heights.assign(**change), **columns | options)
+        bt.fit(heights.assign(**change), **COLUMNS | options)
 
 
 def test_data_of_another_type_are_refused():
@@ -175,10 +176,7 @@ def test_numbers_of_a_fit_come_in_one_step(fitted):
 
 
 def test_draws_have_the_shape_of_the_chains(heights):
-    fit = bt.fit(
-        heights, z="height", z_unit="mm", thrust="F", unit="gf", radius=0.127, method="emcee",
-        fix=["k"], noise="stated",
-    )  # fmt: skip
+    fit = bt.fit(heights, **COLUMNS, method="emcee", fix=["k"], noise="stated")
     shape = (-1, fit.samples.attrs["ensembles"] * fit.samples.attrs["walkers"])
     assert fit.samples["R_m"].to_numpy().reshape(shape).shape[0] > 1
     assert fit.samples["R_m"].median() == pytest.approx(fit.params["R_m"].value, rel=0.05)
