@@ -98,7 +98,7 @@ def test_a_fit_takes_a_read_run_and_writes_its_report(fitted, tmp_path):
     assert {"ratio", "residuals"} <= set(fitted.figures())
 
 
-COLUMNS = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
+COLUMNS = {"z": "rise", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def heights():
     """Thrust over height of one rotor, R_m 0.105 m."""
     z_m = np.array([0.08, 0.1, 0.13, 0.2, 0.4, 0.8])
     thrust_N = 4.0 / (1.0 - (0.105 / (4.0 * z_m)) ** 2) * (1.0 + 1e-3 * np.array([1, -1] * 3))
-    return pd.DataFrame({"height": 1e3 * z_m, "F": thrust_N / 9.80665e-3, "rpm": 6000})
+    return pd.DataFrame({"rise": 1e3 * z_m, "F": thrust_N / 9.80665e-3, "rpm": 6000})
 
 
 def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
@@ -114,14 +114,14 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     heights.to_csv("heights.csv", index=False)
     expected = bt.fit("heights.csv", **COLUMNS).params["R_m"]
     mapping = {name: heights[name].to_numpy() for name in heights}
-    for table in (heights, heights.set_index("height"), mapping):
+    for table in (heights, heights.set_index("rise"), mapping):
         assert bt.fit(table, "single", **COLUMNS).params["R_m"] == expected
-    heights.attrs["units"] = {"height": "mm", "F": "gf", "rpm": "rpm"}
-    fit = bt.fit(heights, z="height", thrust="F", radius="127mm")
+    heights.attrs["units"] = {"rise": "mm", "F": "gf", "rpm": "rpm"}
+    fit = bt.fit(heights, z="rise", thrust="F", radius="127mm")
     assert fit.params["R_m"] == expected
     assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
     with pytest.warns(DataWarning, match="6000 rpm is assumed"):
-        bt.fit(heights.drop(columns="rpm"), z="height", thrust="F", radius=0.127)
+        bt.fit(heights.drop(columns="rpm"), z="rise", thrust="F", radius=0.127)
 
 
 @pytest.mark.parametrize(
