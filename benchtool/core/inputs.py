@@ -344,9 +344,7 @@ def with_changes(inputs: Any) -> dict[str, Any]:
 def to_arguments(cls: type[Any], values: Mapping[str, Any]) -> list[str]:
     """Return the command-line arguments of these values, positional ones first.
 
-    Args:
-        cls: a dataclass of inputs.
-        values: values or their texts; None and empty ones are omitted.
+    The values may be texts; None and empty ones are omitted.
     """
     positional: list[str] = []
     options: list[str] = []

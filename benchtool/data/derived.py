@@ -255,8 +255,7 @@ def _contributions(
 ) -> dict[str, Array]:
     """Return the change of each quantity (n,) of `names` by one standard uncertainty of an input.
 
-    Args:
-        row: of the only rotor whose speed is changed; None for all.
+    `row` is that of the only rotor whose speed is changed; None for all.
     """
     step = error
     if row is not None:
