@@ -204,8 +204,7 @@ class _Columns:
             return self._find(name, options.split()[0])
         if channel in guess:
             return guess[channel].column or ""
-        columns = ", ".join(self.header)
-        problem = f"no column name matches {title} (columns: {columns})"
+        problem = f"no column name matches {title} (columns: {', '.join(self.header)})"
         used = {source.column for source in (*guess.values(), *self.map.values())}
         unused = [cell for cell in self.header if cell not in used and self._has_numbers(cell)]
         similar = [cell for cell in unused if is_similar(cell, channel)]
@@ -332,11 +331,13 @@ class _Columns:
         name = {"thrust_N": "thrust_{}_N", "thrust_ratio": "thrust_ratio_{}"}[channel]
         self.map[name.format(options.error_is or "SD_OR_SE")] = source
         if options.error_is is None:
+            ending = match["ending"] if (match := _match_error(cell)) else "error"
+            kind = "se" if ending in ("se", "sem") else "" if ending[:3] in ("err", "feh") else "sd"
             self._add_missing(
                 f"column {cell!r} may be the standard deviation of readings (sd) or the standard "
                 "error of the mean (se)",
                 "--error-is SD_OR_SE or --error none",
-                f"--error-is {kind}" if (kind := _error_kind(cell)) else "",
+                f"--error-is {kind}" if kind else "",
             )
 
     def _choose_runs(self) -> None:
@@ -382,18 +383,11 @@ class _Columns:
             self.problems.append(str(error).removeprefix(f"{self.path}, "))
 
     def _texts(self, cell: str) -> list[str]:
-        position = self.table.header.index(cell)
-        return [row[position].strip() for row in self.table.rows]
+        return list(self.table.rows[:, self.table.header.index(cell)])
 
 
 def _match_error(cell: str) -> re.Match[str] | None:
     return _ERROR.fullmatch(name_and_unit(cell)[0].casefold())
-
-
-def _error_kind(cell: str) -> str:
-    """Return the kind of error that a column name suggests; empty if it suggests none."""
-    ending = match["ending"] if (match := _match_error(cell)) else "error"
-    return "se" if ending in ("se", "sem") else "" if ending[:3] in ("err", "feh") else "sd"
 
 
 def _number(text: str) -> float | None:

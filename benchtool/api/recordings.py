@@ -20,11 +20,7 @@ from benchtool.data.run.read import is_run
 from benchtool.report.compare import page as comparing
 from benchtool.report.replay.replay_source import STAND, ReplaySource, read_recorded
 from benchtool.report.report_file import detect_kind
-from benchtool.report.result import (
-    Data,
-    Result,
-    saved_paths,
-)
+from benchtool.report.result import Data, Result, saved_paths
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 

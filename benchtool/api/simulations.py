@@ -9,10 +9,7 @@ from benchtool.core.inputs import build_inputs, items
 from benchtool.core.keywords import with_keywords
 from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.report.flight.pitch_study import PitchStudy
-from benchtool.report.result import (
-    Result,
-    save_if_requested,
-)
+from benchtool.report.result import Result, save_if_requested
 from benchtool.results import flight_result, pitch_result
 from benchtool.simulate.controllers.controller import Controllers
 from benchtool.simulate.flight.study import FlownCase
@@ -69,10 +66,8 @@ def simulate_flight(
 
     Parameters
     ----------
-    controllers : str, class, or a sequence of these
-        Built-in names and user classes.
-    permit : callable, optional
-        Called with user code of the model before it runs; by default this raises.
+    controllers, permit
+        As in `simulate_pitch`.
 
     Returns
     -------

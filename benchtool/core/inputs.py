@@ -256,16 +256,12 @@ def describe_range(metadata: Sequence[Any]) -> str:
     return f"at most {highest}" if highest else ""
 
 
+@cache
 def items(cls: Any) -> tuple[InputField, ...]:
     """Return the inputs of a dataclass in order, including nested ones.
 
     A field without an `Input` can only be set in a file.
     """
-    return _items(cls)
-
-
-@cache
-def _items(cls: Any) -> tuple[InputField, ...]:
     return tuple(_walk(cls, ""))
 
 
@@ -348,9 +344,7 @@ def with_changes(inputs: Any) -> dict[str, Any]:
 def to_arguments(cls: type[Any], values: Mapping[str, Any]) -> list[str]:
     """Return the command-line arguments of these values, positional ones first.
 
-    Args:
-        cls: a dataclass of inputs.
-        values: values or their texts; None and empty ones are omitted.
+    The values may be texts; None and empty ones are omitted.
     """
     positional: list[str] = []
     options: list[str] = []

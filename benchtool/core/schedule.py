@@ -17,7 +17,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import NotNegative, Positive
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.units import Array
-from benchtool.core.user_file import list_names, read_library_file
+from benchtool.core.user_file import read_library_file
 
 MAX_DURATION_S = 3600.0  # of a run; its recording has several 100 MB; assumed
 MAX_PLATE_Z_OVER_R = 100.0  # the effect of a plate is negligible far below that
@@ -268,11 +268,6 @@ def due_ticks(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> 
     whole = np.floor(edges + 1e-9)
     fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]
     return fresh
-
-
-def schedule_names() -> tuple[str, ...]:
-    """Return the names of the bundled schedules."""
-    return list_names("schedules")
 
 
 def load_schedule(name_or_path: str | Path) -> Schedule:

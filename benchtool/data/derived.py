@@ -202,7 +202,7 @@ def derive_quantities(
     return tuple(
         QuantityValues(
             np.asarray(values[quantity.name], float), errors[quantity.name],
-            tuple(shared[quantity.name]), quantity, _origin(quantity, recording, inputs, context),
+            tuple(shared[quantity.name]), quantity, _origin(quantity, inputs, context),
         )
         for quantity in quantities
     )  # fmt: skip
@@ -255,8 +255,7 @@ def _contributions(
 ) -> dict[str, Array]:
     """Return the change of each quantity (n,) of `names` by one standard uncertainty of an input.
 
-    Args:
-        row: of the only rotor whose speed is changed; None for all.
+    `row` is that of the only rotor whose speed is changed; None for all.
     """
     step = error
     if row is not None:
@@ -322,9 +321,7 @@ def _find_inputs(quantity: Quantity, inputs: Values) -> list[str]:
     return list(names)
 
 
-def _origin(
-    quantity: Quantity, recording: Recording, inputs: Values, context: MeasurementContext
-) -> str:
+def _origin(quantity: Quantity, inputs: Values, context: MeasurementContext) -> str:
     if quantity.name in inputs:
         return "measured" if quantity.name in MEASURED else "as in the file"
     leaves = _find_inputs(quantity, inputs)

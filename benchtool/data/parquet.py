@@ -43,11 +43,7 @@ def load_library() -> None:
 
 
 def load_extra(module: str, extra: str, what: str) -> Any:
-    """Return a module of a package that `benchtool[EXTRA]` installs.
-
-    Args:
-        what: the feature that needs it, as the subject of the error message.
-    """
+    """Return a module that `benchtool[EXTRA]` installs; `what` is the subject of its error."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -95,11 +91,7 @@ def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
 
 
 def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
-    """Return the samples of a Parquet file written by benchtool.
-
-    Args:
-        names: columns to read, missing ones are ignored; None reads all.
-    """
+    """Return the samples of a Parquet file written by benchtool; `names` as in `read_samples`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -200,12 +192,9 @@ def read_header(path: Path, *, follow: bool = False) -> tuple[str, ...]:
 
 
 def read_batches(path: Path, names: Sequence[str], end: int) -> Iterator[Any]:
-    """Yield record batches of columns; words are text, an empty number is null.
+    """Yield record batches of columns up to byte `end`; words are text, an empty number is null.
 
     No thread is started: Arrow's CSV reader hangs if the system refuses one.
-
-    Args:
-        end: size of the file's complete lines.
     """
     import pyarrow as pa
 
@@ -305,11 +294,7 @@ def stack_batches(batches: Iterable[Any], names: Sequence[str], max_rows: int, p
 
 
 def read_stream(path: Path, names: Sequence[str] | None) -> tuple[Recording, tuple[str, ...]]:
-    """Return a CSV table that benchtool wrote, and its repairs.
-
-    Args:
-        names: of columns, missing ones are ignored; default: all.
-    """
+    """Return a CSV table that benchtool wrote, and its repairs; `names` as in `read_samples`."""
     header = read_header(path)
     present = [name for name in header if names is None or name in names]
     rows, end, is_incomplete = scan_lines(path)

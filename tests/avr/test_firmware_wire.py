@@ -107,11 +107,6 @@ def without_numbers(message: TextMessage) -> str:
     return re.sub(r"no line for \d+ ms", "no line for N ms", ",".join((message.letter, *fields)))
 
 
-def as_messages(payloads: list[str]) -> list[TextMessage]:
-    split = [payload.split(",") for payload in payloads]
-    return [TextMessage(letter, tuple(fields)) for letter, *fields in split]
-
-
 def test_the_pages_conversation(pair_wire):
     told: list[str] = []
     expected: list[str] = []
@@ -128,7 +123,7 @@ def test_the_pages_conversation(pair_wire):
         if name == "plate":
             # The page's device has a stage, this one has none.
             page = [f"N,{fields[0]},{page[0].split(',')[2]},{NO_STAGE}", *page[1:]]
-        said = as_messages(page)
+        said = [TextMessage(text[0], tuple(text.split(",")[1:])) for text in page]
         expected += [without_numbers(message) for message in said]
         if said:
             times[said[0].fields[1]] = heard[0].fields[1]

@@ -25,10 +25,6 @@ def user_without_rights() -> Iterator[None]:
         os.seteuid(0)
 
 
-def delete(run: Path) -> None:
-    shutil.rmtree(run)
-
-
 def move(run: Path) -> None:
     run.rename(run.with_name("elsewhere"))
 
@@ -70,10 +66,14 @@ def struck(folder: Path, strike: Callable[[Path], None]) -> tuple[Outcome, float
 @pytest.mark.parametrize(
     ("strike", "said", "code"),
     [
-        (delete, "it was deleted or moved", 5),
+        (shutil.rmtree, "it was deleted or moved", 5),
         (move, "it was deleted or moved", 5),
         (replace, "was replaced by another folder", 5),
-        (delete_samples, "samples.csv was deleted, moved or replaced", 5),
+        (
+            lambda run: (run / "samples.csv").unlink(),
+            "samples.csv was deleted, moved or replaced",
+            5,
+        ),
         (forbid, "was made read-only", 10),
     ],
     ids=["deleted", "moved", "replaced", "samples deleted", "read-only"],
@@ -105,7 +105,7 @@ def test_a_folder_that_goes_ends_the_run_and_is_rescued(tmp_path, strike, said, 
 
 
 def test_a_rescued_run_is_gone_on_with(tmp_path):
-    struck(tmp_path, delete)
+    struck(tmp_path, shutil.rmtree)
     (tmp_path / "run-rescued").rename(tmp_path / "run")
     resumed = command(["sweep", ADDRESS, "--resume", "run", "--yes"], tmp_path, World([]))
     assert resumed.code == 0, resumed.said

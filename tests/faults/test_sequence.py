@@ -9,12 +9,8 @@ from benchtool.acquire import resume
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.data.run.append import read_events
 from benchtool.data.run.run import Run
-from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
+from tests.faults.loop import ADDRESS, World, command, plan, sweep
 from tests.faults.proxy import Fault
-
-
-def device_times_us(outcome: Outcome) -> list[int]:
-    return [int(float(row["device_time_us"])) for row in outcome.rows() if row["device_time_us"]]
 
 
 @pytest.mark.parametrize(
@@ -30,7 +26,7 @@ def test_twice_or_exchanged(tmp_path, fault, repeated):
     outcome = sweep(tmp_path, plan("1.36", 4.0), [fault])
     assert fault.hit >= 2
     assert outcome.code == 0, outcome.said
-    times_us = device_times_us(outcome)
+    times_us = [int(float(t)) for row in outcome.rows() if (t := row["device_time_us"])]
     assert len(times_us) == len(set(times_us))
     assert times_us == sorted(times_us)
     assert set(times_us) <= set(outcome.seen.rows)

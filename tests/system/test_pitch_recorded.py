@@ -70,11 +70,6 @@ def overheard(address: str, seconds: float) -> list[bytes]:
     return heard.split(b"\n")[1:-1]
 
 
-def pulses_in(line: bytes) -> list[float]:
-    """Return the pulses of a sample line: behind letter, number, time, and three channels."""
-    return [float(field) for field in line.split(b",")[6:10]]
-
-
 @pytest.mark.real_time(deadline_s=0.1)
 @pytest.mark.parametrize("link", [pytest.param("pty", marks=posix), "tcp:127.0.0.1:0"])
 def test_a_whole_schedule_over_a_link(tmp_path, environment, link):
@@ -110,7 +105,8 @@ def test_a_killed_recorder_leaves_motors_at_zero(tmp_path, environment):
         lines = overheard(address, 1.5)
     # Nobody has sent the device a word since, so only its watchdog can have stopped the motors.
     assert any(line.startswith(b"$E,watchdog,no line for 2") for line in lines)
-    assert pulses_in([line for line in lines if line.startswith(b"$S,")][-1]) == [1000.0] * 4
+    sample = [line.split(b",") for line in lines if line.startswith(b"$S,")][-1]
+    assert [float(field) for field in sample[6:10]] == [1000.0] * 4  # after three channels
     samples = read_samples(run)
     assert samples.column("pwm1_us")[-1] > 1500.0
     assert set(np.diff(samples.column("device_time_us"))) == {4000.0}

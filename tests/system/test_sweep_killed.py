@@ -9,8 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -32,17 +30,11 @@ pytestmark = posix
 SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sample-s", "1"]
 
 
-@contextmanager
-def serving_fast(folder: Path, environment: dict[str, str], *more: str) -> Iterator[str]:
-    """Give the address of a virtual bench, twenty times faster than life."""
-    words = ["--rig", "pquad_single", "--speed", "20", "--symlink", str(folder / "bench"), *more]
-    with serving("pty", environment, *words) as address:
-        yield address
-
-
 @pytest.fixture
 def served(tmp_path, environment):
-    with serving_fast(tmp_path, environment) as address:
+    """Give the address of a virtual bench, twenty times faster than life."""
+    words = ["--rig", "pquad_single", "--speed", "20", "--symlink", str(tmp_path / "bench")]
+    with serving("pty", environment, *words) as address:
         yield address
 
 

@@ -98,28 +98,30 @@ def test_a_fit_takes_a_read_run_and_writes_its_report(fitted, tmp_path):
     assert {"ratio", "residuals"} <= set(fitted.figures())
 
 
+COLUMNS = {"z": "rise", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
+
+
 @pytest.fixture
 def heights():
     """Thrust over height of one rotor, R_m 0.105 m."""
     z_m = np.array([0.08, 0.1, 0.13, 0.2, 0.4, 0.8])
     thrust_N = 4.0 / (1.0 - (0.105 / (4.0 * z_m)) ** 2) * (1.0 + 1e-3 * np.array([1, -1] * 3))
-    return pd.DataFrame({"height": 1e3 * z_m, "F": thrust_N / 9.80665e-3, "rpm": 6000})
+    return pd.DataFrame({"rise": 1e3 * z_m, "F": thrust_N / 9.80665e-3, "rpm": 6000})
 
 
 def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    columns = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
     heights.to_csv("heights.csv", index=False)
-    expected = bt.fit("heights.csv", **columns).params["R_m"]
+    expected = bt.fit("heights.csv", **COLUMNS).params["R_m"]
     mapping = {name: heights[name].to_numpy() for name in heights}
-    for table in (heights, heights.set_index("height"), mapping):
-        assert bt.fit(table, "single", **columns).params["R_m"] == expected
-    heights.attrs["units"] = {"height": "mm", "F": "gf", "rpm": "rpm"}
-    fit = bt.fit(heights, z="height", thrust="F", radius="127mm")
+    for table in (heights, heights.set_index("rise"), mapping):
+        assert bt.fit(table, "single", **COLUMNS).params["R_m"] == expected
+    heights.attrs["units"] = {"rise": "mm", "F": "gf", "rpm": "rpm"}
+    fit = bt.fit(heights, z="rise", thrust="F", radius="127mm")
     assert fit.params["R_m"] == expected
     assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
     with pytest.warns(DataWarning, match="6000 rpm is assumed"):
-        bt.fit(heights.drop(columns="rpm"), z="height", thrust="F", radius=0.127)
+        bt.fit(heights.drop(columns="rpm"), z="rise", thrust="F", radius=0.127)
 
 
 @pytest.mark.parametrize(
@@ -133,9 +135,8 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     ],
 )
 def test_a_table_that_lacks_something_is_an_error_in_keywords(heights, change, options, message):
-    columns = {"z": "height", "z_unit": "mm", "thrust": "F", "unit": "gf", "radius": 0.127}
     with pytest.raises(InputError, match=message):
-        bt.fit(heights.assign(**change), **columns | options)
+        bt.fit(heights.assign(**change), **COLUMNS | options)
 
 
 def test_data_of_another_type_are_refused():
@@ -174,10 +175,7 @@ def test_numbers_of_a_fit_come_in_one_step(fitted):
 
 
 def test_draws_have_the_shape_of_the_chains(heights):
-    fit = bt.fit(
-        heights, z="height", z_unit="mm", thrust="F", unit="gf", radius=0.127, method="emcee",
-        fix=["k"], noise="stated",
-    )  # fmt: skip
+    fit = bt.fit(heights, **COLUMNS, method="emcee", fix=["k"], noise="stated")
     shape = (-1, fit.samples.attrs["ensembles"] * fit.samples.attrs["walkers"])
     assert fit.samples["R_m"].to_numpy().reshape(shape).shape[0] > 1
     assert fit.samples["R_m"].median() == pytest.approx(fit.params["R_m"].value, rel=0.05)

@@ -72,6 +72,12 @@ def test_a_silence_shorter_than_a_second_is_lived_through():
     assert lost == pytest.approx(120, abs=2)
 
 
+def assert_pause_is_named(bench: SerialBench, link: LoopbackLink) -> None:
+    with pytest.raises(HostSuspended, match=r"was not running for 2\.0 s, limit 0\.5 s"):
+        bench.set_pwm(np.array([1400.0, 1400.0]))
+    assert link.device.firmware.pwm_us.max() == 1000.0
+
+
 def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_named():
     bench, link = wired()
     with bench:
@@ -86,9 +92,7 @@ def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_
             send(data)
 
         link.write = stand_still  # type: ignore[method-assign]
-        with pytest.raises(HostSuspended, match=r"was not running for 2\.0 s, limit 0\.5 s"):
-            bench.set_pwm(np.array([1400.0, 1400.0]))
-        assert link.device.firmware.pwm_us.max() == 1000.0
+        assert_pause_is_named(bench, link)
 
 
 def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time():
@@ -109,9 +113,7 @@ def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time(
                 link._answer = told
 
         link.write = stand_still  # type: ignore[method-assign]
-        with pytest.raises(HostSuspended, match=r"was not running for 2\.0 s, limit 0\.5 s"):
-            bench.set_pwm(np.array([1400.0, 1400.0]))
-        assert link.device.firmware.pwm_us.max() == 1000.0
+        assert_pause_is_named(bench, link)
 
 
 def read_all(bench: SerialBench, link: LoopbackLink) -> None:
@@ -153,9 +155,7 @@ def test_a_pause_before_an_order_to_turn_is_named_where_only_old_samples_were_re
         read_all(bench, link)
         behind(link)
         bench.read(0.1)
-        with pytest.raises(HostSuspended, match=r"was not running for 2\.0 s, limit 0\.5 s"):
-            bench.set_pwm(np.array([1400.0, 1400.0]))
-        assert link.device.firmware.pwm_us.max() == 1000.0
+        assert_pause_is_named(bench, link)
 
 
 def test_a_plate_order_that_the_link_delivers_late_is_no_fault_of_the_stage():

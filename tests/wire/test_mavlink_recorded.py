@@ -69,10 +69,6 @@ def read(bench: MavlinkBench, seconds: float) -> list[Readings]:
     return parts
 
 
-def said_in(parts: list[Readings]) -> list[str]:
-    return [text for part in parts for text in part.messages]
-
-
 def shown(bench: MavlinkBench, parts: list[Readings], name: str) -> np.ndarray:
     column = [channel.name for channel in bench.identity.channels].index(name)
     values = np.concatenate([part.values[:, column] for part in parts])
@@ -127,7 +123,7 @@ def test_a_rotor_turns_stops_and_the_run_goes_on(folder, number):
         assert {1300.0} <= set(shown(bench, turned, "pwm1_us")) <= {1000.0, 1300.0}
         assert bench.outputs_us()[:4] == (1000, 1000, 1000, 1000)
         assert set(shown(bench, still, "pwm2_us")) == {1000.0}
-    assert "finished motor test" in said_in(still)
+    assert "finished motor test" in [text for part in still for text in part.messages]
     assert sum(part.lost for part in turned + still) == 0
     assert all(0.0 <= order.param4 <= 0.25 for _, order in orders_of(peer))
 

@@ -45,8 +45,7 @@ _MUTABLE_FILES: dict[str, tuple[str, ...]] = {
 def list_entries(folder: RunsFolder, cache: CachedEntries | None = None) -> tuple[Entry, ...]:
     """Return all entries of a runs folder, newest first; () if the folder does not exist.
 
-    Args:
-        cache: entries of the last call, updated in place; only changed entries are read.
+    `cache` has the entries of the last call, updated in place; only changed entries are read.
     """
     cache = {} if cache is None else cache
     if not folder.root.is_dir():

@@ -309,8 +309,7 @@ def parse_motor_map(
 ) -> dict[int, int]:
     """Return motor number by output channel (from 1), in the order of the motors.
 
-    Args:
-        pattern: of parameters that set a channel's function; its group is the channel.
+    `pattern` matches parameters that set a channel's function; its group is the channel.
     """
     motor_map: dict[int, int] = {}
     for name, number in parameters.items():

@@ -265,7 +265,8 @@ def _times(clock: AutopilotClock, messages: Messages) -> Times | None:
     if stamps is None or not len(messages):
         return stamps
     if messages.has("time_boot_ms"):
-        return clock.time_from_boot_ms(stamps, messages.numbers("time_boot_ms"))
+        boot_us = (1000.0 * messages.numbers("time_boot_ms")).astype(np.int64)
+        return boot_us + clock.offset_us(stamps)
     if messages.source == "SERVO_OUTPUT_RAW":
         return clock.time_from_wrapped_us(stamps, messages.numbers("time_usec"))
     return clock.time_from_host(stamps)
@@ -369,17 +370,14 @@ class AutopilotClock:
         times: Times = np.rint(inside).astype(np.int64) + before + after
         return times
 
-    def time_from_boot_ms(self, host_us: Times, boot_ms: NDArray[np.float64]) -> Times:
-        """Return the clock times of messages stamped in milliseconds since boot: us."""
-        return (1000.0 * boot_ms).astype(np.int64) + self._offset(host_us)
-
     def time_from_wrapped_us(self, host_us: Times, count_us: NDArray[np.float64]) -> Times:
         """Return the clock times of messages stamped with the low 32 bits of us since boot: us."""
-        near = self.time_from_host(host_us) - self._offset(host_us)
+        near = self.time_from_host(host_us) - self.offset_us(host_us)
         ahead = (count_us.astype(np.int64) - near + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
-        times: Times = near + ahead + self._offset(host_us)
+        times: Times = near + ahead + self.offset_us(host_us)
         return times
 
-    def _offset(self, host_us: Times) -> Times:
+    def offset_us(self, host_us: Times) -> Times:
+        """Return the difference of clock time and time since boot at host time stamps."""
         rows = np.searchsorted(np.maximum.accumulate(self.host_us), host_us, "right") - 1
         return self.offsets_us[np.clip(rows, 0, self.host_us.size - 1)]

@@ -358,8 +358,5 @@ def read_by_names(table: TextTable, options: ImportOptions) -> ImportResult:
     columns, findings = map_header(table, match_channel, hint=hint)
     if not columns:
         unknown = ", ".join(list(filter(None, table.header))[:12])
-        raise FileFormatError(
-            table.where,
-            f"none of its columns is known ({unknown}); map them with --columns MAP.toml",
-        )
+        raise FileFormatError(table.where, f"none of its columns is known ({unknown}){hint}")
     return read_columns(table, columns, {}, findings)

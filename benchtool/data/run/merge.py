@@ -38,8 +38,7 @@ _AIR = ("temperature_degC", "pressure_Pa", "humidity")
 def merge_runs(paths: Sequence[Path], out: Path) -> Run:
     """Write a new run folder with the points of several runs, and copies of them in `parts`.
 
-    Args:
-        paths: runs of one rig and propeller; a merged run is replaced by its parts.
+    They have one rig and propeller; a merged run is replaced by its parts.
     """
     check_not_existing(out)
     sources = [Path(part) for path in paths for part in find_parts(path)]

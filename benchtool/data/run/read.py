@@ -95,8 +95,7 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     samples.parquet is preferred if its hash matches the metadata; otherwise samples.csv is read,
     with a warning. One hour at 1 kHz takes 29 MB per column.
 
-    Args:
-        names: columns to read, missing ones are ignored; default: all.
+    `names` are the columns to read, missing ones are ignored; default: all.
     """
     path = Path(path)
     parquet = path / "samples.parquet"

@@ -53,12 +53,7 @@ def read_recording_facts(path: Path) -> dict[str, Any]:
 def write_recording(
     path: Path, recording: Recording, facts: Mapping[str, Any], *, overwrite: bool = False
 ) -> None:
-    """Write a recording, then its JSON file with the table's hash, each atomically.
-
-    Args:
-        path: ends in .csv or .parquet.
-        facts: extra keys of the JSON file.
-    """
+    """Write a .csv or .parquet file, then its JSON file with hash and `facts`, each atomically."""
     suffix = path.suffix.lower()
     if suffix not in (".csv", ".parquet"):
         raise FileFormatError(
@@ -69,10 +64,7 @@ def write_recording(
             if target.exists():
                 raise WouldOverwrite(str(target))
     make_folder(path.parent)
-    if suffix == ".csv":
-        _write_csv(path, recording)
-    else:
-        write_parquet(path, recording)
+    (_write_csv if suffix == ".csv" else write_parquet)(path, recording)
     channels = [{"name": item.name, "unit": item.unit} for item in recording.channels]
     replace_json(
         metadata_path(path),
@@ -152,11 +144,7 @@ def write_mcap(
     start_ns: int = 0,
     calibration: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a recording atomically.
-
-    Args:
-        start_ns: Unix time of its `time_s` 0.
-    """
+    """Write a recording atomically; `start_ns` is the Unix time of its `time_s` 0."""
     mcap = load_extra("mcap.writer", "mcap", "an MCAP file")
     names = [channel.name for channel in recording.channels]
     extra = {"calibration": json.dumps(dict(calibration))} if calibration else {}

@@ -28,8 +28,7 @@ class RunsFolder:
     def find_path(self, name: str) -> Path:
         """Return the path of an existing run or file, with its links checked.
 
-        Args:
-            name: relative, parts separated by "/", as from `relative_name`.
+        `name` is relative, parts separated by "/", as from `relative_name`.
         """
         path = self.resolve(name)
         if not path.exists():
@@ -125,8 +124,7 @@ MAX_COLUMNS = 500
 def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """Check an uploaded table, write it to a new folder of the runs folder and return its path.
 
-    Args:
-        name: of the uploaded file; only ASCII letters, digits, _ and - are kept.
+    `name` is that of the uploaded file; only ASCII letters, digits, _ and - are kept.
     """
     from benchtool.data.atomic import sync_folder
     from benchtool.data.csv_text import empty_table_error, parse_csv

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from benchtool.core.inputs import build_inputs
 from benchtool.core.rig_file import load_rig_by_name, rig_names
-from benchtool.core.schedule import schedule_names
+from benchtool.core.user_file import list_names
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.cases import FLIGHTS
 from benchtool.simulate.gain_file import gain_names
@@ -29,7 +29,7 @@ def _choices() -> dict[str, dict[str, Options | None]]:
     return {
         "pitch bench": {
             "rig": [name for name, rotors in rigs.items() if any(rotor.x_m for rotor in rotors)],
-            "schedule": schedule_names(),
+            "schedule": list_names("schedules"),
             "controllers": [*PITCH_CONTROLLERS],
             "gains": gain_names(),
             **common,

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.average import (
-    Average,
     average,
     fit_slope,
     is_settled,
@@ -62,14 +61,11 @@ def test_rounding_counts_as_far_as_noise_leaves_it(noise):
     rng = np.random.default_rng(8)
     true = rng.uniform(0.0, 1.0, 400)
     samples = np.round(true[:, None] + noise * rng.standard_normal((400, 50)))
-    z = [(one.mean - at) / one.se for one, at in zip(map(average_of, samples), true, strict=True)]
+    averages = [average(row, quantum=1.0) for row in samples]
+    z = [(one.mean - at) / one.se for one, at in zip(averages, true, strict=True)]
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.25
     stated = Sensor(noise=noise, quantum=1.0).mean_error(np.array([50.0]))
     assert stated == pytest.approx(np.std(samples.mean(axis=1) - true), rel=0.25)
-
-
-def average_of(samples: np.ndarray) -> Average:
-    return average(samples, quantum=1.0)
 
 
 def test_settled_needs_a_whole_window_and_every_channel():

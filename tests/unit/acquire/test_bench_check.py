@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
 
@@ -39,21 +40,11 @@ def swap_rotors(names: list[str], values: np.ndarray) -> None:
     values[:, [one, two]] = values[:, [two, one]]
 
 
-def read_grams_for_newtons(names: list[str], values: np.ndarray) -> None:
-    values[:, names.index("thrust_N")] *= 102.0
+def scaled(name: str, factor: float) -> Callable[[list[str], np.ndarray], None]:
+    def change(names: list[str], values: np.ndarray) -> None:
+        values[:, names.index(name)] *= factor
 
-
-def turn_thrust_round(names: list[str], values: np.ndarray) -> None:
-    values[:, names.index("thrust_N")] *= -1.0
-
-
-def count_poles_double(names: list[str], values: np.ndarray) -> None:
-    values[:, names.index("rpm1")] *= 2.0
-
-
-def failures(change) -> list[str]:
-    with open_bench("sim:pquad?seed=1") as bench:
-        return [f.name for f in check_bench(Rewired(bench, change), QUAD) if not f.passed]
+    return change
 
 
 def test_a_good_bench_passes_every_check():
@@ -67,13 +58,16 @@ def test_a_good_bench_passes_every_check():
     ("change", "failed"),
     [
         (swap_rotors, ["rotor 1 speed", "rotor 1 channel", "rotor 2 speed", "rotor 2 channel"]),
-        (read_grams_for_newtons, [f"rotor {i} thrust" for i in range(1, 5)]),
-        (turn_thrust_round, [f"rotor {i} thrust" for i in range(1, 5)]),
-        (count_poles_double, ["rotor 1 speed"]),
+        (scaled("thrust_N", 102.0), [f"rotor {i} thrust" for i in range(1, 5)]),
+        (scaled("thrust_N", -1.0), [f"rotor {i} thrust" for i in range(1, 5)]),
+        (scaled("rpm1", 2.0), ["rotor 1 speed"]),
     ],
+    ids=["swapped", "grams", "turned", "poles"],
 )
 def test_wrong_wiring_is_found(change, failed):
-    assert failures(change) == failed
+    with open_bench("sim:pquad?seed=1") as bench:
+        findings = list(check_bench(Rewired(bench, change), QUAD))
+    assert [finding.name for finding in findings if not finding.passed] == failed
 
 
 def test_nothing_is_armed_while_a_rotor_turns():

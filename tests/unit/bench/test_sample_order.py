@@ -58,17 +58,13 @@ def test_samples_twice_are_left_out_and_counted():
     assert (stream.lost, stream.repeated) == (0, 5)
 
 
-def test_a_steady_stream_goes_through_as_it_comes():
+@pytest.mark.parametrize(
+    ("places", "rows"), [((12, 13, 14), [0, 1, 2]), ((13, 12, 15, 14), [1, 0, 3, 2])]
+)
+def test_within_a_block_samples_are_sorted(places, rows):
     stream = Stream(10, 11)
-    assert stream.take(12, 13, 14) == [0, 1, 2]
-    assert stream.time_us == [place * PERIOD_US for place in (12, 13, 14)]
-    assert (stream.lost, stream.repeated) == (0, 0)
-
-
-def test_within_a_block_samples_are_sorted():
-    stream = Stream(10, 11)
-    assert stream.take(13, 12, 15, 14) == [1, 0, 3, 2]
-    assert stream.time_us == [place * PERIOD_US for place in (12, 13, 14, 15)]
+    assert stream.take(*places) == rows
+    assert stream.time_us == [place * PERIOD_US for place in sorted(places)]
     assert (stream.lost, stream.repeated) == (0, 0)
 
 

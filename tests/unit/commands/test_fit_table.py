@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.unit.commands.command_line import run, said
+from tests.unit.commands.command_line import said
 from tests.unit.commands.test_rig_new import Terminal
 
 RADIUS_M = 0.127
@@ -180,8 +180,7 @@ def test_thrust_of_the_wrong_sign_is_reported(capsys, reference_data):
     assert not Path("no").exists()
 
 
-def test_thousands_separators_and_radii_are_parsed(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_thousands_separators_and_radii_are_parsed(capsys):
     lines = ["Abst;z/R;Schub [gf];rpm"]
     for z in (0.6, 0.8, 1.0, 1.5, 2.0, 4.0):
         thrust = f"{1200.0 / (1.0 - (0.25 / z) ** 2):.2f}".replace(".", ",")
@@ -189,12 +188,9 @@ def test_thousands_separators_and_radii_are_parsed(tmp_path, monkeypatch, capsys
             f"7;{z:g};{thrust[:1]}.{thrust[1:]};6.000".replace("0.", "0,").replace("1.5", "1,5")
         )
     Path("a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    assert run("fit", "a.csv", "--z", "z/R", "--radius", "0.127", "--out", "fit") == 0
-    out = capsys.readouterr().out
-    assert "12 numbers with points between thousands" in out
-    estimates = json.loads(Path("fit/result.json").read_text())["results"]["least_squares"][
-        "estimates"
-    ]
+    code, out, _ = fit(capsys, "a.csv --z z/R --radius 0.127 --out fit")
+    assert (code, "12 numbers with points between thousands" in out) == (0, True), out
+    estimates = result("fit")
     assert estimates["R_m"]["value"] == pytest.approx(0.127, rel=1e-3)
     # k of thrust in N at 6,000 rpm, worked out by hand.
     expected = 1.2 * 9.80665 / (6000.0 * np.pi / 30.0) ** 2

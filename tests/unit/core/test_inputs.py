@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +12,7 @@ import pytest
 from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import Input, Inputs, build_inputs
+from benchtool.core.inputs import Input, Inputs, Source, build_inputs
 from benchtool.core.toml_text import read_strict
 
 Positive = Annotated[float, Gt(0.0), Le(100.0)]
@@ -39,20 +40,11 @@ class Order(Inputs):
     throttle: Throttle = Throttle()
 
 
-def order(**given: Any) -> Order:
-    return build_inputs(Order, {"device": "sim", **given})
+def order(source: Source = "keyword", **given: Any) -> Order:
+    return build_inputs(Order, {"device": "sim", **given}, source=source)
 
 
-def by_option(**given: Any) -> Order:
-    return build_inputs(Order, {"device": "sim", **given}, source="option")
-
-
-def by_label(**given: Any) -> Order:
-    return build_inputs(Order, {"device": "sim", **given}, source="label")
-
-
-def by_field(**given: Any) -> Throttle:
-    return Throttle(**given)
+by_option, by_label = partial(order, "option"), partial(order, "label")
 
 
 def by_file(**given: Any) -> Order:
@@ -66,7 +58,7 @@ def by_file(**given: Any) -> Order:
         (by_option, "--ramp-s is -3 s, allowed is 0 to 10 s; correct it"),
         (by_label, "Time between levels, s is -3 s, allowed is 0 to 10 s; correct it"),
         (order, "ramp_s is -3 s, allowed is 0 to 10 s; correct it"),
-        (by_field, "ramp_s is -3 s, allowed is 0 to 10 s; correct it"),
+        (Throttle, "ramp_s is -3 s, allowed is 0 to 10 s; correct it"),
         (by_file, "plan.toml: throttle.ramp_s is -3.0: input should be greater than or equal to 0"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from math import inf, nan
 from pathlib import Path
 
@@ -25,39 +27,16 @@ STEP = f"{SCHEDULE}duration_s = 9.0\n"
 RECIPE = "[recipe]\nname = 'r'\ndata = ['d']\nmodel = 'quad_bench'\n"
 
 
-def gains(text: str, folder: Path) -> object:
-    return parse_gains(text, "mine.toml")
+def of_text(parse: Callable[[str, str], object]) -> Callable[[Path], object]:
+    return lambda path: parse(path.read_text(), "mine.toml")
 
 
-def model(text: str, folder: Path) -> object:
-    return model_from_toml(text, "mine.toml")
+def recipe(path: Path) -> object:
+    return read_recipe(path.parent)
 
 
-def schedule(text: str, folder: Path) -> object:
-    path = folder / "mine.toml"
-    path.write_text(text)
-    return load_schedule(path)
-
-
-def recipe(text: str, folder: Path) -> object:
-    (folder / "recipe.toml").write_text(text)
-    return read_recipe(folder)
-
-
-def columns(text: str, folder: Path) -> object:
-    path = folder / "mine.toml"
-    path.write_text(text)
-    return read_column_map(path)
-
-
-def imperfections(text: str, folder: Path) -> object:
-    return read_strict(Imperfections, text, "mine.toml")
-
-
-def yard(text: str, folder: Path) -> object:
-    path = folder / "mine.toml"
-    path.write_text(text)
-    return read_map(path)
+gains, model = of_text(parse_gains), of_text(model_from_toml)
+imperfections = of_text(partial(read_strict, Imperfections))
 
 
 @pytest.mark.parametrize("value", ["nan", "inf"])
@@ -66,9 +45,9 @@ def yard(text: str, folder: Path) -> object:
     [
         (gains, S3.replace("k_q_per_s = 7.4", "k_q_per_s = @"), "k_q_per_s"),
         (gains, S3.replace("control_rate_Hz = 250.0", "control_rate_Hz = @"), "control_rate_Hz"),
-        (schedule, f"{SCHEDULE}duration_s = @\n", "duration_s"),
-        (schedule, f"{STEP}reference_deg = [{{ shape = 'step', level = @ }}]", "level"),
-        (schedule, f"{STEP}plate = [{{ z_over_R = @, in_s = 1, out_s = 2 }}]", "z_over_R"),
+        (load_schedule, f"{SCHEDULE}duration_s = @\n", "duration_s"),
+        (load_schedule, f"{STEP}reference_deg = [{{ shape = 'step', level = @ }}]", "level"),
+        (load_schedule, f"{STEP}plate = [{{ z_over_R = @, in_s = 1, out_s = 2 }}]", "z_over_R"),
         (recipe, f"{RECIPE}min_z_over_R = @\n", "min_z_over_R"),
         (recipe, f"{RECIPE}[recipe.fix]\nR_m = @\n", "R_m"),
         (imperfections, "thrust_noise_N = @\n", "thrust_noise_N"),
@@ -77,16 +56,18 @@ def yard(text: str, folder: Path) -> object:
         (model, f"{MODEL}[parameters.R_m]\nvalue = @\n", "R_m"),
         (model, f"{MODEL}[parameters]\nR_m = @\n", "R_m"),
         (model, f"{MODEL}[effects.body_lift]\nK_b = @\n", "K_b"),
-        (columns, "thrust_N = { column = 'T', factor = @ }\n", "factor"),
-        (yard, "[[blocks]]\nx_m = [0.0, 1.0]\ntop_m = @\n", "top_m"),
-        (yard, "[[blocks]]\nx_m = [0.0, 1.0]\nslide_m = [@, 0.0]\n", "slide_m"),
-        (yard, "floor_m = @\n", "floor_m"),
+        (read_column_map, "thrust_N = { column = 'T', factor = @ }\n", "factor"),
+        (read_map, "[[blocks]]\nx_m = [0.0, 1.0]\ntop_m = @\n", "top_m"),
+        (read_map, "[[blocks]]\nx_m = [0.0, 1.0]\nslide_m = [@, 0.0]\n", "slide_m"),
+        (read_map, "floor_m = @\n", "floor_m"),
     ],
 )
 def test_it_is_refused_by_name(read, text, field, value, tmp_path):
     assert "@" in text
+    path = tmp_path / "recipe.toml"
+    path.write_text(text.replace("@", value))
     with pytest.raises(FileFormatError) as caught:
-        read(text.replace("@", value), tmp_path)
+        read(path)
     assert field in str(caught.value)
     assert "\n" not in str(caught.value)
 

@@ -15,10 +15,10 @@ from benchtool.core.schedule import (
     Signal,
     Switch,
     load_schedule,
-    schedule_names,
     schedule_to_toml,
 )
 from benchtool.core.toml_text import read_strict
+from benchtool.core.user_file import list_names
 
 T = np.arange(0.0, 10.0, 0.01)
 VISIT = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=6.0, move_s=0.5)
@@ -107,7 +107,7 @@ def test_a_chirp_ends_at_its_last_frequency():
     assert 1.0 / np.diff(rising)[0] < 1.0
 
 
-@pytest.mark.parametrize("name", schedule_names())
+@pytest.mark.parametrize("name", list_names("schedules"))
 def test_every_shipped_schedule_comes_back(name):
     schedule = load_schedule(name)
     assert read_strict(Schedule, schedule_to_toml(schedule), name) == schedule

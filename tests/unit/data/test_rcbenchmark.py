@@ -27,13 +27,19 @@ def test_units_become_ours_and_quotients_are_left_out():
     assert len(found(read, "dead channel")) == 1  # the optical probe
 
 
-def test_the_first_row_is_stamped_late():
+@pytest.mark.parametrize(
+    ("row", "late_s", "read_s", "what", "line"),
+    [
+        (0, 0.6, [0.5, 0.5, 1.0], "time goes backwards", "2"),
+        (9, 5e6, [4.5], "stray time", "11"),  # set between its neighbours
+    ],
+)
+def test_a_row_that_is_stamped_late(row, late_s, read_s, what, line):
     time_s = steps_1580()["Time (s)"].copy()
-    time_s[0] = 0.6
+    time_s[row] = late_s
     read = logged({"Time (s)": time_s})
-    assert read.recording.column("time_s")[:3].tolist() == [0.5, 0.5, 1.0]
-    (finding,) = found(read, "time goes backwards")
-    assert finding.lines == "2"
+    assert read.recording.column("time_s")[row : row + len(read_s)].tolist() == read_s
+    assert [finding.lines for finding in found(read, what)] == [line]
 
 
 def test_time_that_starts_anew_follows_on():
@@ -54,14 +60,6 @@ def test_small_disorder_is_sorted():
     pulses = steps_1580()["ESC signal (µs)"].copy()
     pulses[[7, 8]] = pulses[[8, 7]]
     np.testing.assert_array_equal(read.recording.column("pwm1_us"), pulses)
-
-
-def test_a_stray_time_is_set_between_its_neighbours():
-    time_s = steps_1580()["Time (s)"].copy()
-    time_s[9] = 5e6
-    read = logged({"Time (s)": time_s})
-    assert read.recording.column("time_s")[9] == 4.5
-    assert found(read, "stray time")[0].lines == "11"
 
 
 @pytest.mark.parametrize("piece_bytes", [1 << 16, 1])  # one piece, one a row

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from typer.main import get_command
 
 from benchtool.commands.app import build_app
 from benchtool.core.parameter import Parameters
@@ -78,17 +79,11 @@ def test_every_option_of_the_commands_exists(kind, folder):
     for step in next_steps(answer(kind), folder):
         program, name, *words = shlex.split(step.command)
         assert program == "benchtool"
+        group: Any = get_command(build_app([name, words[0]]))
+        command = group.commands[name]
+        command = getattr(command, "commands", {}).get(words[0], command)
         options = {word for word in words if word.startswith("--")}
-        assert options <= known_options(name, words[0])
-
-
-def known_options(name: str, first: str) -> set[str]:
-    """Return the options of a command, or of the first word's where it has several."""
-    from typer.main import get_command
-
-    found = get_command(build_app([name, first])).commands[name]  # type: ignore[attr-defined]
-    inner = getattr(found, "commands", {}).get(first, found)
-    return {option for item in inner.params for option in item.opts}
+        assert options <= {option for item in command.params for option in item.opts}
 
 
 def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_source():

@@ -33,10 +33,6 @@ def search(residuals: Callable[[Array], Array], upper: Array) -> bounded.Bounded
     return bounded.BoundedSearch(lambda sets: np.sum(residuals(sets) ** 2, axis=0), linearise)
 
 
-def region(lower: list[float], upper: list[float]) -> bounded.BoundedRegion:
-    return bounded.BoundedRegion(lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3))
-
-
 @pytest.mark.parametrize(
     ("lower", "upper"),
     [
@@ -47,7 +43,10 @@ def region(lower: list[float], upper: list[float]) -> bounded.BoundedRegion:
 )
 def test_it_finds_what_scipy_finds(lower, upper):
     minimizer = search(curved, np.full(3, 10.0))
-    found = minimizer.minimize(np.zeros(3), region(lower, upper), min_gain=1e-9, max_steps=40)
+    region = bounded.BoundedRegion(
+        lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3)
+    )
+    found = minimizer.minimize(np.zeros(3), region, min_gain=1e-9, max_steps=40)
     theirs = least_squares(
         lambda x: curved(x[None])[:, 0], np.full(3, 0.05), bounds=(lower, upper), xtol=1e-12,
         ftol=1e-12, gtol=1e-12,

@@ -50,31 +50,28 @@ def scaled(channel: str, factor: float) -> Fault:
     return put
 
 
+def edited(channel: str, edit: Callable[[np.ndarray], np.ndarray]) -> Fault:
+    return lambda good: changed(good, **{channel: edit(good.column(channel).copy())})
+
+
 def spikes(channel: str, size: float) -> Fault:
-    def put(good: Recording) -> Recording:
-        values = good.column(channel).copy()
-        values[100::701] += size
-        return changed(good, **{channel: values})
-
-    return put
+    return edited(channel, lambda values: values + size * (np.arange(len(values)) % 701 == 100))
 
 
-def hung(channel: str, first: int, rows: int) -> Fault:
-    def put(good: Recording) -> Recording:
-        values = good.column(channel).copy()
-        values[first : first + rows] = values[first]
-        return changed(good, **{channel: values})
+def hung(channel: str, rows: int) -> Fault:
+    def hold(values: np.ndarray) -> np.ndarray:
+        values[600 : 600 + rows] = values[600]
+        return values
 
-    return put
+    return edited(channel, hold)
 
 
-def clipped(channel: str, share: float) -> Fault:
-    def put(good: Recording) -> Recording:
-        values = good.column(channel)
-        most = float(np.quantile(np.abs(values), share))
-        return changed(good, **{channel: np.clip(values, -most, most)})
+def clipped(channel: str) -> Fault:
+    def clip(values: np.ndarray) -> np.ndarray:
+        most = float(np.quantile(np.abs(values), 0.9))
+        return values.clip(-most, most)
 
-    return put
+    return edited(channel, clip)
 
 
 def exchanged(good: Recording) -> Recording:
@@ -103,11 +100,11 @@ MENDED: dict[str, tuple[Fault, str]] = {
     "spikes of the angle": (spikes("theta_rad", 0.3), "7 spikes of theta_rad"),
     "spikes of the rate": (spikes("gyro_rad_s", -2.0), "7 spikes of gyro_rad_s"),
     "spikes of a speed": (spikes("rpm1", -3000.0), "7 spikes of rpm1"),
-    "angle hangs": (hung("theta_rad", 600, 200), "theta_rad is frozen"),
-    "rate hangs": (hung("gyro_rad_s", 600, 400), "gyro_rad_s is frozen"),
-    "speed hangs": (hung("rpm2", 600, 1500), "rpm2 is frozen"),
-    "rate ends its range": (clipped("gyro_rad_s", 0.9), "gyro_rad_s saturates"),
-    "angle ends its range": (clipped("theta_rad", 0.9), "theta_rad saturates"),
+    "angle hangs": (hung("theta_rad", 200), "theta_rad is frozen"),
+    "rate hangs": (hung("gyro_rad_s", 400), "gyro_rad_s is frozen"),
+    "speed hangs": (hung("rpm2", 1500), "rpm2 is frozen"),
+    "rate ends its range": (clipped("gyro_rad_s"), "gyro_rad_s saturates"),
+    "angle ends its range": (clipped("theta_rad"), "theta_rad saturates"),
 }
 
 
@@ -181,15 +178,11 @@ def spike_of_thrust(good: Recording) -> Recording:
     return changed(good, thrust_N=thrust)
 
 
-def full_cell(good: Recording) -> Recording:
-    return changed(good, thrust_N=np.minimum(good.column("thrust_N"), 9.0))
-
-
 SWEPT: dict[str, tuple[Fault, str]] = {
     "plate in mm": (scaled("plate_z_m", 1000.0), "converted from mm"),
     "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "converted from rad/s"),
     "spike": (spike_of_thrust, "1 spike of thrust_N"),
-    "full cell": (full_cell, "thrust_N saturates at 9 N"),
+    "full cell": (edited("thrust_N", lambda v: v.clip(max=9.0)), "thrust_N saturates at 9 N"),
 }
 
 

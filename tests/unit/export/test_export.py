@@ -126,13 +126,6 @@ def thrust_at(pulse_us: np.ndarray, vehicle: Vehicle) -> np.ndarray:
     return vehicle.thrust_N((pulse_us - start_us) / (vehicle.motor.full.pulse_us - start_us))
 
 
-def by_ardupilots_tool(parameters: Any, thrust: Callable[[np.ndarray], np.ndarray]) -> float:
-    """Return the expo of the least scatter, from -1 to 1 in its steps."""
-    tried = np.round(np.arange(-1.0, 1.0025, 0.005), 3)
-    scatter = [gain_sd(thrust(ardupilot_pulse_us(parameters, expo))) for expo in tried]
-    return float(tried[int(np.argmin(scatter))])
-
-
 def test_ardupilot_reads_its_parameters(exported, vehicle):
     found = MAVParmDict()
     assert found.load(str(exported / "all" / "pquad.param"), use_excludes=False)
@@ -146,7 +139,10 @@ def test_ardupilot_reads_its_parameters(exported, vehicle):
     assert found["MOT_BAT_VOLT_MAX"] == pytest.approx(11.1)
     hover = 1.4 * 9.80665 / 4 / vehicle.thrust_max.value
     assert found["MOT_THST_HOVER"] == pytest.approx(hover, rel=1e-4)
-    by_tool = by_ardupilots_tool(found, lambda pulse_us: thrust_at(pulse_us, vehicle))
+    # ArduPilot's tool: the expo of the least scatter, from -1 to 1 in its steps.
+    tried = np.round(np.arange(-1.0, 1.0025, 0.005), 3)
+    scatter = [gain_sd(thrust_at(ardupilot_pulse_us(found, expo), vehicle)) for expo in tried]
+    by_tool = float(tried[int(np.argmin(scatter))])
     assert found["MOT_THST_EXPO"] == pytest.approx(by_tool, abs=1e-6)
     assert gain_sd(thrust_at(ardupilot_pulse_us(found, by_tool), vehicle)) < 0.002
 

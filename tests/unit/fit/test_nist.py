@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,22 +61,6 @@ def read(name: str) -> Certified:
     )
 
 
-def _misra1a(b: Any, x: Array) -> Any:
-    return b[0] * (1 - np.exp(-b[1] * x[0]))
-
-
-def _misra1b(b: Any, x: Array) -> Any:
-    return b[0] * (1 - (1 + b[1] * x[0] / 2) ** -2)
-
-
-def _misra1c(b: Any, x: Array) -> Any:
-    return b[0] * (1 - (1 + 2 * b[1] * x[0]) ** -0.5)
-
-
-def _misra1d(b: Any, x: Array) -> Any:
-    return b[0] * b[1] * x[0] / (1 + b[1] * x[0])
-
-
 def _chwirut(b: Any, x: Array) -> Any:
     return np.exp(-b[0] * x[0]) / (b[1] + b[2] * x[0])
 
@@ -89,30 +74,12 @@ def _gauss(b: Any, x: Array) -> Any:
     return b[0] * np.exp(-b[1] * x[0]) + peaks
 
 
-def _danwood(b: Any, x: Array) -> Any:
-    return b[0] * x[0] ** b[1]
-
-
-def _kirby2(b: Any, x: Array) -> Any:
-    return (b[0] + b[1] * x[0] + b[2] * x[0] ** 2) / (1 + b[3] * x[0] + b[4] * x[0] ** 2)
-
-
-def _hahn1(b: Any, x: Array) -> Any:
-    t = x[0]
-    above = b[0] + b[1] * t + b[2] * t**2 + b[3] * t**3
-    return above / (1 + b[4] * t + b[5] * t**2 + b[6] * t**3)
-
-
-def _nelson(b: Any, x: Array) -> Any:
-    return b[0] - b[1] * x[0] * np.exp(-b[2] * x[1])
-
-
-def _mgh17(b: Any, x: Array) -> Any:
-    return b[0] + b[1] * np.exp(-x[0] * b[3]) + b[2] * np.exp(-x[0] * b[4])
-
-
-def _roszman1(b: Any, x: Array) -> Any:
-    return b[0] - b[1] * x[0] - np.arctan(b[2] / (x[0] - b[3])) / np.pi
+def _rational(n: int, b: Any, x: Array) -> Any:
+    above, below = (
+        sum(factor * x[0] ** power for power, factor in enumerate(part))
+        for part in (b[:n], [1.0, *b[n:]])
+    )
+    return above / below
 
 
 def _enso(b: Any, x: Array) -> Any:
@@ -123,24 +90,24 @@ def _enso(b: Any, x: Array) -> Any:
 
 
 MODELS: dict[str, Callable[[Any, Array], Any]] = {
-    "Misra1a": _misra1a,
+    "Misra1a": lambda b, x: b[0] * (1 - np.exp(-b[1] * x[0])),
     "Chwirut1": _chwirut,
     "Chwirut2": _chwirut,
     "Lanczos3": _lanczos,
     "Gauss1": _gauss,
     "Gauss2": _gauss,
-    "DanWood": _danwood,
-    "Misra1b": _misra1b,
-    "Kirby2": _kirby2,
-    "Hahn1": _hahn1,
-    "Nelson": _nelson,
-    "MGH17": _mgh17,
+    "DanWood": lambda b, x: b[0] * x[0] ** b[1],
+    "Misra1b": lambda b, x: b[0] * (1 - (1 + b[1] * x[0] / 2) ** -2),
+    "Kirby2": partial(_rational, 3),
+    "Hahn1": partial(_rational, 4),
+    "Nelson": lambda b, x: b[0] - b[1] * x[0] * np.exp(-b[2] * x[1]),
+    "MGH17": lambda b, x: b[0] + b[1] * np.exp(-x[0] * b[3]) + b[2] * np.exp(-x[0] * b[4]),
     "Lanczos1": _lanczos,
     "Lanczos2": _lanczos,
     "Gauss3": _gauss,
-    "Misra1c": _misra1c,
-    "Misra1d": _misra1d,
-    "Roszman1": _roszman1,
+    "Misra1c": lambda b, x: b[0] * (1 - (1 + 2 * b[1] * x[0]) ** -0.5),
+    "Misra1d": lambda b, x: b[0] * b[1] * x[0] / (1 + b[1] * x[0]),
+    "Roszman1": lambda b, x: b[0] - b[1] * x[0] - np.arctan(b[2] / (x[0] - b[3])) / np.pi,
     "ENSO": _enso,
 }
 

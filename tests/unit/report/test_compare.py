@@ -11,6 +11,7 @@ import pytest
 from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
+from benchtool.data.derived import derive_quantities, measurement_context
 from benchtool.data.levels import split_levels
 from benchtool.data.run.recording_file import write_recording
 from benchtool.report.compare.page import best_table, compare_runs
@@ -58,20 +59,13 @@ def test_the_error_is_what_the_scatter_makes_over_fixed_seeds(tmp_path):
     levels, off, stated = np.linspace(0.5, 9.0, 30), [], []
     for seed in range(60):
         recording = stand(6.0, levels, noise=0.02, seed=seed)
-        run = ComparedRun(name="one", path=tmp_path, rows=recording,
-                          quantities=read_quantities(recording))  # fmt: skip
+        quantities = derive_quantities(recording, measurement_context())
+        run = ComparedRun(name="one", path=tmp_path, rows=recording, quantities=quantities)
         value, sd = at_thrust(run, 5.0).values["power_W"]
         off.append(value / (6.0 * 5.0**1.5) - 1.0)
         stated.append(sd / value)
     assert np.std(off) == pytest.approx(np.mean(stated), rel=0.25)
     assert np.mean(np.abs(off) < 2.0 * np.array(stated)) > 0.88
-
-
-def read_quantities(recording: Recording) -> tuple[object, ...]:
-    """Return the quantities of a recording without propeller, in standard air."""
-    from benchtool.data.derived import derive_quantities, measurement_context
-
-    return derive_quantities(recording, measurement_context(None, None))
 
 
 def test_stated_errors_of_thrust_and_power_pass_into_the_efficiency(tmp_path):

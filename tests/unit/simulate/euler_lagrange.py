@@ -72,17 +72,6 @@ def coriolis_matrix(inertia_kgm2: Array, angles_rad: Array, angle_rates_rad_s: A
     return C
 
 
-def gravity_vector(mass_kg: float) -> Array:
-    """Return G (6,): weight along z."""
-    return np.array([0.0, 0.0, mass_kg * GRAVITY_M_S2, 0.0, 0.0, 0.0])
-
-
-def generalized_force(angles_rad: Array, force_N: Array, torque_Nm: Array) -> Array:
-    """Return (R F, W^T tau) (6,) of a force and a torque in body axes."""
-    turned = rotation_matrix(from_euler(*angles_rad)) @ force_N
-    return np.concatenate([turned, rate_matrix(angles_rad[0], angles_rad[1]).T @ torque_Nm])
-
-
 def acceleration(
     mass_kg: float, inertia_kgm2: Array, q: Array, q_dot: Array, force_N: Array, torque_Nm: Array
 ) -> Array:
@@ -91,7 +80,9 @@ def acceleration(
     Positions and angles q (6,), their rate, and principal moments of inertia (3,).
     """
     angles, rates = q[3:], q_dot[3:]
-    right: Array = generalized_force(angles, force_N, torque_Nm) - gravity_vector(mass_kg)
+    turned = rotation_matrix(from_euler(*angles)) @ force_N
+    right = np.concatenate([turned, rate_matrix(angles[0], angles[1]).T @ torque_Nm])
+    right[2] -= mass_kg * GRAVITY_M_S2
     right[3:] -= (coriolis_matrix(inertia_kgm2, angles, rates) @ q_dot)[3:]
     solved: Array = np.asarray(np.linalg.solve(mass_matrix(mass_kg, inertia_kgm2, angles), right))
     return solved

@@ -19,14 +19,11 @@ from benchtool.simulate.pitch.simulate import simulate_pitch
 RATE_HZ = 250.0
 
 
-def bench_of(model: Model) -> PitchBench:
-    return PitchBench.from_model(model, pwm_quantum_us=1.0)
-
-
 def logged_from(model: Model, seed: int) -> LoggedPitch:
     control = PitchControl(name="pid", gains=load_gains("s3"), rate_Hz=RATE_HZ)
     schedule = load_schedule("identify").sampled(RATE_HZ, model.rig.propulsion.radius_m)
-    run = simulate_pitch(PitchJob(bench_of(model), control), schedule, seed)
+    bench = PitchBench.from_model(model, pwm_quantum_us=1.0)
+    run = simulate_pitch(PitchJob(bench, control), schedule, seed)
     return LoggedPitch(
         rate_Hz=RATE_HZ,
         pwm_us=run.pwm_us,

@@ -76,11 +76,6 @@ def test_halving_the_step_quarters_the_error():
     assert np.all((orders > 1.6) & (orders < 2.4)), orders
 
 
-def euler(quaternion: np.ndarray) -> list[float]:
-    body = FreeBody(**dict(zip(("qw", "qx", "qy", "qz"), quaternion, strict=True)))
-    return [roll_angle(body), pitch_angle(body), yaw_angle(body)]
-
-
 def quaternion_rates(y: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
     w, a, b, c = y[6:10]
     p, q, r = y[10:13]
@@ -114,6 +109,8 @@ def test_the_papers_form_and_the_quaternion_fly_the_same_way():
         lambda _, y: quaternion_rates(y, force, torque), (0.0, 2.0), state, **accuracy
     ).y[:, -1]
     np.testing.assert_allclose(lagrange[:3], body[:3], rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(lagrange[3:6], euler(body[6:10]), atol=1e-9)
+    free = FreeBody(**dict(zip(("qw", "qx", "qy", "qz"), body[6:10], strict=True)))
+    euler = [roll_angle(free), pitch_angle(free), yaw_angle(free)]
+    np.testing.assert_allclose(lagrange[3:6], euler, atol=1e-9)
     rates_then = euler_lagrange.rate_matrix(lagrange[3], lagrange[4]) @ lagrange[9:]
     np.testing.assert_allclose(rates_then, body[10:13], rtol=0.0, atol=1e-9)

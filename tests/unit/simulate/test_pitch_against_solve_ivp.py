@@ -19,12 +19,6 @@ K, TAU_S, J, MASS_KG = 1.035e-5, 0.05, 0.018, 1.4
 SPRING, DAMPING, COG_M, G = 0.05, 0.004, 0.0004, 9.81
 
 
-def front_factor(gap_m: float, theta: float) -> float:
-    """Eq. (2) of the front rotor alone along its axis: one covered disc has no body term."""
-    h = gap_m - ARM_M * np.sin(theta)
-    return 1.0 / (1.0 - np.cos(theta) * (R_M / (4.0 * h)) ** 2)
-
-
 def independent(schedule: SampledSchedule) -> np.ndarray:
     """Return pitch at every tick (m,): an ODE with the pulses held between ticks."""
     hover_N = MASS_KG * G / 4.0
@@ -43,7 +37,9 @@ def independent(schedule: SampledSchedule) -> np.ndarray:
 
         def slope(_t: float, y: np.ndarray, commanded: np.ndarray = commanded) -> np.ndarray:
             thrust = K * y[2:] ** 2
-            thrust[0] *= front_factor(gap_m, y[0])
+            # Eq. (2) of the front rotor alone: one covered disc has no body term.
+            height_m = gap_m - ARM_M * np.sin(y[0])
+            thrust[0] /= 1.0 - np.cos(y[0]) * (R_M / (4.0 * height_m)) ** 2
             moment = -np.sum(x * thrust) - SPRING * y[0] - DAMPING * y[1]
             moment += MASS_KG * G * COG_M * np.cos(y[0])
             return np.concatenate([[y[1], moment / J], (commanded - y[2:]) / TAU_S])
