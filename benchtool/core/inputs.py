@@ -256,12 +256,16 @@ def describe_range(metadata: Sequence[Any]) -> str:
     return f"at most {highest}" if highest else ""
 
 
-@cache
 def items(cls: Any) -> tuple[InputField, ...]:
     """Return the inputs of a dataclass in order, including nested ones.
 
     A field without an `Input` can only be set in a file.
     """
+    return _items(cls)
+
+
+@cache
+def _items(cls: Any) -> tuple[InputField, ...]:
     return tuple(_walk(cls, ""))
 
 
