@@ -102,7 +102,6 @@ class InputField:
         is_sequence, count: whether it has several values, and their number if fixed.
         choices: known values; empty for any.
         range: text of the allowed range; "" for any.
-        group: heading in the help; "" for the first group.
     """
 
     key: str
@@ -256,12 +255,16 @@ def describe_range(metadata: Sequence[Any]) -> str:
     return f"at most {highest}" if highest else ""
 
 
-@cache
 def items(cls: Any) -> tuple[InputField, ...]:
     """Return the inputs of a dataclass in order, including nested ones.
 
     A field without an `Input` can only be set in a file.
     """
+    return _items(cls)
+
+
+@cache
+def _items(cls: Any) -> tuple[InputField, ...]:
     return tuple(_walk(cls, ""))
 
 
@@ -286,7 +289,6 @@ def build_inputs(
 
     Args:
         source: decides how an error names an input.
-        base: values from a file; default: the defaults.
 
     Raises:
         UnknownChoice: an unknown name, or a value outside the known choices.

@@ -22,8 +22,7 @@ def with_keywords(cls: type[Any], omit: Collection[str] = ()) -> Callable[[F], F
     The inputs are added to the signature, and to the section Parameters of a numpydoc docstring,
     which the section Returns follows.
 
-    Args:
-        omit: inputs of other parameters, and those that need the command line.
+    `omit` are inputs of other parameters, and those that need the command line.
     """
 
     def decorated(function: F) -> F:

@@ -232,7 +232,6 @@ class SampledSchedule:
     Attributes:
         collective: in units of hover thrust.
         plate_z_m: distance at level beam; `PARKED_M` between visits.
-        plate_share: visit fraction, 0 to 1.
         observer, feedforward: 1 while that part of the controller is on.
     """
 
