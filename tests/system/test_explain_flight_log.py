@@ -68,7 +68,7 @@ def test_friction_is_named_from_two_flight_logs(tmp_path, monkeypatch, capsys):
     )
     assert run(
         "explain", "imported/learn.csv", "--model", "beam.toml",
-        "--check", "imported/check.csv", "--draws", "30", "--json", "found.json",
+        "--check", "imported/check.csv", "--draws", "30", "--json", "found.json", "--verbose",
     ) == 0  # fmt: skip
     said = capsys.readouterr().out
     assert "learn.csv: rows are not even in time: resampled at 250 Hz" in said

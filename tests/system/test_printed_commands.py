@@ -102,6 +102,7 @@ def test_what_explain_prints_runs_on_a_rig_of_ones_own(session):
     ):
         session.run(*words)
     words = ["explain", "learn", "--model", "fitted/model.toml", "--check", "check"]
-    session.run(*words, "--draws", "20", "--out", "found", deep=1)
-    steps = session.done[session.done.index([*words, "--draws", "20", "--out", "found"]) + 1 :]
+    words += ["--draws", "20", "--out", "found", "--verbose"]
+    session.run(*words, deep=1)
+    steps = session.done[session.done.index(words) + 1 :]
     assert {words[0] for words in steps} >= {"sweep", "explain"}, steps

@@ -66,7 +66,7 @@ def test_a_resumed_run_keeps_its_order(capsys):
     _cut_back(cut, points=4)
     capsys.readouterr()
     assert call("sweep", "--resume", "cut", "--yes") == 0
-    last = capsys.readouterr().out.splitlines()[-1]
+    last, _ = capsys.readouterr().out.splitlines()[-2:]
     whole, resumed = read_points(Path("whole")), read_points(cut)
     for name in ("point", "kind", "setting", "repeat", "pwm1_us"):
         assert resumed.column(name).tolist() == whole.column(name).tolist()

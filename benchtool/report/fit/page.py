@@ -140,7 +140,7 @@ def summary_blocks(fit: FitSummary) -> list[Block]:
     rows = sorted(table.rows, key=lambda row: wanted_rank(row[0]))[:MAX_ROWS]
     blocks.append(replace(table, rows=rows))
     blocks += [f"{result.method}: {result.outcome.message}" for result in others]
-    blocks += [item.sentence for item in (fit.comparison, fit.laws) if item is not None]
+    blocks += _comparisons(fit, end="")  # were asked for
     # The error after the output says that a model is rejected.
     warnings = [line for line in fit.warnings if "is rejected" not in line]
     hidden = {"more parameter": len(table.rows) - len(rows), "more warning": len(warnings) - 1}
