@@ -181,8 +181,11 @@ def pictures(page: Page, folder: Path, *, every: bool) -> None:
         picture(page, folder / f"web-{tab.lower()}.png")
         if tab == "Fit":
             page.get_by_role("button", name="More figures").click()
+            page.wait_for_timeout(2000)  # it opens slowly, and moves what is below
             corner = page.locator("figure.shown", has_text="Pairwise posterior draws")
+            page.set_viewport_size({"width": 1280, "height": 3 * HEIGHT})  # below the header
             picture(corner, folder / "web-fit-corner.png")
+            page.set_viewport_size({"width": 1280, "height": HEIGHT})
         if every:
             whole(page, tab, folder)
 
