@@ -32,10 +32,12 @@ class InputForm(Generic[T]):
             self._fields[name] = element.props("dense stack-label")
             if (context := PAGES.get(ui.context.client.id)) is not None:
                 context.persist(f"{self._cls.__name__}.{name}", element)
+            # After the restored value: it is no change, and later parts may not exist yet.
+            element.on_value_change(self._on_change)
 
     def _make_field(self, item: InputField, options: Options | None) -> Any:
         if item.kind is bool:
-            return ui.checkbox(item.label, value=bool(item.default), on_change=self._on_change)
+            return ui.checkbox(item.label, value=bool(item.default))
         default = item.metadata.default_text or format_value(item.default)
         if options is not None:
             element: Any = ui.select(
@@ -43,7 +45,6 @@ class InputForm(Generic[T]):
                 multiple=item.is_sequence,
                 value=None if item.is_sequence else item.default,
                 label=item.label,
-                on_change=self._on_change,
             )
             if item.is_sequence or item.default is None:
                 element.props("use-chips" if item.is_sequence else "clearable")
@@ -52,8 +53,8 @@ class InputForm(Generic[T]):
         if item.choices:
             labels = {"": format_value(item.default)}
             labels |= {choice: choice for choice in item.choices if choice != item.default}
-            return ui.select(labels, value="", label=item.label, on_change=self._on_change)
-        element = ui.input(item.label, on_change=self._on_change)
+            return ui.select(labels, value="", label=item.label)
+        element = ui.input(item.label)
         _show_default(element, default)
         return element.props("debounce=300 hide-bottom-space")
 
@@ -77,7 +78,7 @@ class InputForm(Generic[T]):
         """Set the default texts that empty fields display, by name."""
         for name, text in texts.items():
             field = self._fields.get(name)
-            if field is None:  # a restored value can arrive before later fields are created
+            if field is None:  # not in this form
                 continue
             if choices := self._items[name].choices:
                 options = {"": text} | {choice: choice for choice in choices if choice != text}

@@ -108,7 +108,6 @@ class PlanCard:
         self._session: tuple[int, str] = (-1, "")
         self._arming_text = ""  # of a valid plan
         self._base, self._file = SweepInputs(), ""
-        self._is_built = False
         self._form = InputForm(SweepInputs, self._update)
         with titled_card("Plan") as self._card:
             self._build_form()
@@ -126,7 +125,6 @@ class PlanCard:
                 self._resume = ui.button("Resume a stopped run", on_click=self._select_run)
                 self._resume.props("outline")
             self._command = CommandRow()
-        self._is_built = True
 
     def _build_form(self) -> None:
         ui.label("Empty fields show their default.").classes("soft")
@@ -174,8 +172,6 @@ class PlanCard:
         self._resume.set_enabled(is_idle)
 
     def _update(self) -> None:
-        if not self._is_built:
-            return  # fields that are restored report a change
         connection, runs = self._context.bench.connection, self._context.runs
         rig = connection.rig
         problem = self._arming_text = ""
