@@ -7,7 +7,7 @@ import signal
 import sys
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, Self
+from typing import Any, Self
 from unittest import mock
 
 ROOT = Path(__file__).parents[1]
@@ -48,7 +48,7 @@ class LongCount:
         self.resumes, self.in_process = resumes, in_process
         self.lines: list[str] = []
         self.earlier = 0
-        self._stopped = False
+        self._stopped = self._storing = False
         self._before: dict[int, Any] = {}
         self._quiet = mock.patch("benchtool.bench.stop_requests.SIGNAL_NAMES", ())
 
@@ -83,9 +83,13 @@ class LongCount:
         # Where something has swallowed the signal, too.
         if self._stopped:
             raise Stopped
+        self._storing = True
         self._file.write(line + "\n")
         self._file.flush()
         self.lines.append(line)
+        self._storing = False
+        if self._stopped:
+            raise Stopped
         number = len(self.lines) - self.earlier
         if number % self.every == 0 or number == self.total:
             print(f"{self.done} done", file=sys.stderr, flush=True)
@@ -96,10 +100,11 @@ class LongCount:
         number = len(self.lines) - self.earlier
         return f"{number}{'' if self.total is None else f' of {self.total}'} {self.what}"
 
-    def _stop(self, number: int, frame: FrameType | None) -> NoReturn:
+    def _stop(self, number: int, frame: FrameType | None) -> None:
         self._stopped = True
         self._restore()  # the next one ends the program at once
-        raise Stopped
+        if not self._storing:
+            raise Stopped
 
     def _restore(self) -> None:
         while self._before:
