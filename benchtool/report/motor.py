@@ -235,9 +235,9 @@ def motor_sentence(fit: MotorFit) -> str:
             f"k is {k:.4g} N/(rad/s)² ({k * (pi / 30.0) ** 2:.4g} N/rpm²), {fit['k'].bound}, with "
             f"a maximum error of k ω² of {100.0 * fit.value('k_error'):.2g} %"
         )
-    if isfinite(fit.value("lag_up")):
-        up, down = (f"{1e3 * fit.value(name):.3g}" for name in ("lag_up", "lag_down"))
-        statements.append(f"time constant of speed is {up} ms up and {down} ms down")
+    lags = {way: 1e3 * fit.value(f"lag_{way}") for way in ("up", "down")}
+    if known := [f"{lag_ms:.3g} ms {way}" for way, lag_ms in lags.items() if isfinite(lag_ms)]:
+        statements.append(f"time constant of speed is {' and '.join(known)}")
     text = "; ".join(statements) + "."
     points, runs = pluralize(len(fit.points.time_s), "point"), pluralize(len(fit.names), "run")
     return f"{points} of {runs} on rig {fit.rig.name}: {text}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import exp, pi, sqrt
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.user_code import check_code_allowed
 from benchtool.fit.motor.constants import fit_motor
 from benchtool.fit.motor.law import step_responses
+from benchtool.report.motor import motor_sentence
 
 RIG = load_rig_by_name("pquad_single")
 TRUTH = {
@@ -64,6 +66,12 @@ def test_the_truth_of_a_virtual_bench_lies_in_the_interval(fitted, name):
     assert low < found.value < high
     assert found.sd < 0.03 * abs(truth)
     assert not found.open
+
+
+def test_the_summary_has_only_the_time_constants_that_were_measured(fitted):
+    ups = tuple(item for item in fitted.estimates if item.name != "lag_down")
+    assert " ms up and " in motor_sentence(fitted)
+    assert motor_sentence(replace(fitted, estimates=ups)).endswith(" ms up.")
 
 
 def stepped(lag_s: float, delay_s: float, rpm: tuple[float, float]) -> Recording:
