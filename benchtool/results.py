@@ -144,6 +144,7 @@ def pitch_result(
         setup, inputs.study.seed, user_controllers, only_user_controllers=not names
     )
     rig = setup.bench.model.rig
+    visits = {"visits": lambda study: rows_to_frame(pitch_report.visit_rows(study))}
     return Result(
         found=study,
         _page=pitch_report.PITCH,
@@ -152,7 +153,7 @@ def pitch_result(
             run.controller: partial(lambda run, _: to_frame(run.recording(rig)), run)
             for run in study.runs
         }
-        | {"visits": lambda study: rows_to_frame(pitch_report.visit_rows(study))},
+        | (visits if setup.schedule.plate else {}),
         _write=lambda folder, study, _: pitch_report.write_study(study, folder),
     )
 

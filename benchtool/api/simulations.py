@@ -37,7 +37,7 @@ def simulate_pitch(
     Returns
     -------
     Result
-        Tables: one per controller, and `visits` of the plate.
+        Tables: one per controller, and `visits` of a plate.
 
     Raises
     ------

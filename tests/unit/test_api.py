@@ -234,6 +234,10 @@ def test_simulations_take_a_user_controller(tmp_path):
     assert study.tables == ("pid", "Still", "visits")
     assert len(study.to_dataframe("Still")) == 250
     assert study.summary().startswith("SIMULATED pitch bench pquad")
+    away = bt.simulate_pitch("pid", schedule="steps", duration_s=1.0)
+    assert away.tables == ("pid",)
+    labels = [line.get_label() for line in away.plot().axes[0].lines]
+    assert labels == ["reference", "pitch"]
     flight = bt.simulate_flight("pid", duration_s=1.0)
     assert flight.tables == ("oge", "PID")
     assert np.isfinite(flight.to_dataframe()["x_m"]).all()

@@ -191,7 +191,8 @@ def write_simulation(
 )
 def pitch(figure: Figure, study: PitchStudy) -> None:
     """Draw one panel per run with common axes, as in figures 26 to 28 of the paper."""
-    n_runs, xlabel = len(study.runs), "time [s]    (green: rotor over the plate)"
+    n_runs, has_plate = len(study.runs), bool(study.setup.schedule.plate)
+    xlabel = f"time [s]{'    (green: rotor over the plate)' * has_plate}"
     labels = ["pitch [deg]\n(nose down +)"] * n_runs
     panels = stack_panels(figure, [1.0] * n_runs, labels, xlabel, sharey=True)
     for axes, run, away in zip(panels, study.runs, study.away, strict=True):
@@ -201,6 +202,8 @@ def pitch(figure: Figure, study: PitchStudy) -> None:
             (away, "true_theta_rad", "plate away (OGE)", {"color": BLUE, "lw": 0.9}),
             (run, "true_theta_rad", "with the plate (IGE)", {"color": VERMILION, "lw": 1.2}),
         ]
+        if not has_plate:
+            lines[1:] = [(run, "true_theta_rad", "pitch", {"color": VERMILION, "lw": 1.2})]
         for source, column, label, style in lines:
             axes.plot(run.time_s, np.degrees(source.column(column)), label=label, **style)
         axes.set_title(run.controller)
