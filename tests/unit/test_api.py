@@ -128,7 +128,7 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     ("change", "options", "message"),
     [
         ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS_M"),
-        ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='motor' or runs='none'"),
+        ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='none' for one"),
         ({"motor": list("aaabbb")}, {"runs": "motor"}, "2 fits; .* with where='motor=a'"),
         ({}, {"thrst": "F"}, "unknown input 'thrst'; did you mean 'thrust'"),
         ({}, {"rig": "pquad"}, "radius and rig are both given"),
