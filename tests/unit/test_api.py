@@ -240,9 +240,12 @@ def test_simulations_take_a_user_controller(tmp_path):
     for result in (study, flight):
         text = result.report(tmp_path / f"{result.tables[-1]}.html").read_text("utf-8")
         assert "SIMULATED" in text
-    for wrong in (["pid", "pid"], []):
-        with pytest.raises(InputError, match="name each once"):
+    for wrong in (["pid", "pid"], [], [Still()], Still()):
+        with pytest.raises(InputError, match=r"name each once|give its class"):
             bt.simulate_pitch(wrong)
+    for data, message in ((study, "several recordings"), (bt.simulate_pitch("pid"), "same data")):
+        with pytest.raises(InputError, match=message):
+            bt.explain(data, data, "quad")
 
 
 def test_an_explanation_has_verdict_and_tables(tmp_path):
