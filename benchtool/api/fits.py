@@ -94,7 +94,10 @@ def fit(
         _prepare_table(values)
     base = TableFitInputs(recipe=base_recipe(values))
     inputs = build_inputs(TableFitInputs, values, base=base)
-    return save_if_requested(fit_result(inputs, permit=permit), inputs.out)
+    result = fit_result(inputs, permit=permit)
+    for warning in result.found.warnings:
+        warnings.warn(keyword_names(warning), DataWarning, stacklevel=4)  # the caller of `fit`
+    return save_if_requested(result, inputs.out)
 
 
 def _prepare_table(values: dict[str, Any]) -> None:

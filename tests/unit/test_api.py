@@ -117,9 +117,13 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     for table in (heights, heights.set_index("rise"), mapping):
         assert bt.fit(table, "single", **COLUMNS).params["R_m"] == expected
     heights.attrs["units"] = {"rise": "mm", "F": "gf", "rpm": "rpm"}
-    fit = bt.fit(heights, z="rise", thrust="F", radius="127mm")
+    fit = bt.fit(heights, z="rise", thrust="F", radius="5 inch")
     assert fit.params["R_m"] == expected
     assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
+    with pytest.warns(DataWarning, match="k is .* check the units") as warned:
+        wrong = bt.fit(heights, z="rise", thrust="F", unit="kgf", radius="127mm")
+    assert [warning.filename for warning in warned] == [__file__]
+    assert wrong.params["R_m"].value == pytest.approx(expected.value, rel=1e-6)
     with pytest.warns(DataWarning, match="6000 rpm is assumed"):
         bt.fit(heights.drop(columns="rpm"), z="rise", thrust="F", radius=0.127)
 
@@ -175,7 +179,8 @@ def test_numbers_of_a_fit_come_in_one_step(fitted):
 
 
 def test_draws_have_the_shape_of_the_chains(heights):
-    fit = bt.fit(heights, **COLUMNS, method="emcee", fix=["k"], noise="stated")
+    with pytest.warns(DataWarning, match="R_m .* truncated"):
+        fit = bt.fit(heights, **COLUMNS, method="emcee", fix=["k"], noise="stated")
     shape = (-1, fit.samples.attrs["ensembles"] * fit.samples.attrs["walkers"])
     assert fit.samples["R_m"].to_numpy().reshape(shape).shape[0] > 1
     assert fit.samples["R_m"].median() == pytest.approx(fit.params["R_m"].value, rel=0.05)
