@@ -170,6 +170,9 @@ def test_numbers_of_a_fit_come_in_one_step(fitted):
     points = fitted.to_dataframe("points").loc[residuals.index]
     assert residuals["observed"].to_numpy() == pytest.approx(points["thrust_N"].to_numpy())
     assert fitted.predict([1.0, 4.0])[0] > fitted.predict(4.0) > 1.0
+    assert fitted.predict(1.0) < fitted.band(1.0, 0.68)[1] < fitted.band([1.0, 4.0])[1][0]
+    assert repr(param).startswith("body_lift.K_b = 1.9")
+    assert "K_b, R_over_rotor_radius: most of ± is plate_offset.dz_m" in repr(fitted)
     assert "body_lift.K_b" in fitted.params._repr_html_()
     for wrong in (lambda: param.interval(95), lambda: fitted.samples, lambda: fitted.predict(-1)):
         with pytest.raises(InputError, match=r"level is 95|method='emcee'|z_over_R is -1"):
