@@ -43,6 +43,7 @@ def test_every_public_name_exists_after_submodule_imports():
     assert inspect.signature(bt.fit).parameters["walkers"].default == 32
     assert "check" in inspect.signature(bt.explain).parameters
     assert "Rotor radius, instead of rig. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
+    assert "fit(data=(), model=None, *, rpm='', runs='', permit=check_" in (bt.fit.__doc__ or "")
 
 
 def test_a_run_has_summary_tables_and_plots():
