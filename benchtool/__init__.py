@@ -32,8 +32,17 @@ class CallablePackage(ModuleType):
 
     @property
     def __doc__(self) -> str:  # type: ignore[override]
-        """The docstring of the function, for `help`."""
-        return str(self.__wrapped__.__doc__)
+        """The signature and docstring of the function, for `help`."""
+        import inspect
+        import re
+        import textwrap
+
+        signature = inspect.signature(self.__wrapped__)
+        untyped = [item.replace(annotation=item.empty) for item in signature.parameters.values()]
+        text = f"{self.__wrapped__.__name__}{inspect.Signature(untyped)}"
+        text = re.sub(r"<function (\w+) at \w+>", r"\1", text)
+        title, _, rest = str(self.__wrapped__.__doc__).partition("\n")
+        return f"{title}\n\n{textwrap.fill(text, 96, subsequent_indent='    ')}\n{rest}"
 
     @property
     def __wrapped__(self) -> Any:

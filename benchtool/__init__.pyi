@@ -97,6 +97,7 @@ def fit(
     model: str | Path | None = None,
     *,
     rpm: str | float = "",
+    runs: Literal["", "none"] = "",
     permit: CodePermit = ...,
     recipe: str | Path | None = None,  # Folder with a recipe.toml to run.
     rig: str | None = None,  # Rig of a CSV file: name or path.
@@ -136,7 +137,6 @@ def fit(
     # Kind of error: standard deviation (sd) or standard error (se).
     error_is: Literal["sd", "se"] | None = None,
     reference: str = "",  # COLUMN=VALUE of the rows out of ground effect.
-    runs: str = "",  # Column of run names, fitted separately; none for one fit.
     radius: float | str | None = None,  # Rotor radius, instead of rig. [above 0, at most 100 m]
 ) -> Fit:
     """Fit a ground-effect model to runs or tables, like `benchtool fit`."""

@@ -44,6 +44,7 @@ def fit_result(
     `progress` is called with the stage, the steps done and the expected steps.
     """
     from benchtool.fit.run_recipe import run_recipe
+    from benchtool.report.fit.budget import main_sources
     from benchtool.report.fit.figures import ratio_rows
     from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
     from benchtool.report.fit.result import Fit
@@ -56,7 +57,7 @@ def fit_result(
     return Fit(
         found=output,
         _page=FIT,
-        _summary=sentence,
+        _summary=lambda fit: "\n".join([sentence(fit), *main_sources(fit.budget)]),
         _tables={
             "estimates": estimates_frame,
             "points": lambda output: to_frame(output.data.points),

@@ -94,10 +94,10 @@ def prepare_table(
     if has_map and not is_stand and with_changes(table).keys() - {"radius", "runs"}:
         raise InputError("--map contains all columns; remove the other column options")
     where = tuple(options.get("where", ()))
-    columns = _Columns(first, table, radius_m)
+    columns = _Columns(first, table, radius_m, command)
     if not has_map:
         columns.choose(where)
-    columns.require_all(command)
+    columns.require_all()
 
     def write(kind: str, text: str) -> str:
         path, is_new = write_if_new(folder / f"{Path(first).stem}.{kind}.toml", text)
@@ -155,8 +155,8 @@ def _radius(
 class _Columns:
     """Column map of one table, its runs, notes, and missing items with their options."""
 
-    def __init__(self, path: str, options: TableInputs, radius_m: float) -> None:
-        self.path, self.options, self.radius_m = path, options, radius_m
+    def __init__(self, path: str, options: TableInputs, radius_m: float, command: str) -> None:
+        self.path, self.options, self.radius_m, self.command = path, options, radius_m, command
         self.map: dict[str, ColumnSource] = {}
         self.runs: tuple[str, ...] = ()
         self.run_column, self.notes = "", list[str]()
@@ -182,13 +182,13 @@ class _Columns:
             if source.column in self.header and not source.reference:
                 self._check_numbers(source.column)
 
-    def require_all(self, command: str) -> None:
+    def require_all(self) -> None:
         """Raise InputError if anything is missing, with the completed command."""
         if not self.problems:
             return
         lines = [f"{self.path}: {problem}" for problem in self.problems]
-        if self.completion and command:
-            lines += [f"complete the command: {' '.join([command, *self.completion])}"]
+        if self.completion and self.command:
+            lines += [f"complete the command: {' '.join([self.command, *self.completion])}"]
         raise InputError("\n".join(lines))
 
     def _add_missing(self, problem: str, hint: str, option: str = "") -> None:
@@ -354,18 +354,18 @@ class _Columns:
         if len(names := candidates.get(cell, ())) < 2:
             return
         first_names = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        one = shlex.join(["--where", f"{cell}={names[0]}"])
+        separate = f"{shlex.join(['--runs', cell])} or " if self.command else ""  # one fit a call
         self._add_missing(
             f"column {cell!r} contains {len(names)} run names ({first_names})",
-            f"{shlex.join(['--runs', cell])} or --runs none for one fit of all, or "
-            f"{shlex.join(['--where', f'{cell}={names[0]}'])} for one",
+            f"{separate}--runs none for one fit of all, or {one} for one",
         )
 
     def _run_names(self, cell: str) -> tuple[str, ...]:
         """Return the run names in a column of repeated words, or nothing."""
         texts = self._texts(cell)
         names = tuple(dict.fromkeys(texts))
-        has_words = all(_number(text) is None for text in names)
-        return names if has_words and 2 * len(names) <= len(texts) else ()
+        return names if {*map(_number, names)} == {None} and 2 * len(names) <= len(texts) else ()
 
     def _has_numbers(self, cell: str) -> bool:
         """Return whether a column has numbers that vary."""

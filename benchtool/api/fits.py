@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from benchtool.api.messages import keyword_messages, keyword_names
 from benchtool.core.errors import DataWarning, InputError, UnknownChoice
@@ -34,6 +34,7 @@ def fit(
     model: str | Path | None = None,
     *,
     rpm: str | float = "",
+    runs: Literal["", "none"] = "",
     permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Fit:
@@ -49,6 +50,8 @@ def fit(
         Name or path of a model file; default for tables: ``"single"``.
     rpm : str or float, optional
         Column of the rotor speed of a table, or one value in rpm.
+    runs : str, optional
+        ``"none"`` fits all runs of a table together; ``where="run=a"`` selects one.
     permit : callable, optional
         Called with user code of the model before it runs; by default this raises.
 
@@ -79,6 +82,7 @@ def fit(
     values = {name: value for name, value in options.items() if value is not None}
     values |= {"rpm": f"{rpm}"} if rpm not in ("", None) else {}
     values |= {"model": str(model)} if model is not None else {}
+    values |= {"runs": runs} if runs else {}
     if paths := saved_paths(data):
         values["data"] = paths
     names = [item.name for item in items(TableFitInputs)]
@@ -90,7 +94,10 @@ def fit(
         _prepare_table(values)
     base = TableFitInputs(recipe=base_recipe(values))
     inputs = build_inputs(TableFitInputs, values, base=base)
-    return save_if_requested(fit_result(inputs, permit=permit), inputs.out)
+    result = fit_result(inputs, permit=permit)
+    for warning in result.found.warnings:
+        warnings.warn(keyword_names(warning), DataWarning, stacklevel=4)  # the caller of `fit`
+    return save_if_requested(result, inputs.out)
 
 
 def _prepare_table(values: dict[str, Any]) -> None:
@@ -100,14 +107,8 @@ def _prepare_table(values: dict[str, Any]) -> None:
     def warn(note: str) -> None:
         warnings.warn(keyword_names(note), DataWarning, stacklevel=7)  # the caller of `fit`
 
-    runs = prepare_table(
-        values,
-        build_inputs(TableInputs, table),
-        lambda line: None,
-        warn,
-        folder=temporary_folder(),
-    )
-    if runs:
+    inputs, folder = build_inputs(TableInputs, table), temporary_folder()
+    if runs := prepare_table(values, inputs, lambda line: None, warn, folder=folder):
         raise InputError(
             f"runs={table['runs']!r} are {len(runs)} fits; call fit for each, for example with "
             f"where={runs[0]!r}"

@@ -186,7 +186,8 @@ def explain(
     Returns
     -------
     Result
-        Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.verdict`.
+        Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.kind`,
+        as a sentence `result.found.sentence`.
 
     Raises
     ------

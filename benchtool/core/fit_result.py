@@ -31,7 +31,7 @@ class Outcome:
     evaluations: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Estimate:
     """Fitted parameter: value, standard deviation and intervals, in its unit.
 
@@ -53,6 +53,11 @@ class Estimate:
     open: str = ""
     combined_sd: float = nan
     combined_95: tuple[float, float] = (nan, nan)
+
+    def __repr__(self) -> str:
+        low, high = self.interval()
+        text = f"{self.value:.5g} ± {self.se:.2g} {self.unit}".removesuffix(" 1")
+        return f"{self.name} = {text}, 95 % interval {low:.5g} … {high:.5g}"
 
     @property
     def se(self) -> float:

@@ -54,6 +54,7 @@ def _convert(number: float, from_unit: str, unit: str, problem: str) -> float:
     """Return a number converted to another unit of its dimension."""
     from benchtool.core.units import UNITS, from_si, to_si  # imports numpy, not needed for help
 
+    from_unit = "in" if from_unit in ("inch", "inches", '"') else from_unit
     target = UNITS.get(unit)
     same = [u.symbol for u in UNITS.values() if target and u.dimension == target.dimension]
     if from_unit in same:

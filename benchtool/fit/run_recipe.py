@@ -265,7 +265,7 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
     if "thrust_N" not in data.points:
         problem = replace(problem, facts={**problem.facts, "data": "ratios"})
     elif recipe.basis == "joint":  # the calibration's scale cancels in a ratio of two thrusts
-        problem = with_scale_errors(problem, data.scale_errors, rows)
+        problem = with_scale_errors(_scale_start(problem), data.scale_errors, rows)
     if not problem.error_sources:
         return problem
     try:
@@ -274,6 +274,16 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         return problem
     near = _at_values(model, dict(zip(problem.shape_names, shape, strict=True)))
     return replace(problem, error_sources=data.shared_errors(near))
+
+
+def _scale_start(problem: Problem) -> Problem:
+    """Return the problem with k scaled to thrusts far from the model; avoids wrong minima."""
+    k, model_N = problem.parameters["k"], np.asarray(problem.predict(problem.start), float)
+    ratio = float(np.median(problem.observed / model_N))
+    if not (k.free and 0.0 < ratio < np.inf) or 1.0 / FAR_FROM_RIG < ratio < FAR_FROM_RIG:
+        return problem
+    start = k.with_value(float(np.clip(ratio * k.value, k.lower, k.upper)))
+    return replace(problem, parameters=problem.parameters.with_replaced("k", start))
 
 
 def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) -> FitResult:
@@ -314,7 +324,7 @@ def _estimate(fit: FitOutput, method: str, progress: Progress, profile: bool) ->
     return with_derived(result, _quantities(fit.loaded.model, result, fit.density))
 
 
-FAR_FROM_RIG = 3.0  # ratio of k to the rig's that indicates a unit error or another rig; assumed
+FAR_FROM_RIG = 3.0  # ratio of k or thrust that indicates a unit error or another rig; assumed
 
 
 def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ BASES: dict[str, str] = {  # quantity that is equal for both thrusts of a ratio
     "equal_rpm2": "equal rpm²",
 }
 _DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED}
-_BAND_ALPHA = {68: 0.30, 95: 0.13}
+_BAND_ALPHA: dict[float, float] = {68: 0.30, 95: 0.13}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class RatioPoints:
 
     z_over_R: Array  # (m,) dimensionless
     ratio: Array  # (m,) dimensionless
-    sd: Array  # (m,) standard deviation over repeats; nan for one repeat
+    sd: Array  # (m,) length of the error bars; nan for none
     label: str
     role: Role = "measurement"
     left_out: NDArray[np.bool_] | None = None  # (m,) True: excluded from the fit, drawn hollow
@@ -54,7 +54,7 @@ class Band:
 
     lower: Array
     upper: Array
-    level: Literal[68, 95] = 68
+    level: float = 68
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class Curve:
     label: str
     role: Role = "formula"
     style: Literal["fit", "formula"] = "formula"  # solid or dashed
-    bands: tuple[Band, ...] = ()  # at most one per level
+    bands: tuple[Band, ...] = ()  # statistical, at most one per level
     nearest_z_over_R: float = VALIDITY_Z_OVER_R  # lower end of the drawn range
 
     @property
@@ -99,7 +99,7 @@ def factor_at_distance(
     return ground_effect_ratio(model, basis, conditions, ratio_values(model, draws))
 
 
-def uncertainty_band(ratio_draws: Array, level: Literal[68, 95]) -> Band:
+def uncertainty_band(ratio_draws: Array, level: float) -> Band:
     """Return the central interval of draws (d, m) at a level in percent."""
     lower, upper = np.percentile(ratio_draws, [50.0 - level / 2.0, 50.0 + level / 2.0], axis=0)
     return Band(lower, upper, level)
@@ -111,13 +111,14 @@ def uncertainty_bands(
     z_over_R: Array,
     draws: Mapping[str, Array],
     basis: str = "equal_rpm2",
+    levels: Sequence[float] = (68, 95),
 ) -> tuple[Band, ...]:
-    """Return the 68 % and 95 % bands of a model curve; empty without draws."""
+    """Return the bands of a model curve at levels in percent; empty without draws."""
     if not draws:
         return ()
     ratio_draws = np.asarray(factor_at_distance(model, speed_rad_s, z_over_R, draws, basis), float)
     ratio_draws = np.broadcast_to(ratio_draws, (len(next(iter(draws.values()))), len(z_over_R)))
-    return uncertainty_band(ratio_draws, 68), uncertainty_band(ratio_draws, 95)
+    return tuple(uncertainty_band(ratio_draws, level) for level in levels)
 
 
 def model_curve(
@@ -127,10 +128,11 @@ def model_curve(
     draws: Mapping[str, Array],
     basis: str,
     label: str,
+    levels: Sequence[float] = (68, 95),
 ) -> Curve:
     """Return the curve of a model, with its bands if there are draws."""
     ratio = factor_at_distance(model, speed_rad_s, z_over_R, basis=basis)
-    bands = uncertainty_bands(model, speed_rad_s, z_over_R, draws, basis)
+    bands = uncertainty_bands(model, speed_rad_s, z_over_R, draws, basis, levels)
     return Curve(z_over_R, ratio, label, "model", "fit", bands, model.nearest_z_over_R)
 
 

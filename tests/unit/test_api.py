@@ -43,6 +43,7 @@ def test_every_public_name_exists_after_submodule_imports():
     assert inspect.signature(bt.fit).parameters["walkers"].default == 32
     assert "check" in inspect.signature(bt.explain).parameters
     assert "Rotor radius, instead of rig. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
+    assert "fit(data=(), model=None, *, rpm='', runs='', permit=check_" in (bt.fit.__doc__ or "")
 
 
 def test_a_run_has_summary_tables_and_plots():
@@ -117,9 +118,13 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     for table in (heights, heights.set_index("rise"), mapping):
         assert bt.fit(table, "single", **COLUMNS).params["R_m"] == expected
     heights.attrs["units"] = {"rise": "mm", "F": "gf", "rpm": "rpm"}
-    fit = bt.fit(heights, z="rise", thrust="F", radius="127mm")
+    fit = bt.fit(heights, z="rise", thrust="F", radius="5 inch")
     assert fit.params["R_m"] == expected
     assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
+    with pytest.warns(DataWarning, match="k is .* check the units") as warned:
+        wrong = bt.fit(heights, z="rise", thrust="F", unit="kgf", radius="127mm")
+    assert [warning.filename for warning in warned] == [__file__]
+    assert wrong.params["R_m"].value == pytest.approx(expected.value, rel=1e-6)
     with pytest.warns(DataWarning, match="6000 rpm is assumed"):
         bt.fit(heights.drop(columns="rpm"), z="rise", thrust="F", radius=0.127)
 
@@ -128,7 +133,7 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     ("change", "options", "message"),
     [
         ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS_M"),
-        ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='motor' or runs='none'"),
+        ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='none' for one"),
         ({"motor": list("aaabbb")}, {"runs": "motor"}, "2 fits; .* with where='motor=a'"),
         ({}, {"thrst": "F"}, "unknown input 'thrst'; did you mean 'thrust'"),
         ({}, {"rig": "pquad"}, "radius and rig are both given"),
@@ -166,6 +171,9 @@ def test_numbers_of_a_fit_come_in_one_step(fitted):
     points = fitted.to_dataframe("points").loc[residuals.index]
     assert residuals["observed"].to_numpy() == pytest.approx(points["thrust_N"].to_numpy())
     assert fitted.predict([1.0, 4.0])[0] > fitted.predict(4.0) > 1.0
+    assert fitted.predict(1.0) < fitted.band(1.0, 0.68)[1] < fitted.band([1.0, 4.0])[1][0]
+    assert repr(param).startswith("body_lift.K_b = 1.9")
+    assert "K_b, R_over_rotor_radius: most of ± is plate_offset.dz_m" in repr(fitted)
     assert "body_lift.K_b" in fitted.params._repr_html_()
     for wrong in (lambda: param.interval(95), lambda: fitted.samples, lambda: fitted.predict(-1)):
         with pytest.raises(InputError, match=r"level is 95|method='emcee'|z_over_R is -1"):
@@ -175,7 +183,7 @@ def test_numbers_of_a_fit_come_in_one_step(fitted):
 
 
 def test_draws_have_the_shape_of_the_chains(heights):
-    fit = bt.fit(heights, **COLUMNS, method="emcee", fix=["k"], noise="stated")
+    fit = bt.fit(heights, **COLUMNS, method="emcee", fix={"k": 1.0132e-5}, noise="stated")
     shape = (-1, fit.samples.attrs["ensembles"] * fit.samples.attrs["walkers"])
     assert fit.samples["R_m"].to_numpy().reshape(shape).shape[0] > 1
     assert fit.samples["R_m"].median() == pytest.approx(fit.params["R_m"].value, rel=0.05)
@@ -244,9 +252,12 @@ def test_simulations_take_a_user_controller(tmp_path):
     for result in (study, flight):
         text = result.report(tmp_path / f"{result.tables[-1]}.html").read_text("utf-8")
         assert "SIMULATED" in text
-    for wrong in (["pid", "pid"], []):
-        with pytest.raises(InputError, match="name each once"):
+    for wrong in (["pid", "pid"], [], [Still()], Still()):
+        with pytest.raises(InputError, match=r"name each once|give its class"):
             bt.simulate_pitch(wrong)
+    for data, message in ((study, "several recordings"), (bt.simulate_pitch("pid"), "same data")):
+        with pytest.raises(InputError, match=message):
+            bt.explain(data, data, "quad")
 
 
 def test_an_explanation_has_verdict_and_tables(tmp_path):

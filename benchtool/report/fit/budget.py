@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from math import isfinite
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -91,6 +92,18 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         rows,
         text_columns=3,
     )
+
+
+def main_sources(budget: Budget | None) -> list[str]:
+    """Return a sentence for each source outside the fit with most of a quantity's variance."""
+    sentences = []
+    for line, parts in zip(budget.lines, budget.parts, strict=True) if budget else ():
+        names = compress(budget.names, 2.0 * parts**2 > budget.combined**2) if budget else ()
+        if (text := ", ".join(names)) and not line.in_fit:
+            u = with_unit(f"{line.sd:.2g}", line.unit)
+            remedy = "; state its tolerance or prior in a model file" * ("." in line.name)
+            sentences.append(f"{text}: most of ± is {line.name}, {u} ({line.origin}){remedy}")
+    return sentences
 
 
 MAX_DOF = 10_000.0  # above it Student's t equals the normal distribution to four digits

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import isfinite, nan
 from typing import TYPE_CHECKING
@@ -46,9 +46,9 @@ def titled(title: str, fit: FitOutput) -> str:
 
 @figure(
     title=lambda fit: titled("Ground effect", fit),
-    caption="Thrust ratio T_IGE/T_OGE. Points: mean and standard deviation over repeats; solid "
-    "line: fitted model with statistical 68 % and 95 % bands; dashed: closed-form image formulae "
-    "(PFI).",
+    caption="Thrust ratio T_IGE/T_OGE. Points: mean and standard deviation over repeats (a single "
+    "point: its stated error, if any); solid line: fitted model with statistical 68 % and 95 % "
+    "bands; dashed: closed-form image formulae (PFI).",
     when=lambda fit: bool(np.any(fit.data.z_over_R[fit.data.used] < REFERENCE_Z_OVER_R)),
 )
 def ratio(figure: Figure, fit: FitOutput) -> None:
@@ -110,8 +110,8 @@ def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
     return [{"z_over_R": z, "ratio": ratio, "sd": sd} for z, ratio, sd in rows]
 
 
-def fitted_curve(fit: FitOutput, z_over_R: Array) -> Curve:
-    """Return the curve of the fitted model with its 68 % and 95 % bands."""
+def fitted_curve(fit: FitOutput, z_over_R: Array, levels: Sequence[float] = (68, 95)) -> Curve:
+    """Return the curve of the fitted model with its statistical bands at levels in percent."""
     result, rng = fit.results[-1], np.random.default_rng(fit.recipe.seed)
     draws = np.empty((0, len(result.estimates)))  # no band if the data do not determine the curve
     if len(result.samples):
@@ -122,7 +122,8 @@ def fitted_curve(fit: FitOutput, z_over_R: Array) -> Curve:
         )
     free = {item.name: draws[:, [k]] for k, item in enumerate(result.estimates) if len(draws)}
     model, speeds = fit.fitted, _fastest(fit).speed_rad_s
-    return model_curve(model, speeds, z_over_R, free, shown_basis(fit), f"fit: {model.name}")
+    label, basis = f"fit: {model.name}", shown_basis(fit)
+    return model_curve(model, speeds, z_over_R, free, basis, label, levels)
 
 
 def _fastest(fit: FitOutput) -> Conditions:
@@ -144,7 +145,7 @@ def _fully_covered(fit: FitOutput) -> NDArray[np.bool_]:
 
 def name_of_data(fit: FitOutput) -> str:
     """Return the legend label of the data."""
-    repeats = "stated error" if fit.data.errors == "stated" else "mean and sd over repeats"
+    repeats = "bars: sd of repeats" + ", else stated error" * (fit.data.errors == "stated")
     return f"{'simulated bench' if fit.simulated else 'measured'}, {repeats}"
 
 

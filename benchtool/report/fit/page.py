@@ -13,7 +13,7 @@ from benchtool.data.atomic import make_folder
 from benchtool.fit.diagnose import format_scatter_ratio, has_misfit
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput, FitSummary
-from benchtool.report.fit.budget import budget_blocks, budget_sentence, budget_table
+from benchtool.report.fit.budget import budget_blocks, budget_sentence, budget_table, main_sources
 from benchtool.report.fit.tables import (
     comparison_table,
     estimates_table,
@@ -138,7 +138,7 @@ def summary_blocks(fit: FitSummary) -> list[Block]:
     blocks.append(sentence(fit, short=True))
     table = short_table(first).select_columns(range(4))
     rows = sorted(table.rows, key=lambda row: wanted_rank(row[0]))[:MAX_ROWS]
-    blocks.append(replace(table, rows=rows))
+    blocks += [replace(table, rows=rows), *main_sources(fit.budget)]
     blocks += [f"{result.method}: {result.outcome.message}" for result in others]
     blocks += _comparisons(fit, end="")  # were asked for
     # The error after the output says that a model is rejected.

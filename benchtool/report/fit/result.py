@@ -108,13 +108,31 @@ class Fit(Result[FitOutput]):
     def predict(self, z_over_R: Any) -> Array:
         """Return the fitted thrust ratio T_IGE/T_OGE at plate distances, as in figure `ratio`.
 
-        The ratio has the shape of `z_over_R`, and is at equal rotor speed or the basis of the fit.
+        `z_over_R` is the distance over the rotor radius of the rig, not over `R_m`. The ratio has
+        its shape, and is at equal rotor speed or the basis of the fit.
         """
-        distances = np.asarray(z_over_R, float)
-        if not np.all(distances > 0.0):
-            raise InputError(f"z_over_R is {z_over_R!r:.60}; give numbers above 0")
+        distances = _distances(z_over_R)
         ratio = fitted_curve(self.found, distances.ravel()).ratio
         return np.asarray(ratio, float).reshape(distances.shape)
+
+    def band(self, z_over_R: Any, level: float = 0.95) -> tuple[Array, Array]:
+        """Return the ends of the interval of `predict` at a probability, as in figure `ratio`.
+
+        It is statistical, without the sources of the uncertainty budget outside of the fit.
+        """
+        distances = _distances(z_over_R)
+        if not 0.0 < level < 1.0:
+            raise InputError(f"level is {level:g}; give a probability above 0 and below 1")
+        for band in fitted_curve(self.found, distances.ravel(), (100.0 * level,)).bands:
+            return band.lower.reshape(distances.shape), band.upper.reshape(distances.shape)
+        raise InputError("the data do not determine all parameters, so the curve has no band")
+
+
+def _distances(z_over_R: Any) -> Array:
+    distances = np.asarray(z_over_R, float)
+    if not np.all(distances > 0.0):
+        raise InputError(f"z_over_R is {z_over_R!r:.60}; give numbers above 0")
+    return distances
 
 
 def _units(result: FitResult) -> dict[str, str]:

@@ -181,7 +181,11 @@ def split_controllers(
     permit: CodePermit = check_code_allowed,
 ) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
     """Return the names of built-in controllers, and name and class of each user-defined one."""
-    entries = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
+    is_one = isinstance(controllers, str | type) or not isinstance(controllers, Iterable)
+    entries: tuple[Any, ...] = (controllers,) if is_one else tuple(controllers)
+    for entry in entries:
+        if not isinstance(entry, str) and not hasattr(entry, "__name__"):
+            raise InputError(f"controller {entry!r:.60} is an instance; give its class")
     names = [entry if isinstance(entry, str) else entry.__name__ for entry in entries]
     if len(set(names)) < len(names) or not names:
         raise InputError(f"controllers {', '.join(names) or 'none'} are invalid; name each once")
