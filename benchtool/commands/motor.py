@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -102,14 +103,19 @@ def export(inputs: ExportInputs) -> None:
     """Export a model for simulators, autopilots and firmware."""
     if not Path(inputs.model).exists():
         read_library_file("model", "models", inputs.model)  # before the imports of an export
-    from benchtool.api import export as export_model
+    from benchtool.api.models import export_vehicle
+    from benchtool.export.targets import TARGETS, write_targets
+    from benchtool.export.vehicle import ExportedNumber
 
-    for path in export_model(
-        inputs.model,
-        inputs.to,
-        inputs.out,
-        motor=inputs.motor,
-        permit=announce_code,
-        **input_values(inputs.stand),
-    ):
+    stand = input_values(inputs.stand)
+    vehicle = export_vehicle(inputs.model, inputs.motor, announce_code, **stand)
+    for path in write_targets(vehicle, inputs.to, inputs.out):
         print(f"written: {path}")
+        for line in re.findall(r"\w+ is omitted: .*", path.read_text("utf-8")):
+            print(f"  {line}")
+    thrust = vehicle.thrust_max
+    print(f"full thrust of a rotor: {thrust.value:.4g} N ({thrust.why})")
+    for target, name in (("ardupilot", "MOT_THST_EXPO"), ("px4", "THR_MDL_FAC")):
+        expo = TARGETS[target].values(vehicle)["expo"] if inputs.to in (target, "all") else 0
+        if isinstance(expo, ExportedNumber) and expo.stated:
+            print(f"{name}: {expo.value:g} ({expo.why.partition('; linearised')[0]})")

@@ -127,11 +127,13 @@ class Vehicle:
         pulse = self.of_rig("propulsion.pwm_max_us", "us")
         voltage = self.of_rig("propulsion.voltage_nominal_V", "V")
         if self.motor is not None and self._of_motor("T_max") is not None:
-            full, why = self.motor.full, f"highest measured, motor test {self.motor.names[0]}"
+            full, test = self.motor.full, f"motor test {self.motor.names[0]}"
             volts = full.voltage_V if isfinite(full.voltage_V) else full.measured_V
             if full.pulse_us != pulse.value:
-                pulse = ExportedNumber(full.pulse_us, "us", why)
+                pulse = ExportedNumber(full.pulse_us, "us", f"highest measured, {test}")
             if isfinite(volts) and volts != voltage.value:
+                why = "voltage at the highest measured throttle, where the thrust curve is valid; "
+                why += f"not the maximum of the battery; {test}"
                 voltage = ExportedNumber(volts, "V", why)
         return pulse, voltage
 
@@ -214,13 +216,14 @@ class Vehicle:
     def hover_share(self) -> ExportedNumber:
         """Hover thrust over full thrust."""
         mass, rotors = self.mass, self.rotors or self.rig.n_rotors
-        share = mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
-        if share.value > 1.0 and (self.mass_kg, self.rotors) != (None, None):
+        why = f"hover of {mass.value:g} kg on {pluralize(rotors, 'rotor')}; mass: {mass.why}"
+        share = mass.value * 9.80665 / (rotors * self.thrust_max.value)
+        if share > 1.0 and (self.mass_kg, self.rotors) != (None, None):
             raise InputError(
-                f"{mass.value:g} kg on {pluralize(rotors, 'rotor')} need {share.value:.3g} of full "
+                f"{mass.value:g} kg on {pluralize(rotors, 'rotor')} need {share:.3g} of full "
                 f"thrust; give another --mass-kg or --rotors"
             )
-        return share
+        return ExportedNumber(share, "1", why, mass.stated)
 
     def thrust_N(self, throttle: Array) -> Array:
         """Return the thrust of one rotor at throttles (n,), far from any surface: N.

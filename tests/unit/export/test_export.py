@@ -22,6 +22,7 @@ from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.export.targets import DEFAULT_IDLE_SHARE, TARGETS
 from benchtool.export.vehicle import Vehicle, build_vehicle
 from tests.unit.commands.command_line import run
+from tests.unit.fit.test_motor_logs import log
 
 THROTTLES = np.linspace(0.05, 1.0, 20)
 
@@ -311,6 +312,21 @@ def test_a_fit_that_its_data_rejected_is_not_exported(exported, tmp_path):
         file.write('\n[provenance]\nrejected = "chi2/dof 9"\n')
     with pytest.raises(InputError, match="rejected by its data"):
         bt.export(folder, "c", tmp_path / "x.h")
+
+
+def test_an_export_reports_its_curve_and_what_is_omitted(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    export = ("export", log(tmp_path / "a.csv", 1, sag_V=2.0), "--propeller", "5x4", "--to", "all")
+    assert run(*export, "--out", "all") == 0
+    printed = capsys.readouterr().out
+    for text in ("9.1 V", "without --extrapolate", "MOT_THST_HOVER is omitted", "--mass-kg"):
+        assert text in printed
+    written = Path("all/a.param").read_text("utf-8")
+    assert re.search(r"not the maximum of the battery.*\nMOT_BAT_VOLT_MAX,9.1", written)
+    expo = re.findall(r"MOT_THST_EXPO: (\S+) \(.*95 %: (\S+) to (\S+)\)", printed)[0]
+    assert -1.0 <= float(expo[1]) < float(expo[0]) < float(expo[2]) <= 1.0
+    assert run(*export, "--out", "all") == 2
+    assert "choose another name with --out, or delete it" in capsys.readouterr().err
 
 
 def test_nothing_is_overwritten(exported):
