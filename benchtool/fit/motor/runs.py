@@ -39,7 +39,7 @@ class ThrottlePoints:
 
     time_s: Array
     pulse_us: Array
-    way: Array  # 1 after a lower throttle, -1 after a higher one
+    way: Array  # 1 after a rise of the throttle, -1 after a decrease, also while held
     thrust_N: Array  # of one rotor, mean over turning rotors
     thrust_se_N: Array
     speed_rad_s: Array  # root mean square over turning rotors
@@ -93,12 +93,10 @@ def throttle_points(points: Recording, rig: Rig, number: int) -> ThrottlePoints:
 
 
 def _way(level_us: Array) -> Array:
-    """Return the sign of each throttle change; without a change, the opposite of the last sign."""
+    """Return the sign of each throttle change; without a change, the last sign."""
     change = np.sign(np.diff(level_us, prepend=0.0))
-    for index in range(1, len(change)):
-        if change[index] == 0.0:
-            change[index] = -change[index - 1]
-    return np.asarray(change, float)
+    last = np.maximum.accumulate(np.where(change != 0.0, np.arange(len(change)), 0))
+    return np.asarray(change[last], float)
 
 
 def concatenate_points(parts: Sequence[ThrottlePoints]) -> ThrottlePoints:
