@@ -70,6 +70,8 @@ def motor(inputs: MotorInputs) -> None:
     first, *others = map(str, inputs.runs)
     arguments = [argument for run in others for argument in ("--motor", run)]
     arguments += to_arguments(MotorTestInputs, with_changes(inputs.stand))
+    if "propulsion.radius_m" in result.found.rig.not_stated:
+        arguments += ["--propeller", "SIZE"]
     command = shlex.join(["benchtool", "export", first, *arguments, "--to", "all"])
     print(f"\nexport for autopilots, simulators and firmware: {command}")
     if inputs.out is not None:

@@ -21,6 +21,7 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import is_run
 from benchtool.fit.motor.constants import MotorFit, fit_motor
+from benchtool.fit.motor.runs import check_propeller
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -290,6 +291,7 @@ def build_vehicle(
     path = Path(model)
     if is_run(path) or (path.is_file() and path.suffix != ".toml"):
         test = fit_motor((path, *motor), None, rig, propeller, extrapolate=extrapolate)
+        check_propeller(test.rig)
         paper_model = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
         return Vehicle(model=paper_model.model, motor=test, intervals={}, simulated=test.simulated)
     if path.is_dir():

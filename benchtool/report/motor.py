@@ -242,6 +242,8 @@ def motor_sentence(fit: MotorFit) -> str:
             f"torque is not fitted, so it has no constant with an interval; the median of "
             f"|torque|/ω² is {coefficient}"
         )
+    if "propulsion.radius_m" in fit.rig.not_stated:
+        statements.append("the log names no propeller, which C_T and an export need (--propeller)")
     lags = {way: 1e3 * fit.value(f"lag_{way}") for way in ("up", "down")}
     if known := [f"{lag_ms:.3g} ms {way}" for way, lag_ms in lags.items() if isfinite(lag_ms)]:
         statements.append(f"time constant of speed is {' and '.join(known)}")

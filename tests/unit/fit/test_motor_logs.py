@@ -60,10 +60,13 @@ def test_constants_are_those_that_a_log_was_made_with(tmp_path):
     assert {name: count for name, count in held.items() if count <= 32} == {}
 
 
-def test_a_log_without_its_propeller_is_refused_with_what_to_add(tmp_path):
+def test_only_an_export_needs_the_propeller_of_a_log(tmp_path):
     path = log(tmp_path / "a.csv", 1)
-    with pytest.raises(InputError, match=r"--propeller to its size in inches"):
-        bt.motor(path)
+    motor = bt.motor(path)
+    assert motor.found.value("k") == bt.motor(path, propeller="5x4").found.value("k")
+    assert "names no propeller, which C_T and an export need" in motor.summary()
+    with pytest.raises(InputError, match=r"names no propeller; set --propeller to its size"):
+        bt.export(path, "ardupilot", tmp_path / "a.param")
     assert bt.motor(path, rig="pquad_single").found.rig.name == "pquad_single"
 
 
