@@ -19,7 +19,7 @@ from benchtool.data.propeller_file import load_propeller
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.explain.result import Explanation
 from benchtool.export.targets import write_targets
-from benchtool.export.vehicle import Vehicle, build_vehicle
+from benchtool.export.vehicle import build_vehicle
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
@@ -267,26 +267,10 @@ def export(
     >>> [path.name for path in bt.export("quad_body_lift", "mujoco", "rotor.xml")]
     ['rotor.xml']
     """
-    stand: dict[str, Any] = {"mass_kg": mass_kg, "rotors": rotors, "extrapolate": extrapolate}
-    vehicle = export_vehicle(model, motor, permit, propeller=propeller, rig=rig, **stand)
-    return write_targets(vehicle, to, None if out is None else Path(out))
-
-
-def export_vehicle(
-    model: Data,
-    motor: Data | Sequence[Data],
-    permit: CodePermit,
-    *,
-    mass_kg: float | None,
-    rotors: int | None,
-    extrapolate: bool,
-    propeller: str | Path | None,
-    rig: Rig | str | Path | None,
-) -> Vehicle:
-    """Return the data that `export` writes, of the same arguments."""
     (path,) = saved_paths(model)
     vehicle = build_vehicle(path, saved_paths(motor), permit, *_stand(rig, propeller), extrapolate)
-    return replace(vehicle, mass_kg=mass_kg, rotors=rotors)
+    vehicle = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
+    return write_targets(vehicle, to, None if out is None else Path(out))
 
 
 def _stand(

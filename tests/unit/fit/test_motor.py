@@ -19,7 +19,6 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.user_code import check_code_allowed
 from benchtool.fit.motor.constants import fit_motor
 from benchtool.fit.motor.law import step_responses
-from benchtool.fit.motor.runs import _way
 from benchtool.report.motor import motor_sentence
 
 RIG = load_rig_by_name("pquad_single")
@@ -109,12 +108,6 @@ def test_a_steps_sag_is_taken_out_of_its_lag():
     # The speed made for falls by 0.1 V of 11 V of 5000 rpm while the speed rises by 3000 rpm.
     by_hand = up.seen_lag_s * (1.0 + (0.1 / 11.0) * 5000.0 / 3000.0)
     assert up.lag_s == pytest.approx(by_hand, rel=1e-4)
-
-
-def test_a_point_is_down_only_after_a_decrease_of_throttle(fitted):
-    held = _way(np.array([1000.0, 1100.0, 1100.0, 1050.0, 1050.0, 1200.0]))
-    assert held.tolist() == [1, 1, 1, -1, -1, 1]
-    assert set(fitted.points.way) == {1.0, -1.0}
 
 
 def test_full_throttle_is_the_highest_measured_pulse_unless_requested(runs, fitted):
