@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -105,12 +105,14 @@ def export(inputs: ExportInputs) -> None:
     """Export a model for simulators, autopilots and firmware."""
     if not Path(inputs.model).exists():
         read_library_file("model", "models", inputs.model)  # before the imports of an export
-    from benchtool.api.models import export_vehicle
+    from benchtool.api.models import _stand
     from benchtool.export.targets import TARGETS, write_targets
-    from benchtool.export.vehicle import ExportedNumber
+    from benchtool.export.vehicle import ExportedNumber, build_vehicle
 
-    stand = input_values(inputs.stand)
-    vehicle = export_vehicle(inputs.model, inputs.motor, announce_code, **stand)
+    stand = inputs.stand
+    bench = (*_stand(stand.rig, stand.propeller), stand.extrapolate)
+    vehicle = build_vehicle(inputs.model, inputs.motor, announce_code, *bench)
+    vehicle = replace(vehicle, mass_kg=stand.mass_kg, rotors=stand.rotors)
     for path in write_targets(vehicle, inputs.to, inputs.out):
         print(f"written: {path}")
         for line in re.findall(r"\w+ is omitted: .*", path.read_text("utf-8")):

@@ -162,8 +162,7 @@ class CalibrationError(InputError):
 class WouldOverwrite(InputError):
     """Rejected write to an existing file or folder."""
 
-    # Options that replace the path, and that name another one.
-    def __init__(self, path: str, option: str = "", out: str = "") -> None:
+    def __init__(self, path: str, option: str = "", out: str = "") -> None:  # options
         self.path = path
         remedy = f" with {out}" if out else ""
         remedy += f", or replace it with {option}" if option else ", or delete it"

@@ -237,11 +237,8 @@ def motor_sentence(fit: MotorFit) -> str:
         )
     torque = "propulsion.drag_coefficient_Nm_s2"
     if torque not in fit.rig.not_stated and fit.rig.sources.get(torque, "").startswith("the log"):
-        coefficient = f"{fit.rig.propulsion.drag_coefficient_Nm_s2:.4g} N m/(rad/s)²"
-        statements.append(
-            f"torque is not fitted, so it has no constant with an interval; the median of "
-            f"|torque|/ω² is {coefficient}"
-        )
+        text = "torque is not fitted; the median of |torque|/ω² is"
+        statements.append(f"{text} {fit.rig.propulsion.drag_coefficient_Nm_s2:.4g} N m/(rad/s)²")
     if "propulsion.radius_m" in fit.rig.not_stated:
         statements.append("the log names no propeller, which C_T and an export need (--propeller)")
     lags = {way: 1e3 * fit.value(f"lag_{way}") for way in ("up", "down")}
