@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+import shlex
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +12,7 @@ from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import InputError, WouldOverwrite
-from benchtool.core.inputs import Input, Inputs
+from benchtool.core.inputs import Input, Inputs, to_arguments, with_changes
 from benchtool.core.user_file import open_file
 
 if TYPE_CHECKING:
@@ -91,7 +93,7 @@ def import_(inputs: ImportInputs) -> None:
             for path in (target, metadata_path(target)):
                 if path.exists():
                     raise WouldOverwrite(str(path), "--overwrite")
-    for result, target in zip(import_files(files, options), targets, strict=True):
+    for file, result, target in zip(files, import_files(files, options), targets, strict=True):
         if not inputs.dry_run:
             write_recording(
                 target,
@@ -100,6 +102,24 @@ def import_(inputs: ImportInputs) -> None:
                 overwrite=inputs.overwrite,
             )
         _print_import(result, None if inputs.dry_run else target)
+        _print_next(inputs, file, result, target)
+
+
+def _print_next(inputs: ImportInputs, file: Path, result: ImportResult, target: Path) -> None:
+    """Print the command that applies the options of the doubts, and the motor test of a log."""
+    doubts = [finding.words for finding in result.findings if finding.kind == "doubt"]
+    options = re.findall(r"--(flip|tare|scale) ([\w=./]+)", " ".join(doubts))
+    if options:
+        values = with_changes(replace(inputs, overwrite=True, dry_run=False, files=(file,)))
+        for option, value in dict.fromkeys(options):
+            values[option] = (*values.get(option, ()), value)
+        command = ["benchtool", "import", *to_arguments(ImportInputs, values)]
+        print(f"if the doubts are right: {shlex.join(command)}")
+    names = result.recording.names
+    is_usable = not inputs.dry_run and ("flip", "thrust_N") not in options and "rpm2" not in names
+    if is_usable and {"pwm1_us", "thrust_N"} <= set(names):
+        size = " --propeller SIZE" if result.propeller is None else ""
+        print(f"next: {shlex.join(['benchtool', 'motor', str(target)])}{size}")
 
 
 def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[Path]:
@@ -145,7 +165,7 @@ def _print_import(result: ImportResult, target: Path | None) -> None:
         table.add_column("finding", overflow="fold", max_width=18)
         table.add_column("channel", overflow="fold", max_width=16)
         table.add_column("details", overflow="fold")
-        for finding in result.findings:
+        for finding in sorted(result.findings, key=lambda finding: finding.kind != "doubt"):
             lines = finding.lines if len(finding.lines) <= 40 else f"{finding.lines[:36]} ..."
             details = f"{finding.words} (line {lines})" if finding.lines else finding.words
             table.add_row(*map(Text, (finding.kind, finding.what, finding.channel, details)))

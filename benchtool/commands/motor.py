@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -69,6 +70,8 @@ def motor(inputs: MotorInputs) -> None:
     first, *others = map(str, inputs.runs)
     arguments = [argument for run in others for argument in ("--motor", run)]
     arguments += to_arguments(MotorTestInputs, with_changes(inputs.stand))
+    if "propulsion.radius_m" in result.found.rig.not_stated:
+        arguments += ["--propeller", "SIZE"]
     command = shlex.join(["benchtool", "export", first, *arguments, "--to", "all"])
     print(f"\nexport for autopilots, simulators and firmware: {command}")
     if inputs.out is not None:
@@ -102,14 +105,21 @@ def export(inputs: ExportInputs) -> None:
     """Export a model for simulators, autopilots and firmware."""
     if not Path(inputs.model).exists():
         read_library_file("model", "models", inputs.model)  # before the imports of an export
-    from benchtool.api import export as export_model
+    from benchtool.api.models import _stand
+    from benchtool.export.targets import TARGETS, write_targets
+    from benchtool.export.vehicle import ExportedNumber, build_vehicle
 
-    for path in export_model(
-        inputs.model,
-        inputs.to,
-        inputs.out,
-        motor=inputs.motor,
-        permit=announce_code,
-        **input_values(inputs.stand),
-    ):
+    stand = inputs.stand
+    bench = (*_stand(stand.rig, stand.propeller), stand.extrapolate)
+    vehicle = build_vehicle(inputs.model, inputs.motor, announce_code, *bench)
+    vehicle = replace(vehicle, mass_kg=stand.mass_kg, rotors=stand.rotors)
+    for path in write_targets(vehicle, inputs.to, inputs.out):
         print(f"written: {path}")
+        for line in re.findall(r"\w+ is omitted: .*", path.read_text("utf-8")):
+            print(f"  {line}")
+    thrust = vehicle.thrust_max
+    print(f"full thrust of a rotor: {thrust.value:.4g} N ({thrust.why})")
+    for target, name in (("ardupilot", "MOT_THST_EXPO"), ("px4", "THR_MDL_FAC")):
+        expo = TARGETS[target].values(vehicle)["expo"] if inputs.to in (target, "all") else 0
+        if isinstance(expo, ExportedNumber) and expo.stated:
+            print(f"{name}: {expo.value:g} ({expo.why.partition('; linearised')[0]})")

@@ -162,9 +162,10 @@ class CalibrationError(InputError):
 class WouldOverwrite(InputError):
     """Rejected write to an existing file or folder."""
 
-    def __init__(self, path: str, option: str = "") -> None:  # option that replaces it
+    def __init__(self, path: str, option: str = "", out: str = "") -> None:  # options
         self.path = path
-        remedy = f", or replace it with {option}" if option else ""
+        remedy = f" with {out}" if out else ""
+        remedy += f", or replace it with {option}" if option else ", or delete it"
         super().__init__(f"{path} exists already and was not changed; choose another name{remedy}")
 
 

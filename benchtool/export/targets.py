@@ -26,6 +26,7 @@ from numpy.polynomial import chebyshev
 
 from benchtool import __version__
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
+from benchtool.core.rig import UNSPECIFIED
 from benchtool.core.units import Array
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.export.vehicle import ExportedNumber, Vehicle
@@ -86,8 +87,12 @@ def expo_over_idle(vehicle: Vehicle, low: float, source: str) -> ExportedNumber:
     """Return the expo from `low` to 1 at which thrust is most linear in demand above idle."""
     settings = np.round(np.arange(low, 1.0 + 0.5 * EXPO_STEP, EXPO_STEP), 3)
     value, text = most_linear(vehicle, expo_throttle, settings)
-    limit = "limit of the target; " if value in (low, 1.0) else ""
-    why = f"{limit}{source}; {text}; thrust over throttle: {vehicle.expo.why}"
+    why = f"{source}; {text}; expo {vehicle.expo.value:.4g} over throttle: {vehicle.expo.why}"
+    if vehicle.motor is not None and vehicle.expo.stated:
+        e = np.maximum(vehicle.motor["expo"].interval_95, -1.0)  # over throttle
+        ends = np.clip(e * (1.0 - DEFAULT_IDLE_SHARE) / (1.0 + e * DEFAULT_IDLE_SHARE), low, 1.0)
+        why = f"95 %: {ends[0]:.3g} to {ends[1]:.3g}; {why}"
+    why = f"limit of the target; {why}" if value in (low, 1.0) else why
     return ExportedNumber(value, "1", why, vehicle.expo.stated)
 
 
@@ -119,13 +124,8 @@ def betaflight(vehicle: Vehicle) -> dict[str, object]:
     settings = np.arange(MAX_THRUST_LINEAR + 1, dtype=float) / 100.0
     linear, linear_gain = most_linear(vehicle, betaflight_throttle, settings)
     cubic, cubic_gain = most_linear(vehicle, cubic_throttle, settings)
-    return {
-        "idle": idle_pulse(vehicle),
-        "linear": linear,
-        "linear_gain": linear_gain,
-        "cubic": cubic,
-        "cubic_gain": cubic_gain,
-    }
+    gains = {"linear_gain": linear_gain, "cubic_gain": cubic_gain}
+    return {"idle": idle_pulse(vehicle), "linear": linear, "cubic": cubic, **gains}
 
 
 DEGREE = 7  # of the polynomials of the C header
@@ -223,15 +223,11 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
         WouldOverwrite: the path exists.
     """
     texts = dict(file_for(vehicle, name) for name in (TARGETS if to == "all" else [to]))
-    if to == "all":
-        new = folder = out or Path(f"{vehicle.name}-export")
-        paths = [folder / file for file in texts]
-    else:
-        new = out or Path(*texts)
-        folder, paths = new.parent, [new]
+    new = out or Path(f"{vehicle.name}-export" if to == "all" else next(iter(texts)))
+    paths = [new / file for file in texts] if to == "all" else [new]
     if os.path.lexists(new):
-        raise WouldOverwrite(str(new))
-    make_folder(folder)
+        raise WouldOverwrite(str(new), out="--out")
+    make_folder(paths[0].parent)
     for path, text in zip(paths, texts.values(), strict=True):
         replace_text(path, text)
     return tuple(paths)
@@ -265,8 +261,7 @@ def _environment() -> Environment:
     return environment
 
 
-def _xml_comment(number: ExportedNumber, name: str) -> str:
-    # A double hyphen would end the comment.
+def _xml_comment(number: ExportedNumber, name: str) -> str:  # "--" would end the comment
     return f"<!-- {escape(f'{name} {number.note}').replace('--', '- -')} -->"
 
 
@@ -277,4 +272,9 @@ def _c_float(value: float) -> str:
 
 def _omitted(number: ExportedNumber, name: str) -> str:
     """Return the comment that replaces a value based on a typical number."""
-    return f"# {name} omitted, measure it (motor test, --motor) or state it: {number.why}"
+    reason = "no motor test; give one with --motor"
+    if "HOVER" in name:
+        reason = "the mass of the vehicle is not stated; give --mass-kg and --rotors"
+    elif UNSPECIFIED in number.why:
+        reason = "the rig does not state it; add it to the rig file (of a log: --rig)"
+    return f"# {name} is omitted: {reason}"

@@ -21,6 +21,7 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import is_run
 from benchtool.fit.motor.constants import MotorFit, fit_motor
+from benchtool.fit.motor.runs import check_propeller
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -127,11 +128,13 @@ class Vehicle:
         pulse = self.of_rig("propulsion.pwm_max_us", "us")
         voltage = self.of_rig("propulsion.voltage_nominal_V", "V")
         if self.motor is not None and self._of_motor("T_max") is not None:
-            full, why = self.motor.full, f"highest measured, motor test {self.motor.names[0]}"
+            full, test = self.motor.full, f"motor test {self.motor.names[0]}"
             volts = full.voltage_V if isfinite(full.voltage_V) else full.measured_V
             if full.pulse_us != pulse.value:
-                pulse = ExportedNumber(full.pulse_us, "us", why)
+                pulse = ExportedNumber(full.pulse_us, "us", f"highest measured, {test}")
             if isfinite(volts) and volts != voltage.value:
+                why = "voltage at the highest measured throttle, where the thrust curve is valid; "
+                why += f"not the maximum of the battery; {test}"
                 voltage = ExportedNumber(volts, "V", why)
         return pulse, voltage
 
@@ -214,13 +217,14 @@ class Vehicle:
     def hover_share(self) -> ExportedNumber:
         """Hover thrust over full thrust."""
         mass, rotors = self.mass, self.rotors or self.rig.n_rotors
-        share = mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
-        if share.value > 1.0 and (self.mass_kg, self.rotors) != (None, None):
+        why = f"hover of {mass.value:g} kg on {pluralize(rotors, 'rotor')}; mass: {mass.why}"
+        share = mass.value * 9.80665 / (rotors * self.thrust_max.value)
+        if share > 1.0 and (self.mass_kg, self.rotors) != (None, None):
             raise InputError(
-                f"{mass.value:g} kg on {pluralize(rotors, 'rotor')} need {share.value:.3g} of full "
+                f"{mass.value:g} kg on {pluralize(rotors, 'rotor')} need {share:.3g} of full "
                 f"thrust; give another --mass-kg or --rotors"
             )
-        return share
+        return ExportedNumber(share, "1", why, mass.stated)
 
     def thrust_N(self, throttle: Array) -> Array:
         """Return the thrust of one rotor at throttles (n,), far from any surface: N.
@@ -287,6 +291,7 @@ def build_vehicle(
     path = Path(model)
     if is_run(path) or (path.is_file() and path.suffix != ".toml"):
         test = fit_motor((path, *motor), None, rig, propeller, extrapolate=extrapolate)
+        check_propeller(test.rig)
         paper_model = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
         return Vehicle(model=paper_model.model, motor=test, intervals={}, simulated=test.simulated)
     if path.is_dir():

@@ -235,6 +235,12 @@ def motor_sentence(fit: MotorFit) -> str:
             f"k is {k:.4g} N/(rad/s)² ({k * (pi / 30.0) ** 2:.4g} N/rpm²), {fit['k'].bound}, with "
             f"a maximum error of k ω² of {100.0 * fit.value('k_error'):.2g} %"
         )
+    torque = "propulsion.drag_coefficient_Nm_s2"
+    if torque not in fit.rig.not_stated and fit.rig.sources.get(torque, "").startswith("the log"):
+        text = "torque is not fitted; the median of |torque|/ω² is"
+        statements.append(f"{text} {fit.rig.propulsion.drag_coefficient_Nm_s2:.4g} N m/(rad/s)²")
+    if "propulsion.radius_m" in fit.rig.not_stated:
+        statements.append("the log names no propeller, which C_T and an export need (--propeller)")
     lags = {way: 1e3 * fit.value(f"lag_{way}") for way in ("up", "down")}
     if known := [f"{lag_ms:.3g} ms {way}" for way, lag_ms in lags.items() if isfinite(lag_ms)]:
         statements.append(f"time constant of speed is {' and '.join(known)}")

@@ -216,13 +216,7 @@ def _view_motor(path: Path, propeller: str) -> PageSection:
     from benchtool.fit.motor.constants import fit_motor
     from benchtool.report.motor import MOTOR, motor_sentence
 
-    try:
-        fit = fit_motor([path], propeller=load_propeller(propeller) if propeller else None)
-    except InputError as error:
-        if propeller or "propeller" not in str(error):
-            raise
-        text = "The log names no propeller; type it to fit the motor constants."
-        return PageSection(MOTOR_PART, as_html(text))
+    fit = fit_motor([path], propeller=load_propeller(propeller) if propeller else None)
     option = ("--propeller", propeller) if propeller else ()
     blocks = [block for section in MOTOR.sections(fit)[:-1] for block in section.blocks]
     return PageSection(

@@ -135,31 +135,29 @@ UNTARED_EXTRAPOLATED = 0.1  # propellers deviate from rpm^2 by some per cent; as
 _VARIES = re.compile(r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m")
 
 
-def check_readings_at_rest(recording: Recording) -> list[Finding]:
-    """Return warnings about zero offset and sign of the thrust."""
-    if "thrust_N" not in recording:
-        return []
-    thrust = recording.column("thrust_N")
-    finite = np.isfinite(thrust)
+def check_readings_at_rest(recording: Recording, name: str) -> list[Finding]:
+    """Return warnings about the sign of thrust or torque, and the zero offset of thrust."""
+    values = recording.column(name) if name in recording else np.empty(0)
+    finite = np.isfinite(values)
     if np.count_nonzero(finite) < 2:
         return []
-    span = float(np.nanmax(thrust) - np.nanmin(thrust))
+    span = float(np.nanmax(values) - np.nanmin(values))
     findings = []
-    offset = estimate_zero(recording, "thrust_N")
-    if span > 0.0 and offset is not None and abs(offset.value) > offset.limit * span:
+    offset = estimate_zero(recording, name)
+    if name == "thrust_N" and offset and abs(offset.value) > offset.limit * span > 0.0:
         text = (
             f"{offset.where} it reads {offset.value:.4g} N, {abs(offset.value) / span:.0%} of its "
             f"range: not tared, or zero drift; --tare thrust_N subtracts it"
         )
         findings.append(Finding("doubt", "untared", text, "thrust_N"))
     zero = 0.0 if offset is None else offset.value
-    loaded = thrust[finite & (np.abs(thrust - zero) > 0.1 * span)] - zero
+    loaded = values[finite & (np.abs(values - zero) > 0.1 * span)] - zero
     if loaded.size and np.count_nonzero(loaded < 0.0) > 0.9 * loaded.size:
         text = (
             f"{np.count_nonzero(loaded < 0.0)} of {loaded.size} loaded rows are negative: a pusher "
-            f"mount or a reversed load cell; --flip thrust_N reverses the sign"
+            f"mount, sense of rotation or a reversed load cell; --flip {name} reverses the sign"
         )
-        findings.append(Finding("doubt", "wrong sign", text, "thrust_N", int(loaded.size)))
+        findings.append(Finding("doubt", "wrong sign", text, name, int(loaded.size)))
     return findings
 
 
@@ -230,7 +228,8 @@ def inspect_stand(result: ImportResult) -> ImportResult:
     recording = result.recording
     constant = {name for name, source in result.sources.items() if source.startswith("constant ")}
     dead = [finding for finding in constant_channels(recording) if finding.channel not in constant]
-    findings = [*check_readings_at_rest(recording), *dead, *check_speed_scale(recording)]
+    signs = [check_readings_at_rest(recording, name) for name in ("thrust_N", "torque_Nm")]
+    findings = [*signs[0], *signs[1], *dead, *check_speed_scale(recording)]
     if len(recording) == 1:
         text = "one row is not a measurement series; no comparison is possible"
         findings.append(Finding("doubt", "single row", text, count=1))

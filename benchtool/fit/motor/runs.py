@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Propeller, Rig
+from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
 from benchtool.core.rig_file import parse_rig
 from benchtool.core.units import Array
 from benchtool.data.calibration import zero_covariance, zero_noise
@@ -39,7 +39,7 @@ class ThrottlePoints:
 
     time_s: Array
     pulse_us: Array
-    way: Array  # 1 after a lower throttle, -1 after a higher one
+    way: Array  # 1 after a rise of the throttle, -1 after a decrease, also while held
     thrust_N: Array  # of one rotor, mean over turning rotors
     thrust_se_N: Array
     speed_rad_s: Array  # root mean square over turning rotors
@@ -93,12 +93,10 @@ def throttle_points(points: Recording, rig: Rig, number: int) -> ThrottlePoints:
 
 
 def _way(level_us: Array) -> Array:
-    """Return the sign of each throttle change; without a change, the opposite of the last sign."""
+    """Return the sign of each throttle change; without a change, the last sign."""
     change = np.sign(np.diff(level_us, prepend=0.0))
-    for index in range(1, len(change)):
-        if change[index] == 0.0:
-            change[index] = -change[index - 1]
-    return np.asarray(change, float)
+    last = np.maximum.accumulate(np.where(change != 0.0, np.arange(len(change)), 0))
+    return np.asarray(change[last], float)
 
 
 def concatenate_points(parts: Sequence[ThrottlePoints]) -> ThrottlePoints:
@@ -129,7 +127,7 @@ def read_motor_data(
 
     Raises:
         FileFormatError: neither a run nor a log, or no point without a plate.
-        InputError: logs of an unknown propeller, or of several rotors.
+        InputError: logs of several rotors.
     """
     runs = {n: _read_run(path, n) for n, path in enumerate(paths) if is_run(path)}
     logs = {n: _Log.read(path) for n, path in enumerate(paths) if n not in runs}
@@ -199,12 +197,7 @@ def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
     known_values = logs[0].context.known_values
     diameter_m = known_values["diameter_m"].value if "diameter_m" in known_values else None
     diameter_m = diameter_m if propeller is None else propeller.diameter_m
-    if diameter_m is None:
-        raise InputError(
-            f"{first} names no propeller; name it when the log is imported, or set --propeller to "
-            f"its size in inches, as 5x4.5, or its name (benchtool library propellers), or --rig "
-            f"to a rig file"
-        )
+    unknown = {"value": 0.1, "source": f"{UNSPECIFIED}: the log names no propeller"}
 
     def channel(name: str, turning: bool = True) -> Array:
         return np.concatenate(
@@ -213,7 +206,9 @@ def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
 
     pulse, speed = channel("pwm1_us"), channel("rpm1") * np.pi / 30.0
     source = f"the log {', '.join(log.path.name for log in logs)}"
-    values: dict[str, Any] = {"source": source, "radius_m": 0.5 * diameter_m}
+    values: dict[str, Any] = {"source": source, "radius_m": unknown}
+    if diameter_m is not None:
+        values["radius_m"] = 0.5 * diameter_m
     stop_us = values["pwm_stop_us"] = min(1000.0, float(np.nanmin(channel("pwm1_us", False))))
     values["pwm_max_us"] = float(pulse.max())
     valid = np.isfinite(speed)
@@ -234,6 +229,15 @@ def _build_rig(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
         values["voltage_nominal_V"] = float(np.nanmax(voltage))
     text = tomli_w.dumps({"name": first.stem, "propulsion": values})
     return parse_rig(text, f"the rig of {first}")
+
+
+def check_propeller(rig: Rig) -> None:
+    """Raise InputError if the propeller of a rig that was built from logs is unknown."""
+    if "propulsion.radius_m" in rig.not_stated:
+        raise InputError(
+            f"the log {rig.name} names no propeller; set --propeller to its size in inches, as "
+            f"5x4.5, or its name (benchtool library propellers), or --rig to a rig file"
+        )
 
 
 def _read_run(path: Path, number: int) -> MotorData:

@@ -202,7 +202,7 @@ def best_table(comparison: RunComparison) -> Table | None:
         cells = [value_with_sd(*values[key]) if key in values else "–" for key in columns]
         rows.append((place, result.run, *cells, behind, remark))
     return Table(
-        f"At {comparison.thrust_N:g} N, the most efficient first "
+        f"At {comparison.thrust_N:.4g} N, the most efficient first "
         f"({TITLES[comparison.ranked_by]}): interpolated from rows within a factor 1.5, ± standard "
         f"error. Behind: deficit to the first, in standard deviations of the difference.",
         ("rank", "run", *(TITLES[key] for key in columns), "behind [sd]", "remark"),
@@ -244,11 +244,17 @@ def comparison_sentence(comparison: RunComparison) -> str:
     best, result = comparison.found[0], ""
     if comparison.ranked_by in best.values:
         value = value_with_sd(*best.values[comparison.ranked_by])
-        result = f" At {comparison.thrust_N:g} N {best.run} is the most efficient: {value} gf/W."
+        result = f" At {comparison.thrust_N:.4g} N {best.run} is the most efficient: {value} gf/W."
     unreached = [f"{item.run} ({item.remark})" for item in comparison.found if not item.values]
-    return f"{names}{result}" + (
-        f" Not at that thrust: {', '.join(unreached)}." if unreached else ""
-    )
+    if unreached:
+        result += f" Not at that thrust: {', '.join(unreached)}."
+        reached_N = min(float(np.nanmax(run.rows.column("thrust_N"))) for run in runs)
+        if all(
+            np.nanmin(run.rows.column("thrust_N")[run.loaded]) < 0.98 * reached_N for run in runs
+        ):
+            common = f"{0.99 * reached_N:.3g}"
+            result += f" All reach {common} N: --at-thrust {common}."
+    return f"{names}{result}"
 
 
 def _origins(comparison: RunComparison) -> list[Block]:

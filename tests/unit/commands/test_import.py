@@ -53,6 +53,8 @@ def test_a_written_recording_reads_back(log, ending):
 def test_files_are_overwritten_only_on_request(log, capsys):
     assert run(log) == 0
     before = Path("imported/steps.csv").read_bytes()
+    repair = f"benchtool import {log} --tare thrust_N --overwrite\nnext: benchtool motor imported"
+    assert repair in capsys.readouterr().out
     assert run(log, "--flip", "thrust_N") == 2
     assert Path("imported/steps.csv").read_bytes() == before
     assert "choose another name, or replace it with --overwrite" in capsys.readouterr().err

@@ -87,8 +87,9 @@ def test_an_untared_cell_and_a_pusher():
         tared.recording.column("thrust_N"), thrust * GRAM_FORCE_N, atol=1e-12
     )
     assert [item.kind for item in found(tared, "untared")] == ["repaired"]
-    pusher = logged({"Thrust (gf)": -thrust})
-    assert found(pusher, "wrong sign")[0].kind == "doubt"
+    torque = -steps_1580()["Torque (N·m)"]
+    doubts = found(logged({"Thrust (gf)": -thrust, "Torque (N·m)": torque}), "wrong sign")
+    assert [item.channel for item in doubts] == ["thrust_N", "torque_Nm"]
     turned = logged({"Thrust (gf)": -thrust}, flip=("thrust_N",))
     np.testing.assert_allclose(turned.recording.column("thrust_N"), thrust * GRAM_FORCE_N)
     assert [item.kind for item in found(turned, "wrong sign")] == ["repaired"]

@@ -19,6 +19,7 @@ from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.user_code import check_code_allowed
 from benchtool.fit.motor.constants import fit_motor
 from benchtool.fit.motor.law import step_responses
+from benchtool.fit.motor.runs import _way
 from benchtool.report.motor import motor_sentence
 
 RIG = load_rig_by_name("pquad_single")
@@ -111,6 +112,7 @@ def test_a_steps_sag_is_taken_out_of_its_lag():
 
 
 def test_full_throttle_is_the_highest_measured_pulse_unless_requested(runs, fitted):
+    assert _way(np.array([1.0, 2.0, 2.0, 1.5, 1.5, 3.0])).tolist() == [1, 1, 1, -1, -1, 1]
     found = fit_motor(runs)
     assert found.points.pulse_us.max() == found.full.pulse_us == 1770.0  # 80 % of 1050 to 1950 us
     exact_N = TRUTH["k"] * (1.05 * 720.0) ** 2

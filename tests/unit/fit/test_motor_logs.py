@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -60,11 +61,13 @@ def test_constants_are_those_that_a_log_was_made_with(tmp_path):
     assert {name: count for name, count in held.items() if count <= 32} == {}
 
 
-def test_a_log_without_its_propeller_is_refused_with_what_to_add(tmp_path):
-    path = log(tmp_path / "a.csv", 1)
-    with pytest.raises(InputError, match=r"--propeller to its size in inches"):
-        bt.motor(path)
-    assert bt.motor(path, rig="pquad_single").found.rig.name == "pquad_single"
+def test_only_an_export_needs_the_propeller_of_a_log(tmp_path, capsys):
+    path, out = log(tmp_path / "a.csv", 1, sag_V=2.0), tmp_path / "a.param"
+    assert "names no propeller, which C_T and an export need" in bt.motor(path).summary()
+    for status, propeller in ((2, ()), (0, ("--propeller", "5x4"))):
+        assert run("export", path, "--to", "ardupilot", "--out", out, *propeller) == status
+    assert re.search(r"(?s)--mass-kg.*refused.*EXPO: \S+ \(.*95 %", capsys.readouterr().out)
+    assert "not the maximum of the battery" in out.read_text("utf-8")
 
 
 def test_thrust_of_the_wrong_sign_is_refused_with_what_to_type(tmp_path):

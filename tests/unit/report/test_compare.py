@@ -14,7 +14,7 @@ from benchtool.core.recording import Recording
 from benchtool.data.derived import derive_quantities, measurement_context
 from benchtool.data.levels import split_levels
 from benchtool.data.run.recording_file import write_recording
-from benchtool.report.compare.page import best_table, compare_runs
+from benchtool.report.compare.page import best_table, compare_runs, comparison_sentence
 from benchtool.report.compare.runs import ComparedRun, at_thrust, read_compared
 
 GF = 9.80665e-3
@@ -93,6 +93,7 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
     one = compare_runs(paths, thrust_N=5.0)
     assert [found.run for found in one.found] == ["frugal", "thirsty", "small"]
     assert one.found[2].remark == "reaches 0.167 to 3 N"
+    assert comparison_sentence(one).endswith("All reach 2.97 N: --at-thrust 2.97.")
     table = best_table(one)
     assert table is not None
     assert [row[0] for row in table.rows] == ["1", "2", "–"]
