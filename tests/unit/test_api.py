@@ -42,7 +42,7 @@ def test_every_public_name_exists_after_submodule_imports():
         assert getattr(bt, name) is not None
     assert inspect.signature(bt.fit).parameters["walkers"].default == 32
     assert "check" in inspect.signature(bt.explain).parameters
-    assert "Rotor radius, instead of rig. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
+    assert "Rotor radius: 0.1016 or 4in. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
 
 
 def test_a_run_has_summary_tables_and_plots():
@@ -120,14 +120,15 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     fit = bt.fit(heights, z="rise", thrust="F", radius="127mm")
     assert fit.params["R_m"] == expected
     assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
-    with pytest.warns(DataWarning, match="6000 rpm is assumed"):
-        bt.fit(heights.drop(columns="rpm"), z="rise", thrust="F", radius=0.127)
+    note = "unit='gf' contradicts the unit in 'F_kg'; gf is used"
+    with pytest.warns(DataWarning, match="6000 rpm is"), pytest.warns(DataWarning, match=note):
+        bt.fit(heights.drop(columns="rpm").rename(columns={"F": "F_kg"}), **COLUMNS)
 
 
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [
-        ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS_M"),
+        ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS, as"),
         ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='motor' or runs='none'"),
         ({"motor": list("aaabbb")}, {"runs": "motor"}, "2 fits; .* with where='motor=a'"),
         ({}, {"thrst": "F"}, "unknown input 'thrst'; did you mean 'thrust'"),
