@@ -137,7 +137,7 @@ def fit(
     # Kind of error: standard deviation (sd) or standard error (se).
     error_is: Literal["sd", "se"] | None = None,
     reference: str = "",  # COLUMN=VALUE of the rows out of ground effect.
-    radius: float | str | None = None,  # Rotor radius, instead of rig. [above 0, at most 100 m]
+    radius: float | str | None = None,  # Rotor radius: 0.1016 or 4in. [above 0, at most 100 m]
 ) -> Fit:
     """Fit a ground-effect model to runs or tables, like `benchtool fit`."""
 

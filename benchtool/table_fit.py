@@ -17,12 +17,14 @@ from benchtool.core.user_file import list_names
 from benchtool.data.atomic import write_if_new
 from benchtool.data.column_map import (
     RADII_PER_UNIT,
+    Conversion,
     column_map_to_text,
     column_map_to_toml,
     find_conversion,
     guess_columns,
     is_similar,
     name_and_unit,
+    unit_in_header,
 )
 from benchtool.data.columns import speed_columns
 from benchtool.data.csv_text import BLANK_CELLS, read_csv_header, read_csv_text
@@ -65,14 +67,11 @@ def prepare_table(
     Args:
         inform, note: called with each message about written files, and about assumptions.
         command: the typed command; empty for a call from Python.
-        folder: for the map and the rig.
     """
     data = options["data"]
     if not all(Path(path).is_file() for path in data):
         if with_changes(table):
-            raise InputError(
-                "options for table columns are given, but the data are not a table; remove them"
-            )
+            raise InputError("table options are given, but the data are not a table; remove them")
         return ()
     first = str(data[0])
     is_stand = is_stand_table(first) and not with_changes(table) - {"radius": 0}.keys()
@@ -98,6 +97,8 @@ def prepare_table(
     if not has_map:
         columns.choose(where)
     columns.require_all()
+    run_filters = tuple(f"{columns.run_column}={name}" for name in columns.runs)
+    recording = None if has_map else read_table(first, columns.map, (*where, *run_filters[:1]))
 
     def write(kind: str, text: str) -> str:
         path, is_new = write_if_new(folder / f"{Path(first).stem}.{kind}.toml", text)
@@ -107,10 +108,8 @@ def prepare_table(
 
     if rig_text:
         options["rig"] = write("rig", rig_text)
-    if has_map:
+    if recording is None:
         return ()
-    run_filters = tuple(f"{columns.run_column}={name}" for name in columns.runs)
-    recording = read_table(first, columns.map, (*where, *run_filters[:1]))
     text = column_map_to_toml(columns.map)
     options["columns"] = write("columns", text)
     if "thrust_ratio" in columns.map:
@@ -144,10 +143,8 @@ def _radius(
         if table.radius is not None:
             raise InputError("--radius and --rig are both given; give one of them")
         return load_rig_by_name(rig).propulsion.radius_m, ""
-    if table.radius is None and (data_rig := load_rig_for_data([first])) is not None:
-        return data_rig.propulsion.radius_m, ""
-    if table.radius is None and user_rig is not None:
-        return user_rig.propulsion.radius_m, ""
+    if table.radius is None and (known_rig := load_rig_for_data([first]) or user_rig):
+        return known_rig.propulsion.radius_m, ""
     text = build_radius_rig(first, table.radius, is_stand=is_stand)
     return (parse_rig(text, f"rig of {first}").propulsion.radius_m if text else nan), text
 
@@ -162,7 +159,8 @@ class _Columns:
         self.run_column, self.notes = "", list[str]()
         self.problems, self.completion = list[str](), list[str]()
         if isnan(radius_m):
-            self._add_missing("the rotor radius is missing", "--radius RADIUS_M or --rig FILE")
+            hint = "--radius RADIUS, as 0.1016 or 4in, or --rig FILE"
+            self._add_missing("the rotor radius is missing", hint, "--radius RADIUS")
 
     def choose(self, where: Sequence[str]) -> None:
         table = read_csv_text(Path(self.path))
@@ -174,12 +172,11 @@ class _Columns:
         self._choose_reference()
         self._choose_speed(guess)
         self._choose_error()
-        for name in ("time_s", "voltage_V", "current_A", "torque_Nm", "power_W"):
-            if name in guess:
-                self.map.setdefault(name, guess[name])
+        extra = ("time_s", "voltage_V", "current_A", "torque_Nm", "power_W")
+        self.map |= {name: guess[name] for name in extra if name in guess}
         self._choose_runs()
-        for source in self.map.values():
-            if source.column in self.header and not source.reference:
+        for name, source in self.map.items():
+            if name not in ("plate_z_m", "kind") and source.column in self.header:
                 self._check_numbers(source.column)
 
     def require_all(self) -> None:
@@ -219,8 +216,7 @@ class _Columns:
         """Return the column of an option value, with or without unit, in any case."""
         if name in self.header:
             return name
-        folded = name.casefold()
-        matches = [cell for cell in self.header if name_and_unit(cell)[0].casefold() == folded]
+        matches = [cell for cell in self.header if name_and_unit(cell)[0].lower() == name.lower()]
         if len(matches) != 1:
             raise UnknownChoice(f"column for {option} in {self.table.where}", name, self.header)
         return matches[0]
@@ -228,11 +224,20 @@ class _Columns:
     def _unit(self, cell: str, unit: str, option: str, default: str) -> str | None:
         """Return the unit to write for a column; None, with a note, for the default unit."""
         if unit:
-            find_conversion(unit, default)
+            self._compare(cell, find_conversion(unit, default), unit, option, default)
             return unit
         if (name_unit := name_and_unit(cell)[1]) is None:
             self.notes.append(f"{cell!r} has no unit; {default} is assumed, {option} changes it")
         return name_unit
+
+    def _compare(self, cell: str, used: Conversion | None, unit: str, name: str, si: str) -> None:
+        """Add a note if the unit in a column's name converts otherwise than the option's."""
+        note = f"{name} {unit} contradicts the unit in {cell!r}; {unit} is used"
+        try:
+            is_same = unit_in_header((unit and name_and_unit(cell)[1]) or "", si) in (None, used)
+        except InputError:  # another dimension
+            is_same = False
+        self.notes += [] if is_same else [note]
 
     def _choose_thrust(self, guess: Mapping[str, ColumnSource]) -> None:
         options = self.options
@@ -258,6 +263,7 @@ class _Columns:
         if not options.z_unit:
             radii = RADII_PER_UNIT.get(name_and_unit(cell)[0].lower())
         if radii is not None:
+            self._compare(cell, None, options.z_unit, "--z-unit", "m")
             self.map["plate_z_m"] = ColumnSource(column=cell, factor=radii * self.radius_m)
             return
         unit = self._unit(cell, options.z_unit, "--z-unit", "m")
@@ -317,10 +323,8 @@ class _Columns:
         cell = "" if options.error in ("", NONE) else self._find(options.error, "--error")
         if not options.error:
             stem = name_and_unit(column)[0].casefold()
-            matches = {name: _match_error(name) for name in self.header}
-            errors = [
-                name for name, match in matches.items() if match and match["stem"] in ("", stem)
-            ]
+            matches = [(name, _match_error(name)) for name in self.header]
+            errors = [name for name, match in matches if match and match["stem"] in ("", stem)]
             cell = errors[0] if len(errors) == 1 else ""
         if not cell:
             return
@@ -363,8 +367,7 @@ class _Columns:
 
     def _run_names(self, cell: str) -> tuple[str, ...]:
         """Return the run names in a column of repeated words, or nothing."""
-        texts = self._texts(cell)
-        names = tuple(dict.fromkeys(texts))
+        names = tuple(dict.fromkeys(texts := self._texts(cell)))
         return names if {*map(_number, names)} == {None} and 2 * len(names) <= len(texts) else ()
 
     def _has_numbers(self, cell: str) -> bool:
@@ -373,10 +376,7 @@ class _Columns:
         return len(numbers) > 1 and _match_error(cell) is None
 
     def _check_numbers(self, cell: str) -> None:
-        """Add the first cell of a column that is not a number; distances have their own error."""
-        plate = self.map.get("plate_z_m")
-        if plate is not None and plate.column == cell:
-            return
+        """Add the first cell of a column that is not a number."""
         try:
             parse_column(self.table, self.table.header.index(cell))
         except FileFormatError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2, degrees, radians, tan
 
@@ -13,6 +13,7 @@ from benchtool.acquire.visit_order import Visit, min_duration_s, plan_settings
 from benchtool.core.errors import PlanError
 from benchtool.core.inputs import items, with_changes
 from benchtool.core.rig import Rig
+from benchtool.core.units import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.rotor import speed_from_pwm
@@ -38,6 +39,13 @@ def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
     multirotor.
     """
     settings = plan_settings(plan, rig)
+    thrust_N, thrust_oge_N, rpm = expected_thrust_N(settings, rig)
+    maxima = (rpm.max(), thrust_oge_N.max(), np.abs(thrust_N).max())
+    return PlanExtremes(float(max(max(s.pwm_us) for s in settings)), *map(float, maxima))
+
+
+def expected_thrust_N(settings: Sequence[Visit], rig: Rig) -> tuple[Array, Array, Array]:
+    """Return the thrust (n,) of settings at nominal voltage, that without a plate, and rpm."""
     model = Model.single(rig)
     if rig.n_discs > 1:
         model = model.with_effect("neighbour_images").with_effect("body_lift", K_b=BODY_LIFT_K)
@@ -62,12 +70,7 @@ def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
     )
     in_ground_effect = np.asarray(model.thrust_N(conditions), float)
     out_of_ground_effect = np.asarray(model.thrust_N(conditions.out_of_ground_effect()), float)
-    return PlanExtremes(
-        float(pulses.max()),
-        float(speed.max()) * 60.0 / (2.0 * np.pi),
-        float(out_of_ground_effect.max()),
-        float(np.abs(in_ground_effect).max()),
-    )
+    return in_ground_effect, out_of_ground_effect, speed * 60.0 / (2.0 * np.pi)
 
 
 def check_plan(

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.acquire.bench_check import THRUST_FACTOR
 from benchtool.acquire.calibration import find_calibration
-from benchtool.acquire.check_plan import check_plan
+from benchtool.acquire.check_plan import check_plan, expected_thrust_N
 from benchtool.acquire.experiment import Experiment
 from benchtool.acquire.inputs import SweepInputs, select_stage
 from benchtool.acquire.measure import VisitChecks, VisitWatch, has_settled, measure
@@ -38,6 +39,7 @@ from benchtool.data.run.run import Run
 
 SETTLING_CHECK_INTERVAL_S = 0.1  # a tenth of the default settling window; assumed
 PLATE_SETTLING_S = 0.2  # wait after the plate has arrived; assumed
+MIN_SIGNAL_TO_NOISE = 10.0  # of a thrust that is compared with the expected one; assumed
 MAX_ATTEMPTS = 3  # per point; a short dropout fails one attempt, a bad link all; assumed
 
 
@@ -70,6 +72,7 @@ class Sweep(Experiment):
         self._tare: TareResult | None = None
         self._last_values: dict[str, float] = {}
         self._reported_channels: set[str] = set()
+        self._is_thrust_reported = False
 
     def prepare(self) -> Iterator[str]:
         state, inputs = self.resume_state, self.inputs
@@ -165,11 +168,25 @@ class Sweep(Experiment):
                 self.plan, self.rig, remaining[index + 1 :], self._moved_to
             )
             self.progress.measured(point, remaining_s)
+            if point.settled and not self._is_thrust_reported:
+                self._check_thrust(point, visit)
             if point.kind == "anchor":
                 if drift := format_drift(self._first_anchor, point, self.plan.tare.drift_N):
                     self.recorder.record_event("drift", drift, visit.point)
                     self._tare = None
                 self._first_anchor = self._first_anchor or point
+
+    def _check_thrust(self, point: Point, visit: Visit) -> None:
+        """Record an event, once, if thrust is far from the expected one and above noise."""
+        expected_N = float(expected_thrust_N([visit], self.rig)[0][0])
+        low_N, high_N = sorted((abs(point.thrust_N), abs(expected_N)))
+        if high_N > max(THRUST_FACTOR * low_N, MIN_SIGNAL_TO_NOISE * point.thrust_sd_N):
+            self._is_thrust_reported = True
+            text = (
+                f"thrust {point.thrust_N:.3g} N, expected {expected_N:.3g} N: check the "
+                f"calibration (calibrate, or --calibration none), the rig and the propeller"
+            )
+            self.recorder.record_event("thrust", text, visit.point)
 
     def _measure_with_pauses(self, visit: Visit) -> Point:
         """Return the point of a visit; repeat it after a pause."""

@@ -14,12 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchtool.core.channel import (
-    ColumnSource,
-    check_channels,
-    is_known_channel,
-    unit_from_name,
-)
+from benchtool.core.channel import ColumnSource, check_channels, is_known_channel, unit_from_name
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
 from benchtool.core.toml_text import FileTable, build_dataclass, parse_toml
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, find_unit
@@ -59,7 +54,7 @@ _FOR_PINT: dict[str, str] = {
 
 def is_unit(text: str) -> bool:
     """Return whether a text is a unit: of benchtool, a known spelling or a unit of mass."""
-    return text not in ("", "1") and (text in UNITS or text in _SPELLINGS or text in _FORCE_OF_MASS)
+    return text not in ("", "1") and text in {*UNITS, *_SPELLINGS, *_FORCE_OF_MASS, *_TURNS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,9 +316,7 @@ _USUAL_NAMES: dict[str, tuple[str, ...]] = {  # usual column names, lower case, 
         *("z", "plate_z", "plate z", "gap", "abstand", "dist", "distance", "plate distance"),
         *("clearance", "height"),
     ),
-    "thrust_ratio": (
-        *("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "t/t0", "t/t_0", "ratio"),
-    ),
+    "thrust_ratio": ("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "t/t0", "t/t_0", "ratio"),
     "vibration_m_s2": ("vibration",),
 }
 _CHANNELS = {name: channel for channel, names in _USUAL_NAMES.items() for name in names}
@@ -339,7 +332,7 @@ _ENDING = re.compile(r"(?P<name>.+?)[_ ](?P<unit>[A-Za-z]+)")
 def name_and_unit(cell: str) -> tuple[str, str | None]:
     """Return name and unit of a column header: `Gap (mm)`, `gap_mm` and `gap [mm]` are alike."""
     head = parse_header_cell(cell)
-    if head.unit is None and (match := _ENDING.fullmatch(head.name)) and match["unit"] in UNITS:
+    if head.unit is None and (match := _ENDING.fullmatch(head.name)) and is_unit(match["unit"]):
         return match["name"], match["unit"]
     return head.name, head.unit
 
@@ -349,6 +342,15 @@ def match_channel(name: str) -> str | None:
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
     return name if is_known_channel(name) else _CHANNELS.get(name.lower())
+
+
+def match_header(cell: str) -> tuple[str | None, str | None]:
+    """Return the channel for a column header, or None if it is ambiguous, and the unit in it."""
+    for name, unit in (parse_header_cell(cell), name_and_unit(cell)):
+        if channel := match_channel(name):
+            return channel, unit
+    is_speed = name.lower() == "n" and _SPELLINGS.get(unit or "", unit) in {"rpm", "rad/s", *_TURNS}
+    return "rpm1" if is_speed else None, unit
 
 
 def is_similar(cell: str, channel: str) -> bool:
@@ -374,16 +376,14 @@ def guess_columns(
     sources: dict[str, ColumnSource] = {}
     in_radii: dict[str, ColumnSource] = {}
     for cell in header:
-        name, unit = name_and_unit(cell)
-        channel = match_channel(cell.strip()) or match_channel(name)
-        if channel is None and name.lower() in RADII_PER_UNIT and radius_m is not None:
-            source = ColumnSource(column=cell, factor=RADII_PER_UNIT[name.lower()] * radius_m)
+        channel, unit = match_header(cell)
+        name = name_and_unit(cell)[0].lower()
+        if channel is None and name in RADII_PER_UNIT and radius_m is not None:
+            source = ColumnSource(column=cell, factor=RADII_PER_UNIT[name] * radius_m)
             in_radii.setdefault("plate_z_m", source)
         if channel is None or channel in sources or (channels and channel not in channels):
             continue
         own_unit = unit_from_name(channel)
-        if channel == cell.strip():
-            unit = None
         try:
             fits = unit is None or unit_in_header(unit, own_unit) is not None
         except InputError:

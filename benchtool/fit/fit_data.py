@@ -15,6 +15,7 @@ from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, FileFormatError, InputError
 from benchtool.core.parameter import resolve_name
 from benchtool.core.recording import Recording, check_rotor_count
+from benchtool.core.rig import Rig
 from benchtool.core.text import pluralize
 from benchtool.core.units import Array
 from benchtool.core.user_code import CodePermit, check_code_allowed
@@ -215,7 +216,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         )
     z_over_R = model.z_over_R(conditions)
     nearest = model.nearest_z_over_R if recipe.min_z_over_R is None else recipe.min_z_over_R
-    used, left_out = _select_points(observed, error, conditions.is_complete, z_over_R, nearest)
+    used, left_out = _select_points(observed, error, conditions.is_complete, z_over_R, nearest, rig)
     if used.any() and z_over_R[used].min() >= NO_PLATE_Z_OVER_R and model.parameters["R_m"].free:
         left_out += (
             "no point has a plate distance, so that R_m cannot be determined; fit the thrust curve "
@@ -320,11 +321,22 @@ def _concatenate(parts: Sequence[Recording]) -> Recording:
 
 
 def _select_points(
-    observed: Array, error: Array, is_known: NDArray[np.bool_], z_over_R: Array, nearest: float
+    observed: Array,
+    error: Array,
+    is_known: NDArray[np.bool_],
+    z_over_R: Array,
+    nearest: float,
+    rig: Rig,
 ) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     finite = np.isfinite(observed) & np.isfinite(error) & (error > 0.0) & is_known
     near = finite & (z_over_R < nearest)
     reasons = []
+    radius_m = rig.propulsion.radius_m
+    plate_m = radius_m * z_over_R[finite & (z_over_R < NO_PLATE_Z_OVER_R)]
+    scale_text = (
+        f"distances {plate_m.min(initial=np.inf):.2g} to {plate_m.max(initial=0.0):.2g} m, rotor "
+        f"radius {radius_m:.4g} m; check both units (--radius 4in, --z-unit cm), or"
+    )
     if not finite.all():
         reasons.append(
             f"{np.count_nonzero(~finite)} of {len(observed)} points have an empty cell in thrust, "
@@ -332,17 +344,18 @@ def _select_points(
             f"{int(np.argmax(~finite)) + 1})"
         )
     if near.any():
+        text = ", outside the formulae's validity, and were left out;"
+        if 2 * np.count_nonzero(near) > len(observed):
+            text = f": {scale_text}"
         reasons.append(
-            f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = "
-            f"{nearest:g}, outside the formulae's validity, and were left out; "
+            f"{np.count_nonzero(near)} of {len(observed)} points lie below z/R = {nearest:g}{text} "
             f"include them with --min-z-over-r 0"
         )
     used = finite & ~near
     if used.any() and REFERENCE_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
         reasons.append(
-            f"the nearest point is at z/R = {z_over_R[used].min():.3g}, too far for ground effect; "
-            f"check the unit of plate_z_m, or fit the thrust curve of a test without a plate with "
-            f"benchtool motor"
+            f"the nearest point is at z/R = {z_over_R[used].min():.3g}, too far for ground effect: "
+            f"{scale_text} fit the thrust curve of a test without a plate with benchtool motor"
         )
     if not used.any():
         raise InputError(

@@ -165,7 +165,8 @@ class TableInputs(Inputs):
     reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
     runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""
     radius: Annotated[
-        Annotated[float, Gt(0.0), Le(100.0)] | None, Input("Rotor radius, instead of --rig.", "m")
+        Annotated[float, Gt(0.0), Le(100.0)] | None,
+        Input("Rotor radius: 0.1016 or 4in.", "m"),
     ] = None
 
 

@@ -157,7 +157,12 @@ def run_recipe(
         problem=recipe_problem(loaded.model, recipe, data),
         density=air_density(recipe.air, recipe.data),
     )
-    results = tuple(_estimate(fit, method, progress, profile) for method in recipe.methods)
+    try:
+        results = tuple(_estimate(fit, method, progress, profile) for method in recipe.methods)
+    except EstimationError as error:
+        if 2 * fit.used < fit.read:  # the probable cause
+            error.args = ("; ".join((*data.left_out, str(error))),)
+        raise
     fit = replace(fit, results=results)
     if set(recipe.compare) - {LAWS}:
         problems = [fit.problem, *(recipe_problem(other, recipe, data) for other in others)]
@@ -335,8 +340,8 @@ def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
         return ()
     return (
         f"k is {k / rig_k:.3g} times the thrust coefficient of rig {model.rig.name} ({rig_k:g} "
-        f"N/(rad/s)2): check the units of thrust and speed, the motors' pole count, and that the "
-        f"rig is yours",
+        f"N/(rad/s)2), rotor radius {model.rig.propulsion.radius_m:.4g} m: check the units of "
+        f"radius, thrust and speed, the motors' pole count, and that the rig is yours",
     )
 
 

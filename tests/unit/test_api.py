@@ -42,7 +42,7 @@ def test_every_public_name_exists_after_submodule_imports():
         assert getattr(bt, name) is not None
     assert inspect.signature(bt.fit).parameters["walkers"].default == 32
     assert "check" in inspect.signature(bt.explain).parameters
-    assert "Rotor radius, instead of rig. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
+    assert "Rotor radius: 0.1016 or 4in. [above 0, at most 100 m]" in (bt.fit.__doc__ or "")
     assert "fit(data=(), model=None, *, rpm='', runs='', permit=check_" in (bt.fit.__doc__ or "")
 
 
@@ -125,14 +125,15 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
         wrong = bt.fit(heights, z="rise", thrust="F", unit="kgf", radius="127mm")
     assert [warning.filename for warning in warned] == [__file__]
     assert wrong.params["R_m"].value == pytest.approx(expected.value, rel=1e-6)
-    with pytest.warns(DataWarning, match="6000 rpm is assumed"):
-        bt.fit(heights.drop(columns="rpm"), z="rise", thrust="F", radius=0.127)
+    note = "unit='gf' contradicts the unit in 'F_kg'; gf is used"
+    with pytest.warns(DataWarning, match="6000 rpm is"), pytest.warns(DataWarning, match=note):
+        bt.fit(heights.drop(columns="rpm").rename(columns={"F": "F_kg"}), **COLUMNS)
 
 
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [
-        ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS_M"),
+        ({}, {"radius": None}, r"^table.csv: the rotor radius is missing; add radius=RADIUS, as"),
         ({"motor": list("aaabbb")}, {}, "2 run names .* add runs='none' for one"),
         ({"motor": list("aaabbb")}, {"runs": "motor"}, "2 fits; .* with where='motor=a'"),
         ({}, {"thrst": "F"}, "unknown input 'thrst'; did you mean 'thrust'"),

@@ -68,8 +68,8 @@ def _check_line(line: str) -> str:
     if not line:
         print()
         raise InputError(
-            "no answer: end of input; run the command in a terminal, or use --yes (sweep, record) "
-            "if the bench allows it"
+            "no answer: end of input; run the command in a terminal, or use --yes "
+            "(sweep, record, bench check) if the bench allows it"
         )
     return line.rstrip("\n")
 

@@ -22,7 +22,7 @@ from benchtool.data.column_map import (
     MappedColumn,
     find_conversion,
     map_columns,
-    match_channel,
+    match_header,
     parse_header_cell,
     read_column_map,
 )
@@ -209,7 +209,7 @@ def _number(cell: bytes, decimal: str) -> float:
 
 def map_header(
     table: TextTable,
-    find_channel: Callable[[str], str | None],
+    find_channel: Callable[[str], str | None] | None = None,
     *,
     units: Mapping[str, str] | None = None,
     refuse: bool = True,
@@ -218,7 +218,7 @@ def map_header(
     """Return the known columns of a table, and findings about units and unknown columns.
 
     Args:
-        find_channel: returns the channel for a column name without unit, or None if unknown.
+        find_channel: returns the channel for a name without unit, or None; default `match_header`.
         units: unit of columns without one, by channel; the channel's unit by default.
         refuse: a unit of another dimension is an error, else a warning.
     """
@@ -228,13 +228,13 @@ def map_header(
     others: list[str] = []
     for position, cell in enumerate(table.header):
         head = parse_header_cell(cell)
-        name = find_channel(head.name)
+        name, unit = (find_channel(head.name), head.unit) if find_channel else match_header(cell)
         if name is None or any(column.name == name for column in columns):
             if head.name:
                 others.append(cell)
             continue
         ours = unit_from_name(name)
-        file_unit = head.unit if head.unit is not None else (units or {}).get(name, ours)
+        file_unit = unit if unit is not None else (units or {}).get(name, ours)
         try:
             scale = find_conversion(file_unit, ours)
         except InputError as error:
@@ -242,7 +242,7 @@ def map_header(
                 raise FileFormatError(f"{table.where}, column {cell!r}", str(error)) from error
             findings.append(Finding("doubt", "unit", f"{error}; read as {ours}", name))
             scale = IDENTITY
-        if head.unit is None and head.name != name and ours not in ("1", "count", "rpm"):
+        if unit is None and head.name != name and ours not in ("1", "count", "rpm"):
             unitless[name] = f"{cell} as {file_unit}"
         columns.append(MappedColumn(name=name, position=position, conversion=scale, source=cell))
     if unitless:
@@ -355,7 +355,7 @@ def read_by_names(table: TextTable, options: ImportOptions) -> ImportResult:
     Without a unit the channel's unit is assumed, with a warning.
     """
     hint = "; map them with --columns MAP.toml"
-    columns, findings = map_header(table, match_channel, hint=hint)
+    columns, findings = map_header(table, hint=hint)
     if not columns:
         unknown = ", ".join(list(filter(None, table.header))[:12])
         raise FileFormatError(table.where, f"none of its columns is known ({unknown}){hint}")

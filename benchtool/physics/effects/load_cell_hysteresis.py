@@ -66,6 +66,6 @@ EFFECT = Effect(
     },
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-    rig_values=lambda rig: {"reference_N": STANDARD_GRAVITY_M_S2 * rig.body.mass_kg},
+    rig_values=lambda rig: {"reference_N": max(STANDARD_GRAVITY_M_S2 * rig.body.mass_kg, 0.01)},
     tolerance_of=scale_rig(weight_scale, half_width_N=0.02),  # assumed
 )  # fmt: skip

@@ -90,7 +90,7 @@ def test_a_sweep_measures_every_visit_once(tmp_path):
     summary, run = sweep(bench, tmp_path / "run", watcher=watcher)
     visits = plan_visits(PLAN.resolved(RIG), RIG)
     assert summary.n_measured == len(visits) == len(watcher.points)
-    assert watcher.words[0] == f"{len(visits)} 0"
+    assert (watcher.words[0], "thrust" in watcher.words) == (f"{len(visits)} 0", False)
     assert max(watcher.left_s) == watcher.left_s[0]
     assert watcher.left_s[-1] == 0.0
     points = read_points(run.path)
@@ -354,7 +354,8 @@ def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path
 
 def test_a_calibration_is_attached_and_raw_data_stay(tmp_path):
     _, plain = sweep(FakeBench(), tmp_path / "plain")
-    _, scaled = sweep(FakeBench(), tmp_path / "scaled", calibration=COUNTS)
+    _, scaled = sweep(FakeBench(), tmp_path / "scaled", PLAN, watcher := Watcher(), COUNTS)
+    assert watcher.words.count("thrust") == 1  # 3.2 N, expected 1.4 N
     assert (plain.path / "samples.csv").read_bytes() == (scaled.path / "samples.csv").read_bytes()
     # The device counts 1000 per N, the calibration says 500.
     np.testing.assert_allclose(read_points(scaled.path).column("thrust_N"), 3.2, atol=4e-3)

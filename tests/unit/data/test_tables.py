@@ -52,7 +52,9 @@ def test_units(text, target, factor):
     assert find_conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
 
 
-def test_a_header_whose_unit_measures_something_else_is_refused():
+def test_units_in_a_header_are_read_and_those_of_another_dimension_are_refused():
+    recording = imported("Dist (cm),n,Thrust_kg,n_Hz\n5,7,2,100\n").recording
+    assert recording.values[0].tolist() == pytest.approx([0.05, 2.0 * 9.80665, 6000.0])
     with pytest.raises(FileFormatError, match="not a unit of force"):
         imported("t,Thrust (V)\n0,1\n")
     with pytest.raises(UnknownChoice, match="known: "):

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.special import fdtrc, stdtr
 
-from benchtool.fit.diagnose import diagnose, lack_of_fit, with_diagnosis
+from benchtool.fit.diagnose import _hint, diagnose, lack_of_fit, with_diagnosis
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import function_problem, noise_parameter, problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.fit.statistics import bend_along, runs_along, trend_along
+from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     free,
@@ -59,6 +60,9 @@ def test_a_parameter_that_does_nothing_is_named():
     model = quad_model().with_effect("load_cell_drift").with_free("load_cell_drift.rate_N_per_s")
     said = sentences(sweep(model, (0.5, 1.0, 2.0, 4.0)))
     assert "do not determine load_cell_drift.rate_N_per_s" in said
+    without = sweep(quad_model(), (0.5, 1.0, 2.0))
+    without = replace(without, missing=lambda column: [EFFECTS["load_cell_drift"]])
+    assert _hint(without, "z").startswith("fit load_cell_drift with --model single_bench")
 
 
 def test_a_model_without_its_body_lift_is_rejected():
