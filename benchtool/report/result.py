@@ -159,7 +159,7 @@ def _saved_path(item: Any) -> Path | str:
     if _is_table(item):
         return write_if_new(temporary_folder() / "table.csv", table_to_csv(item))[0]
     path = item.path if isinstance(item, Result) else item
-    if path is None and item._page.name == "flight.pitch":
+    if path is None and item._page.name == "flight.pitch":  # noqa: SLF001
         files = item.save(mkdtemp(dir=temporary_folder()))
         path, *others = [file for file in files if file.suffix == ".csv"]
         if others:

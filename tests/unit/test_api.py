@@ -121,8 +121,9 @@ def test_a_frame_is_fitted_like_its_file(heights, tmp_path, monkeypatch):
     fit = bt.fit(heights, z="rise", thrust="F", radius="5 inch")
     assert fit.params["R_m"] == expected
     assert [path.name for path in tmp_path.iterdir()] == ["heights.csv"]
+    heights.attrs["units"]["F"] = "kgf"
     with pytest.warns(DataWarning, match="k is .* check the units") as warned:
-        wrong = bt.fit(heights, z="rise", thrust="F", unit="kgf", radius="127mm")
+        wrong = bt.fit(heights, z="rise", thrust="F", radius="127mm")
     assert [warning.filename for warning in warned] == [__file__]
     assert wrong.params["R_m"].value == pytest.approx(expected.value, rel=1e-6)
     note = "unit='gf' contradicts the unit in 'F_kg'; gf is used"
