@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
+from unittest import mock
 
 import pytest
 
@@ -44,20 +46,9 @@ def test_a_signal_ends_the_program_and_no_cell(tmp_path, name):
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no signals for one process")
 def test_a_line_is_counted_when_a_signal_comes_while_it_is_stored(tmp_path, capsys):
-    path = tmp_path / "lines"
-
-    def store():
-        with LongCount(path, 2, "lines") as count:
-
-            def flush_at_signal():
-                del count._file.flush
-                count._file.flush()
-                os.kill(os.getpid(), signal.SIGTERM)
-
-            count._file.flush = flush_at_signal
-            count.add("one")
-
-    with pytest.raises(SystemExit):
-        store()
+    path, count = tmp_path / "lines", LongCount(tmp_path / "lines", 2, "lines")
+    kill = partial(os.kill, os.getpid(), signal.SIGTERM)
+    with pytest.raises(SystemExit), count, mock.patch.object(count._file, "flush", kill):
+        count.add("one")
     assert path.read_text() == "one\n"
     assert "stopped; 1 of 2 lines done" in capsys.readouterr().err
