@@ -55,7 +55,7 @@ def _thrust(limits: Limits) -> tuple[float, float]:
 CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the rotor number
     "thrust_N": ChannelChecks(
         _thrust,
-        "lower the plan's pwm or raise limits.thrust_N within the load cell's rating",
+        "lower the pulse or raise limits.thrust_N within the load cell's rating",
         silence_factor=1.0,
         is_required=True,
         follows_pulse_width=True,
@@ -63,7 +63,7 @@ CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the 
     "thrust_raw": ChannelChecks(is_required=True, follows_pulse_width=True),
     "rpm": ChannelChecks(
         lambda limits: (-inf, limits.rpm),
-        "lower the plan's pwm or raise limits.rpm",
+        "lower the pulse or raise limits.rpm",
         silence_factor=1.0,
         is_required=True,
         follows_pulse_width=True,
@@ -72,12 +72,12 @@ CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the 
     "voltage_V": ChannelChecks(lambda limits: (limits.voltage_min_V, inf), "charge the battery"),
     "current_A": ChannelChecks(
         lambda limits: (-inf, limits.current_A),
-        "lower the plan's pwm or raise limits.current_A",
+        "lower the pulse or raise limits.current_A",
         follows_pulse_width=True,
     ),
     "temperature_degC": ChannelChecks(
         lambda limits: (-inf, limits.temperature_degC),
-        "let the ESC cool down or lower the plan's pwm",
+        "let the ESC cool down or lower the pulse",
     ),
     "plate_z_m": ChannelChecks(),
 }

@@ -19,15 +19,10 @@ from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.formats.formats import detect_format, import_bytes, import_file, is_stand_table
 from benchtool.data.propeller_file import load_propeller
+from benchtool.data.run import runs_folder
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.points import export_table
-from benchtool.data.run.runs_folder import (
-    RunsFolder,
-    column_map_path,
-    create_table_path,
-    store_table,
-    upload_name,
-)
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.table import read_table
 from benchtool.web.drawing import Content, FigureImage, PageSection, Tiles, Verdict, as_html
 
@@ -48,9 +43,9 @@ def store_upload(root: Path, name: str, data: bytes, date: str, inputs: ImportIn
 
     folder, options, file_format = RunsFolder(root), inputs.options(), detect_format(data)
     if options == ImportOptions() and (file_format is None or file_format.kind == "table"):
-        return folder.relative_name(store_table(folder, name, data, date))
-    result = import_bytes(data, upload_name(name), options)
-    path = create_table_path(folder, name, date)
+        return folder.relative_name(runs_folder.store_table(folder, name, data, date))
+    result = import_bytes(data, runs_folder.upload_name(name), options)
+    path = runs_folder.create_table_path(folder, name, date)
     write_recording(path, result.recording, import_metadata(result, options))
     return folder.relative_name(path)
 
@@ -109,7 +104,7 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
         finite = values[np.isfinite(values)]
         low, high = (finite.min(), finite.max()) if finite.size else (np.nan, np.nan)
         rows.append((channel.name, channel.unit, str(finite.size), f"{low:.4g}", f"{high:.4g}"))
-    replace_text(column_map_path(path), column_map_to_toml(columns))
+    replace_text(runs_folder.column_map_path(path), column_map_to_toml(columns))
     header = ("channel", "unit", "values", "minimum", "maximum")
     repairs = recording.provenance["repairs"]
     table = Table(f"{len(recording)} rows for the fit.", header, rows, text_columns=2)

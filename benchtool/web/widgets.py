@@ -196,13 +196,6 @@ def show_section(section: PageSection) -> None:
         CommandRow(section.command)
 
 
-def show_card(section: PageSection) -> None:
-    """Show a section with its title in a card."""
-    with ui.card().classes("w-full"):
-        show_title(section)
-        show_section(section)
-
-
 def show_html(section: PageSection) -> None:
     """Show the contents of a section."""
     ui.html(section.html, sanitize=False).classes("shown-body")
@@ -307,7 +300,7 @@ def add_table_upload(
         )
 
     upload = file_upload(
-        "Or upload a CSV file or a log",
+        "Upload a CSV file or a log",
         max_file_size=MAX_UPLOAD_BYTES,
         on_upload=store,
         on_rejected=reject,

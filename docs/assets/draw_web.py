@@ -66,7 +66,7 @@ def fill(page: Page, label: str, text: str) -> None:
 
 def sweep(page: Page) -> None:
     """Connect a simulated bench and measure a small sweep, fast; then let it run in real time."""
-    page.get_by_text("in control", exact=True).wait_for()
+    page.get_by_text("this page controls", exact=True).wait_for()
     page.get_by_role("button", name="Connect", exact=True).click()
     page.locator(".strips").wait_for()
     choose(page, "Virtual clock", "20 times faster")

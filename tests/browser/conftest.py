@@ -134,7 +134,7 @@ def open_page(browser):
 def page(web, open_page):
     """Return a page with the control lock."""
     page = open_page(web.url)
-    page.get_by_text("in control", exact=True).wait_for()
+    page.get_by_text("this page controls", exact=True).wait_for()
     return page
 
 

@@ -204,4 +204,4 @@ def test_of_two_pages_one_is_at_the_controls(page, web, device, open_page):
     assert device.stopped_after(pressed) < STOPPED_S
     page.close()
     second.get_by_role("button", name="Take over").click()
-    second.get_by_text("in control", exact=True).wait_for()
+    second.get_by_text("this page controls", exact=True).wait_for()

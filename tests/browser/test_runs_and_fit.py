@@ -49,7 +49,7 @@ def filled(browser, tmp_path_factory):
 def wait_for_controls(page: Page) -> None:
     """Wait until the page of an earlier test has released the control lock."""
     take = page.get_by_role("button", name="Take over")
-    take.or_(page.get_by_text("in control", exact=True)).first.wait_for()
+    take.or_(page.get_by_text("this page controls", exact=True)).first.wait_for()
 
 
 def test_a_run_is_found_and_shows_its_numbers(filled, open_page):

@@ -27,7 +27,7 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
     begin(page, fast_device, repeats=2, needs_page=needs_page)
     wait_for_points(page, 1)
     page.reload()
-    page.get_by_text("in control", exact=True).wait_for()
+    page.get_by_text("this page controls", exact=True).wait_for()
     if needs_page:
         page.get_by_role("button", name="Continue", exact=True).click()
     run = only_run(web)

@@ -300,7 +300,7 @@ def _law_constants(law: ThrustLaw, free: ThrustLaw) -> list[Estimate]:
     relative = sqrt(law.covariance[0, 0]) / law.values[0]
     sd = k * float(np.hypot(relative, 0.0 if is_exact else error / sqrt(3.0)))
     low, high = (end * 30.0 / pi for end in ends)
-    note = f"{'' if is_exact else 'the best '}from {low:.0f} to {high:.0f} rpm"
+    note = f"{'' if is_exact else 'best single k '}from {low:.0f} to {high:.0f} rpm"
     estimates = [
         t_estimate("k", "N/(rad/s)^2", k, sd, law.dof, note),
         t_estimate("k_error", "1", error, 0.0, law.dof, note),

@@ -59,7 +59,8 @@ def estimates_table(result: FitResult) -> Table:
 
 def _kind(result: FitResult) -> str:
     has_budget = any(isfinite(item.combined_sd) for item in result.estimates)
-    return "uncertainty of the budget" if has_budget else "statistical sd, without a budget"
+    of_budget = "one standard uncertainty, of the budget"
+    return of_budget if has_budget else "statistical sd, without a budget"
 
 
 def short_table(result: FitResult) -> Table:

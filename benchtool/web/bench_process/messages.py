@@ -11,6 +11,8 @@ from typing import Literal
 
 from benchtool.acquire.inputs import RecordInputs, SweepInputs, WeighingInputs
 from benchtool.bench.bench import DeviceInfo
+from benchtool.core.channel import channel_family
+from benchtool.core.errors import BenchtoolError, LimitExceeded
 from benchtool.core.rig import Limits, Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.append import Event
@@ -200,6 +202,35 @@ def limits_by_family(limits: Limits) -> dict[str, float]:
 
 
 SPEED_LIMIT = "speed"  # name of the LimitShare of speed
+LIMITED = (
+    ("thrust", "thrust_N", "N"),
+    (SPEED_LIMIT, "rpm", "rpm"),
+    ("pulse", "pwm_us", "us"),
+    ("voltage", "voltage_V", "V"),
+    ("current", "current_A", "A"),
+    ("temperature", "temperature_degC", "°C"),
+)
+"""Readings with a limit: name, channel family, unit."""
+DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
+
+
+def limit_message(error: BenchtoolError, limits: Limits, rig_limits: Limits) -> str:
+    """Return the text of an error that ended the connection, for a limit under manual throttle."""
+    if not isinstance(error, LimitExceeded):
+        return str(error)
+    bounds, rig_bounds = limits_by_family(limits), limits_by_family(rig_limits)
+    for name, family, unit in LIMITED:
+        limit, rig_limit = bounds[family], rig_bounds[family]
+        # Thrust that is not plausible for its speed has another limit.
+        if (channel_family(error.channel), abs(error.limit)) == (family, limit):
+            rig = f" (rig: {rig_limit:g} {unit})" if limit != rig_limit else ""
+            return (
+                f"{name.capitalize()} limit reached: {error.value:.{DECIMALS.get(unit, 0)}f} "
+                f"{unit}, limit {limit:g} {unit}{rig}. Motors are at zero. The bench was "
+                f"disconnected{', your limits are removed' if limits != rig_limits else ''}. "
+                f"{'Charge the battery' if unit == 'V' else 'Lower the pulse'}, then connect again."
+            )
+    return str(error)
 
 
 @dataclass(frozen=True, slots=True)

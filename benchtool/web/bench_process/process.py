@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.acquire import stop_listener
 from benchtool.acquire.calibration import (
     current_date,
     find_calibration,
@@ -29,12 +30,7 @@ from benchtool.acquire.calibration import (
 )
 from benchtool.acquire.inputs import SweepInputs, resolve_rig
 from benchtool.acquire.operator import CONFIRMATION
-from benchtool.acquire.stop_listener import (
-    VIRTUAL_CLOCKS,
-    StopListener,
-    announce,
-    report_standstill,
-)
+from benchtool.acquire.stop_listener import StopListener
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
@@ -68,10 +64,10 @@ def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token:
         listening,
         token,
         lambda source: process.stop(f"stopped from {source}"),
-        lambda: report_standstill(process.guard),
+        lambda: stop_listener.report_standstill(process.guard),
     )
     with listener:
-        process.announce = partial(announce, listener=listener)
+        process.announce = partial(stop_listener.announce, listener=listener)
         process.run()
 
 
@@ -176,7 +172,7 @@ class BenchProcess:
             rig = resolve_rig(address, connect.rig or None)
             device = open_bench(address)
             telemetry = Telemetry(opening.session, rig, self._publisher, lambda: stoppable.speed)
-            speed = 1.0 if address.startswith(VIRTUAL_CLOCKS) else 0.0
+            speed = 1.0 if address.startswith(stop_listener.VIRTUAL_CLOCKS) else 0.0
             self._bench = stoppable = StoppableBench(device, telemetry.add, speed)
             status = replace(
                 opening, status="on", rig_limits=rig.limits, is_weighing=connect.is_weighing
@@ -194,6 +190,8 @@ class BenchProcess:
                 problem = state.text
         except BenchtoolError as error:
             reason = str(error)
+            if error is not self._runs.sweep_error:
+                reason = messages.limit_message(error, session.rig.limits, rig.limits)
             problem = reason if isinstance(error, StandstillNotConfirmed) else ""
         finally:
             self._bench = self.guard = None

@@ -60,6 +60,7 @@ class RunSupervisor(RunProgress):
         self.texts: queue.SimpleQueue[str] = queue.SimpleQueue()  # annotations
         self._closing: threading.Thread | None = None
         self._needs_page, self._page_lost = True, False
+        self.sweep_error: BenchtoolError | None = None  # of the last sweep
 
     @property
     def active(self) -> bool:
@@ -128,6 +129,7 @@ class RunSupervisor(RunProgress):
         except BenchtoolError as error:
             if experiment.run is None:
                 raise
+            self.sweep_error = error if experiment.kind == "sweep" else None
             self._close(experiment.run, "stopped", bench.add_standstill_text(str(error)))
             bench.require_standstill(ends_normally=True)
             if isinstance(error, BenchError):

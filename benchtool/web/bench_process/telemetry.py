@@ -20,16 +20,6 @@ from benchtool.data.quantities import QUANTITIES
 from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import Decimator, EventPublisher
 
-LIMITED = (
-    ("thrust", "thrust_N", "N"),
-    (messages.SPEED_LIMIT, "rpm", "rpm"),
-    ("pulse", "pwm_us", "us"),
-    ("voltage", "voltage_V", "V"),
-    ("current", "current_A", "A"),
-    ("temperature", "temperature_degC", "°C"),
-)
-"""Readings with a limit: name, channel family, unit."""
-
 
 def limit_shares(
     channels: Sequence[Channel],
@@ -46,7 +36,7 @@ def limit_shares(
     limits = messages.limits_by_family(rig.limits)
     families = np.array([channel_family(channel.name) for channel in channels])
     shares = []
-    for name, family, unit in LIMITED:
+    for name, family, unit in messages.LIMITED:
         is_minimum, zero = family == "voltage_V", 0.0
         columns = readings[:, families == family]
         if family == "pwm_us":

@@ -11,40 +11,24 @@ from nicegui import ui
 from benchtool.core.channel import ColumnSource, unit_from_name
 from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, find_unit
-from benchtool.data.column_map import guess_columns, read_column_map
+from benchtool.data.column_map import find_conversion, guess_columns, name_and_unit, read_column_map
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import column_map_path
+from benchtool.web import widgets
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.entries import store_columns, store_radius
-from benchtool.web.widgets import (
-    add_table_upload,
-    multiple_choice,
-    notify,
-    notify_error,
-    open_tab,
-    replace_options,
-    show_errors,
-    show_html,
-)
 
 FIT_CHANNELS = {
     "thrust_N": "thrust_N (required)",
     "thrust_ratio": "thrust_ratio (T/T_OGE, instead of thrust)",
     "thrust_se_N": "thrust_se_N (standard error of thrust)",
-    "thrust_sd_N": "",
     "plate_z_m": "plate_z_m (rotor plane to plate)",
     "rpm1": "rpm1 (or speed of all rotors)",
-    "rpm2": "",
-    "rpm3": "",
-    "rpm4": "",
     "pwm1_us": "pwm1_us (without rpm)",
-    "plate_tilt_deg": "",
-    "plate_x_m": "",
-    "coverage1": "",
-    "voltage_V": "",
-    "time_s": "",
+    **dict.fromkeys(("thrust_sd_N", "rpm2", "rpm3", "rpm4", "plate_tilt_deg", "plate_x_m"), ""),
+    **dict.fromkeys(("coverage1", "voltage_V", "time_s"), ""),
 }
 """Channels of a fit (docs/how-to/fit.md#csv-files); those with a label are always visible."""
 
@@ -57,6 +41,18 @@ def allowed_units(channel: str) -> tuple[str, ...]:
     dimension = find_unit(default).dimension
     others = (symbol for symbol, unit in UNITS.items() if unit.dimension == dimension)
     return (default, *(symbol for symbol in others if symbol != default))
+
+
+def displayed_unit(channel: str, column: str, unit: str | None = None) -> str | None:
+    """Return the unit of a column, by default that in its name; None if it is unknown."""
+    default = unit_from_name(channel)
+    unit = unit or name_and_unit(column)[1] or default
+    try:
+        conversion = find_conversion(unit, default)
+    except InputError:
+        return None
+    same = (text for text in allowed_units(channel) if find_conversion(text, default) == conversion)
+    return next(same, unit)
 
 
 def load_columns(table: Path) -> dict[str, ColumnSource]:
@@ -94,9 +90,9 @@ class DataCard:
         self._on_rig_written = on_rig_written
         self._folder = listing.folder
         self.entries: dict[str, Entry] = {}
-        self.choice = multiple_choice("Runs and tables", self._show_columns)
+        self.choice = widgets.multiple_choice("Runs and tables", self._show_columns)
         self.choice.on("popup-show", self.refresh)
-        add_table_upload(context, self._uploaded)
+        widgets.add_table_upload(context, self._uploaded)
         self._columns = ui.column().classes("w-full")
         self._update_options()
 
@@ -110,10 +106,12 @@ class DataCard:
         for name in names:
             if name not in self.entries:
                 self._folder.find_path(name)  # raises for an invalid name
-                notify(f"{name} is not selected: it is neither a sweep nor a readable table")
+                widgets.notify(
+                    f"{name} is not selected: it is neither a sweep nor a readable table"
+                )
         self.choice.set_value([name for name in names if name in self.entries])
 
-    @show_errors
+    @widgets.show_errors
     async def refresh(self) -> None:
         if await self._listing.refresh():
             self._update_options()
@@ -124,7 +122,7 @@ class DataCard:
             name: f"{name} ({', '.join(filter(None, (entry.rig, entry.summary)))})"
             for name, entry in self.entries.items()
         }
-        replace_options(self.choice, options)
+        widgets.replace_options(self.choice, options)
 
     def _show_columns(self) -> None:
         self._columns.clear()
@@ -136,30 +134,31 @@ class DataCard:
                             self._add_column_form(name)
                         self._add_radius_field(name)
                     except Exception as error:  # noqa: BLE001 -- the page stays usable
-                        notify_error(error)
+                        widgets.notify_error(error)
         self._on_change()
 
-    @show_errors
+    @widgets.show_errors
     async def _uploaded(self, name: str) -> None:
         await self.refresh()
-        notify(f"saved as {name}")
+        widgets.notify(f"saved as {name}")
         if is_stand_table(self._folder.find_file(name)):
-            open_tab("runs", run=name)  # motor constants and comparisons; a fit needs a plate
+            widgets.open_tab(
+                "runs", run=name
+            )  # motor constants and comparisons; a fit needs a plate
         else:
-            self.choice.set_value([*self.names, name])
+            self.choice.set_value([name])
 
     def _add_radius_field(self, name: str) -> None:
-        """Add a field and a button to write a rig file with only the rotor radius."""
         with ui.row().classes("items-end w-full gap-3"):
             radius = ui.number(f"Rotor radius of {name}, m", placeholder="empty: from the table")
             radius.props("dense stack-label step=any").classes("grow")
             make = ui.button("Make a rig of it").props("outline dense")
 
-        @show_errors
+        @widgets.show_errors
         async def store() -> None:
             self._context.claim_control()
             path = await self._context.compute("tables", store_radius, name, radius.value)
-            notify(f"written: {path.name}")
+            widgets.notify(f"written: {path.name}")
             self._on_rig_written(str(path))
 
         make.on_click(store)
@@ -182,14 +181,14 @@ class DataCard:
             use = ui.button("Use these columns").props("outline no-caps")
             result = ui.column().classes("w-full")
 
-        @show_errors
+        @widgets.show_errors
         async def store() -> None:
             self._context.claim_control()
             result.clear()
             columns = check_columns({name: readers[name]() for name in FIT_CHANNELS})
             section = await self._context.compute("tables", store_columns, name, columns)
             with result:
-                show_html(section)
+                widgets.show_html(section)
             self._on_change()
 
         use.on_click(store)
@@ -209,23 +208,36 @@ def _add_column_fields(
         number = ui.number(value=source.constant if source else None)
         number.props(f'dense outlined step=any label="{channel} in every row"').classes("w-44")
         number.bind_visibility_from(column, "value", value=CONSTANT)
-        unit = ui.select(
-            list(allowed_units(channel)), value=(source and source.unit) or default_unit
-        )
-        unit.props(f'dense outlined label="unit" aria-label="unit of {channel}"').classes("w-28")
+        unit = ui.select([]).props("hide-bottom-space")
+        unit.props(
+            f'dense outlined hide-bottom-space label="unit" aria-label="unit of {channel}"'
+        ).classes("w-28")
         reverse = ui.checkbox("reversed", value=source is not None and source.sign < 0)
         reverse.props(f'dense aria-label="sign of {channel} is reversed"')
+
+    def show_unit(known: str | None = None) -> None:
+        symbol = displayed_unit(channel, str(column.value), known)
+        units = dict.fromkeys((*allowed_units(channel), symbol or default_unit))
+        unit.set_options([*units], value=symbol)
+        unit.validation = {f"unit of {column.value} is not known; select one": bool}
+
+    stored = source or ColumnSource(column=NONE)
+    show_unit(stored.unit or (None if stored.factor == 1.0 else default_unit))
+    first = column.value, unit.value
+    column.on_value_change(lambda: show_unit())
 
     def read() -> ColumnSource | None:
         name, symbol = str(column.value), str(unit.value)
         if name == NONE or (name == CONSTANT and number.value is None):
             return None
-        if source is not None and (name, symbol) == (source.column, source.unit or default_unit):
+        if not unit.validate():
+            raise InputError(str(unit.error))
+        if source is not None and (name, symbol) == first:
             return replace(source, sign=-1 if reverse.value else 1)
         return ColumnSource(
             column=None if name == CONSTANT else name,
             constant=number.value if name == CONSTANT else None,
-            unit=None if symbol == default_unit else symbol,
+            unit=None if symbol == default_unit == displayed_unit(channel, name) else symbol,
             sign=-1 if reverse.value else 1,
         )
 

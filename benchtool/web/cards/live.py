@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 from nicegui import ui
@@ -68,8 +68,29 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
             self.update()
 
 
+class AnnotationRow:
+    """Field for annotations of the current run, if it is of one of these kinds."""
+
+    def __init__(self, context: PageContext, *kinds: str) -> None:
+        self._context, self._kinds = context, kinds
+        with ui.row(wrap=False).classes("items-end w-full") as self._row:
+            self._text = ui.input("Annotation for the run").classes("grow")
+            self._text.props("dense").on("keydown.enter", self._annotate)
+            ui.button("Annotate", icon="edit_note", on_click=self._annotate).props("outline")
+
+    def refresh(self) -> None:
+        sweep = self._context.bench.sweep
+        self._row.set_visibility(sweep.active and sweep.kind in self._kinds)
+
+    @show_errors
+    def _annotate(self) -> None:
+        if text := self._text.value.strip():
+            self._context.send(messages.Annotate(text))
+            self._text.value = ""
+
+
 class ChartCard:
-    """Charts of the connected bench, and a field for annotations of its run.
+    """Charts of the connected bench, and annotations of its sweep or pitch recording.
 
     `only` are titles of charts without tools; default: all channels, with tools.
     """
@@ -80,16 +101,13 @@ class ChartCard:
         self._chart: StripChart | None = None
         with ui.card().classes("w-full") as self._card:
             self._container = ui.element("div").classes("w-full")
-            with ui.row(wrap=False).classes("items-end w-full") as self._annotation_row:
-                self._text = ui.input("Annotation for the run").classes("grow")
-                self._text.props("dense").on("keydown.enter", self._annotate)
-                ui.button("Annotate", icon="edit_note", on_click=self._annotate).props("outline")
+            self._annotation = AnnotationRow(context, "sweep", "pitch")
 
     def refresh(self) -> None:
         bench = self._context.bench
         identity, rig = bench.connection.identity, bench.connection.rig
-        self._card.set_visibility(identity is not None)
-        self._annotation_row.set_visibility(bench.sweep.active)
+        self._card.set_visibility(identity is not None or self._chart is not None)
+        self._annotation.refresh()
         if identity is None or rig is None:
             return
         if (displayed := (bench.connection.session, rig.limits)) != self._displayed:
@@ -103,23 +121,16 @@ class ChartCard:
         if self._chart is not None:
             self._chart.show_marks(bench.marks)
 
-    @show_errors
-    def _annotate(self) -> None:
-        if text := self._text.value.strip():
-            self._context.send(messages.Annotate(text))
-            self._text.value = ""
-
 
 WARNING_SHARE = 0.9  # share of a limit at which its bar changes colour; assumed
-DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
 
 
 def reading_html(limit: messages.LimitShare) -> str:
     """Return a mean reading with its limit, and a bar that is full at the limit."""
-    decimals = DECIMALS.get(limit.unit, 0)
+    decimals = messages.DECIMALS.get(limit.unit, 0)
     value = round(limit.value, decimals) + 0.0  # not "-0"
     percent = 100.0 * min(max(limit.share, 0.0), 1.0)
-    bound = f"{'min' if limit.is_minimum else 'max'} {limit.limit:g}"
+    bound = f"{'min' if limit.is_minimum else 'max'} {limit.limit:g} {limit.unit}"
     css_class = "bar near" if limit.share >= WARNING_SHARE else "bar"
     return (
         f'<div><span class="soft">{limit.name}</span><span class="soft">{bound}</span>'
@@ -153,18 +164,19 @@ class QuantitiesCard:
         with open_dialog("Tighten limits") as dialog:
             ui.label("Valid until the bench is disconnected; at most the rig's limits.")
             inputs = {}
-            for name in (field.name for field in fields(Limits)):
-                if name != "load_cell_rating_N":
-                    number = ui.number(name, value=getattr(rig.limits, name), format="%g")
-                    number.props(f'hint="rig: {getattr(rig_limits, name):g}" dense')
-                    inputs[name] = number.classes("w-full")
+            for name, family, unit in messages.LIMITED:
+                key = "voltage_min_V" if family == "voltage_V" else family
+                label = f"{('minimum ' * (key != family) + name).capitalize()}, {unit}"
+                number = ui.number(label, value=getattr(rig.limits, key), format="%g")
+                number.props(f'hint="rig: {getattr(rig_limits, key):g} {unit}" dense')
+                inputs[key] = number.classes("w-full")
 
             @show_errors
             def send() -> None:
                 numbers = {name: element.value for name, element in inputs.items()}
-                missing = [name for name, number in numbers.items() if not number]
-                if missing:
-                    raise InputError(f"{missing[0]} is empty or 0; type a number above 0")
+                for element in inputs.values():
+                    if not element.value:
+                        raise InputError(f"{element.label} is empty or 0; type a number above 0")
                 self._context.send(messages.TightenLimits(replace(rig.limits, **numbers)))
                 dialog.close()
 

@@ -48,9 +48,10 @@ class ThrottleCard:
         )
         if identity is None or rig is None:
             return
-        if (connection.session, rig.limits) != self._displayed:
+        session, limits = self._displayed
+        if (connection.session, rig.limits) != (session, limits):
             self._displayed = connection.session, rig.limits
-            self._show_rig(rig)
+            self._show_rig(rig, is_new=connection.session != session)
             self._warnings.clear()
             with self._warnings:
                 show_warnings(identity, rig)
@@ -64,7 +65,7 @@ class ThrottleCard:
         text = f"{max_command_us:.0f} us commanded" if is_driven else "Hold to turn"
         self._commanded.set_text(text)
 
-    def _show_rig(self, rig: Rig) -> None:
+    def _show_rig(self, rig: Rig, *, is_new: bool) -> None:
         stop_us = rig.propulsion.pwm_stop_us
         max_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us)
         # As numbers: a slider with strings as bounds fails on drag.
@@ -72,6 +73,11 @@ class ThrottleCard:
         self._slider.update()
         self._pulse.min, self._pulse.max = stop_us, max_us
         self._pulse.props(f'hint="{stop_us:g} to {max_us:g}"')
+        if not is_new:
+            if (self._pulse.value or 0.0) > max_us:
+                self._pulse.value = max_us
+                ui.notify(f"pulse lowered to {max_us:g} us, its new limit", position="bottom-left")
+            return
         self._pulse.value = low_throttle_us(rig)
         self._names.clear()
         with self._names:

@@ -8,17 +8,12 @@ from dataclasses import replace
 
 from nicegui import events, ui
 
+from benchtool.acquire import visit_order
 from benchtool.acquire.check_plan import PlanExtremes, check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import arming_prompt
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
-from benchtool.acquire.visit_order import (
-    Visit,
-    expected_duration_s,
-    format_duration,
-    plan_settings,
-    plan_visits,
-)
+from benchtool.acquire.visit_order import Visit
 from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.inputs import input_values, items
@@ -26,18 +21,9 @@ from benchtool.core.rig import Rig
 from benchtool.core.text import format_value
 from benchtool.data.catalogue.index import load_entries
 from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.web import widgets
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import (
-    CommandRow,
-    confirm_arming,
-    confirm_resume,
-    file_upload,
-    open_dialog,
-    show_errors,
-    show_facts,
-    titled_card,
-)
 
 MAX_PREVIEW_ROWS = 400  # assumed
 COLUMNS = ("point", "kind", "z/R", "us", "repeat")
@@ -61,12 +47,13 @@ def plan_facts(
     kinds = [visit.kind for visit in visits]
     extra = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
     extra = extra if plan.plate.used else ""
+    duration_s = visit_order.expected_duration_s(plan, rig, visits)
     return {
         "points": (
-            f"{len(visits)}, of {len(plan_settings(plan, rig))} settings: "
+            f"{len(visits)}, of {len(visit_order.plan_settings(plan, rig))} settings: "
             f"{plan.repeats} repeats{extra}"
         ),
-        "duration": f"about {format_duration(expected_duration_s(plan, rig, visits))}",
+        "duration": f"about {visit_order.format_duration(duration_s)}",
         "expected maxima": (
             f"{expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
             f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N"
@@ -109,7 +96,7 @@ class PlanCard:
         self._arming_text = ""  # of a valid plan
         self._base, self._file = SweepInputs(), ""
         self._form = InputForm(SweepInputs, self._update)
-        with titled_card("Plan") as self._card:
+        with widgets.titled_card("Plan") as self._card:
             self._build_form()
             self._facts = ui.element("div").classes("facts-grid")
             self._problem = ui.label().classes("warn-box w-full")
@@ -124,7 +111,8 @@ class PlanCard:
                 self._start = ui.button("Start the sweep", icon="play_arrow", on_click=self._arm)
                 self._resume = ui.button("Resume a stopped run", on_click=self._select_run)
                 self._resume.props("outline")
-            self._command = CommandRow()
+                self._closing = ui.label("closing the run ...").classes("soft").props("role=status")
+            self._command = widgets.CommandRow()
 
     def _build_form(self) -> None:
         ui.label("Empty fields show their default.").classes("soft")
@@ -139,18 +127,17 @@ class PlanCard:
             tests = {name: name for name in THROTTLE_TESTS}
             test = ui.select({"": "plate sweep"} | tests, value="", label="Test")
             test.props("dense").classes("w-44").on_value_change(self._select_test)
-            upload = file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
+            upload = widgets.file_upload("Plan file (TOML)", max_file_size=MAX_PLAN_BYTES)
             upload.props("accept=.toml flat bordered dense").on_upload(self._load)
         self._base_hint = ui.label().classes("soft")
 
     def _select_test(self, event: events.ValueChangeEventArguments[str]) -> None:
-        """Use a library plan without a plate as the base of the form."""
         name = str(event.value or "")
         plan = read_plan(name) if name else Plan()
         self._base, self._file = SweepInputs(plan=plan), name
         self._update()
 
-    @show_errors
+    @widgets.show_errors
     async def _load(self, event: events.UploadEventArguments) -> None:
         name = event.file.name
         try:
@@ -170,6 +157,7 @@ class PlanCard:
         is_idle = is_idle and not self._context.bench.sweep.active
         self._start.set_enabled(is_idle and bool(self._arming_text))
         self._resume.set_enabled(is_idle)
+        self._closing.set_visibility(self._context.bench.sweep.status == "closing")
 
     def _update(self) -> None:
         connection, runs = self._context.bench.connection, self._context.runs
@@ -184,7 +172,7 @@ class PlanCard:
             self._form.show_defaults(plan_texts(plan, rig))
             self._form.show_fields(PLATE_FIELDS, plan.plate.used)
             limits = connection.identity.limits if connection.identity else None
-            expected, visits = check_plan(plan, rig, limits), plan_visits(plan, rig)
+            expected, visits = check_plan(plan, rig, limits), visit_order.plan_visits(plan, rig)
             facts = plan_facts(plan, rig, visits, expected)
             rows = plan_rows(plan, rig, visits)
             self._arming_text = arming_prompt(plan, rig, expected)
@@ -192,7 +180,7 @@ class PlanCard:
             problem = str(error)
         self._problem.set_text(problem)
         self._problem.set_visibility(bool(problem))
-        show_facts(self._facts, facts)
+        widgets.show_facts(self._facts, facts)
         self._order.rows = rows
         self._order.update()
         extra = {
@@ -203,29 +191,29 @@ class PlanCard:
         }
         self._command.show(["sweep", *self._form.arguments(extra)])
 
-    @show_errors
+    @widgets.show_errors
     def _arm(self) -> None:
         self._context.require_control()
         self._update()
         if not self._arming_text:
             raise InputError(self._problem.text)
         inputs = replace(self._form.make(self._base), runs=self._context.runs)
-        confirm_arming(self._context, self._card, self._arming_text, inputs)
+        widgets.confirm_arming(self._context, self._card, self._arming_text, inputs)
 
-    @show_errors
+    @widgets.show_errors
     async def _select_run(self) -> None:
         self._context.require_control()
         entries = await asyncio.to_thread(load_entries, self._context.runs)
         names = [entry.name for entry in entries if (entry.kind, entry.state) == STOPPED]
         if not names:
             raise InputError(f"no stopped sweep in {self._context.runs}; start a new sweep")
-        with open_dialog("Resume a run") as dialog:
+        with widgets.open_dialog("Resume a run") as dialog:
             select = ui.select(names, value=names[0]).classes("w-full")
 
-            @show_errors
+            @widgets.show_errors
             async def resume() -> None:
                 path = RunsFolder(self._context.runs).find_path(select.value)
-                await confirm_resume(self._context, self._card, path)
+                await widgets.confirm_resume(self._context, self._card, path)
                 dialog.close()
 
             with ui.row():

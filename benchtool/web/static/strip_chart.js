@@ -167,7 +167,7 @@ export default {
         all.forEach((data, k) => series.push({
           data, markLine: {
             animation: false, symbol: "none", lineStyle: { color: ink, type: "dashed" }, data: shown && !k ? [...marks, bound] : marks,
-            label: { show: !series.length, color: ink, position: "insideEndTop", rotate: 0, formatter: "{b}" },
+            label: { show: !series.length, color: ink, position: "insideEnd", align: "left", verticalAlign: "top", rotate: 0, formatter: " {b}" },
           },
         }));
         return roundAxis(shown ? Math.min(low, limit) : low, shown ? Math.max(high, limit) : high, panel.decimals);

@@ -17,27 +17,13 @@ from benchtool.core.inputs import to_arguments, with_changes
 from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.text import format_value, pluralize
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.web.bench_process.messages import (
-    Connect,
-    Disconnect,
-    EndRecording,
-    SetClockSpeed,
-    StartLiveRecording,
-)
-from benchtool.web.cards.live import ChartCard, QuantitiesCard
+from benchtool.web import widgets
+from benchtool.web.bench_process import messages
+from benchtool.web.cards.live import AnnotationRow, ChartCard, QuantitiesCard
 from benchtool.web.cards.manual import LoadCellCard, ThrottleCard
 from benchtool.web.choices import rig_choices
 from benchtool.web.context import PageContext
-from benchtool.web.form import InputForm
-from benchtool.web.widgets import (
-    CommandRow,
-    confirm_arming,
-    open_tab,
-    refresh_cards,
-    show_errors,
-    show_facts,
-    titled_card,
-)
+from benchtool.web.form import RUN_NAME, InputForm
 
 REFRESH_INTERVAL_S = 0.25  # of the numbers
 
@@ -59,7 +45,7 @@ class ConnectCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        send = show_errors(context.send)
+        send = widgets.show_errors(context.send)
         with ui.card().classes("w-full") as self._card:
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = ui.input("Address of the bench", value=DEFAULT_ADDRESS)
@@ -73,10 +59,10 @@ class ConnectCard:
                 self._rig = ui.select(rigs, value="", label="Rig")
                 self._rig.classes("w-44").on_value_change(self._show_command)
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)
-                self._off = ui.button("Disconnect", on_click=lambda: send(Disconnect()))
+                self._off = ui.button("Disconnect", on_click=lambda: send(messages.Disconnect()))
                 self._off.props("outline")
-            self._command = CommandRow()
-        with titled_card("No bench is connected") as self._help_card:
+            self._command = widgets.CommandRow()
+        with widgets.titled_card("No bench is connected") as self._help_card:
             ui.markdown("\n".join(f"1. {step}" for step in FIRST_STEPS)).classes("steps")
         self._show_command()
 
@@ -96,10 +82,12 @@ class ConnectCard:
             if rig in self._rig.options and not connection.address.startswith("sim:"):
                 self._rig.set_value(rig)
 
-    @show_errors
+    @widgets.show_errors
     def _connect(self) -> None:
         self._context.require_control()
-        self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
+        self._context.send(
+            messages.Connect(address=self._address.value.strip(), rig=self._rig.value)
+        )
 
     def _show_command(self) -> None:
         rig = ["--rig", self._rig.value] if self._rig.value else []
@@ -142,7 +130,7 @@ class DeviceCard:
     def __init__(self, context: PageContext) -> None:
         self._context = context
         self._session = -1
-        with titled_card("Link and device") as self._card:
+        with widgets.titled_card("Link and device") as self._card:
             self._link = ui.label().classes("number")
             self._speed = ui.select(CLOCK_SPEEDS, value=1, label="Virtual clock").classes("w-44")
             self._speed.on_value_change(self._set_speed)
@@ -174,12 +162,12 @@ class DeviceCard:
             "channels": ", ".join(channel.name for channel in identity.channels),
             **{name: text for name, text in identity.facts.items() if name == "warning"},
         }
-        show_facts(self._facts, facts)
+        widgets.show_facts(self._facts, facts)
 
-    @show_errors
+    @widgets.show_errors
     def _set_speed(self) -> None:
         if self._context.bench.live.speed > 0.0 and self._context.in_control():
-            self._context.bench.send(SetClockSpeed(float(self._speed.value)))
+            self._context.bench.send(messages.SetClockSpeed(float(self._speed.value)))
 
 
 def build(context: PageContext) -> None:
@@ -191,7 +179,7 @@ def build(context: PageContext) -> None:
         with ui.element("div"):
             cards += [ThrottleCard(context), LiveRecordCard(context), RecordCard(context)]
             cards += [QuantitiesCard(context), LoadCellCard(context), DeviceCard(context)]
-    refresh_cards(REFRESH_INTERVAL_S, *cards)
+    widgets.refresh_cards(REFRESH_INTERVAL_S, *cards)
 
 
 LIVE_HINT = (
@@ -205,20 +193,27 @@ class LiveRecordCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        send = show_errors(context.send)
-        with titled_card("Live recording") as self._card:
+        send = widgets.show_errors(context.send)
+        with widgets.titled_card("Live recording") as self._card:
             with ui.row().classes("items-end w-full"):
-                name = ui.input("Name of the run", value="live").props("dense").classes("grow")
+                name = ui.input("Name of the run", value="live", validation=RUN_NAME)
+                name.props("dense").classes("grow")
                 self._start = ui.button("Record", icon="fiber_manual_record")
                 self._start.on_click(
-                    lambda: send(StartLiveRecording(runs=context.runs, name=name.value.strip()))
+                    lambda: send(
+                        messages.StartLiveRecording(runs=context.runs, name=name.value.strip())
+                    )
                 )
-                self._end = ui.button("End", icon="save", on_click=lambda: send(EndRecording()))
+                self._end = ui.button(
+                    "End", icon="save", on_click=lambda: send(messages.EndRecording())
+                )
                 self._show = ui.button("Show", icon="folder_open").props("outline")
-                self._show.on_click(lambda: open_tab("runs", run=context.bench.sweep.name))
+                self._show.on_click(lambda: widgets.open_tab("runs", run=context.bench.sweep.name))
+            self._annotation = AnnotationRow(context, "live")
             self._status = ui.label().classes("number soft").props("role=status")
 
     def refresh(self) -> None:
+        self._annotation.refresh()
         connection, sweep = self._context.bench.connection, self._context.bench.sweep
         is_live = sweep.kind == "live" and sweep.status != "none"
         channels = connection.identity.channels if connection.identity else ()
@@ -240,15 +235,17 @@ class RecordCard:
         self._session = -1
         self._base = RecordInputs(address="ADDRESS", runs=context.runs)
         self._form = InputForm(RecordInputs, self._show_command)
-        with titled_card("Pitch recording") as self._card:
+        with widgets.titled_card("Pitch recording") as self._card:
             with ui.element("div").classes("field-grid"):
                 self._form.add("seconds", "collective", "plate_z_m", "limit_deg", "name")
             with ui.row().classes("items-center w-full"):
                 self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._arm)
                 self._explain = ui.button("Explain", icon="troubleshoot").props("outline")
-                self._explain.on_click(lambda: open_tab("explain", learn=context.bench.sweep.name))
+                self._explain.on_click(
+                    lambda: widgets.open_tab("explain", learn=context.bench.sweep.name)
+                )
                 self._status = ui.label().classes("grow number").props("role=status")
-            self._command = CommandRow()
+            self._command = widgets.CommandRow()
 
     def refresh(self) -> None:
         connection, sweep = self._context.bench.connection, self._context.bench.sweep
@@ -282,7 +279,7 @@ class RecordCard:
             inputs = with_changes(self._form.make(self._base))
             self._command.show(["record", *to_arguments(RecordInputs, inputs)])
 
-    @show_errors
+    @widgets.show_errors
     def _arm(self) -> None:
         self._context.require_control()
         connection = self._context.bench.connection
@@ -291,4 +288,4 @@ class RecordCard:
             raise InputError("no bench is connected; connect one first")
         inputs = self._form.make(self._base)
         text = arming_text(inputs, rig, check_experiment(inputs, rig, identity))
-        confirm_arming(self._context, self._card, text, inputs)
+        widgets.confirm_arming(self._context, self._card, text, inputs)

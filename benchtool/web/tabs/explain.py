@@ -16,22 +16,11 @@ from benchtool.core.errors import InputError
 from benchtool.data.run.run import free_path
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.nominal import rig_for_data
+from benchtool.web import widgets
 from benchtool.web.choices import RecordingSources, check_rig_choice, rig_choices
 from benchtool.web.command_jobs import CommandJob, Explanation
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext
-from benchtool.web.widgets import (
-    add_table_upload,
-    multiple_choice,
-    notify,
-    replace_options,
-    show_errors,
-    show_html,
-    show_section,
-    show_title,
-    titled_card,
-    today,
-)
 
 DESCRIPTION = (
     "Shows where recordings disagree with a model, and which physical effect the model lacks. The "
@@ -91,19 +80,21 @@ class ExplainTab(CommandTab):
         super().__init__(context)
         self._suggested_model = ""
         self._sources = RecordingSources.from_folder(context.runs)
-        with self.inputs, titled_card("Recordings and model"):
+        with self.inputs, widgets.titled_card("Recordings and model"):
             ui.label(DESCRIPTION).classes("soft")
             with ui.element("div").classes("fit-form w-full"):
                 with ui.column().classes("w-full gap-3"):
-                    self._learn = multiple_choice("Training recordings", self._suggest_model)
-                    self._check = multiple_choice("Validation recordings", self.change)
+                    self._learn = widgets.multiple_choice(
+                        "Training recordings", self._suggest_model
+                    )
+                    self._check = widgets.multiple_choice("Validation recordings", self.change)
                 with ui.column().classes("w-full gap-3"):
                     self._model = ui.select({}, label="Model", on_change=self.change)
                     self._model.props("use-input input-debounce=0").classes("w-full")
                     rigs = rig_choices(self.folder)
                     self._rig = ui.select(rigs, label="Rig of a table", on_change=self.change)
                     self._rig.props("clearable").classes("w-full")
-                    add_table_upload(context, self._uploaded)
+                    widgets.add_table_upload(context, self._uploaded)
             for select in (self._learn, self._check, self._model):
                 select.on("popup-show", self._read_choices)
             self.add_controls()
@@ -112,9 +103,8 @@ class ExplainTab(CommandTab):
         names = [query.getlist(key) for key in ("learn", "check", "model")]
         ui.timer(0.0, lambda: self._select(*names), once=True)
 
-    @show_errors
+    @widgets.show_errors
     async def _select(self, learn: list[str], check: list[str], model: list[str]) -> None:
-        """Read the available choices and select those of the page's address."""
         await self._read_choices()
         for select, names in ((self._learn, learn), (self._check, check)):
             select.set_value([name for name in names if name in select.options])
@@ -127,25 +117,24 @@ class ExplainTab(CommandTab):
             field = getattr(self, f"_{key}")
             self.context.persist(f"explain.{key}", field, restore=not has_query)
 
-    @show_errors
+    @widgets.show_errors
     async def _read_choices(self) -> None:
         recordings, models = await asyncio.to_thread(self._sources.read_choices)
         for select in (self._learn, self._check):
-            replace_options(select, recordings)
-        replace_options(self._model, models)
+            widgets.replace_options(select, recordings)
+        widgets.replace_options(self._model, models)
 
-    @show_errors
+    @widgets.show_errors
     async def _uploaded(self, name: str) -> None:
         """Select an uploaded recording, for validation if a training recording is selected."""
         await self._read_choices()
         select = self._check if self._learn.value else self._learn
         select.set_value([*(select.value or []), name])
         purpose = "validation" if select is self._check else "training"
-        notify(f"saved as {name}, selected for {purpose}")
+        widgets.notify(f"saved as {name}, selected for {purpose}")
 
-    @show_errors
+    @widgets.show_errors
     def _suggest_model(self) -> None:
-        """Select the model for the first recording, unless the user has selected one."""
         if self._model.value in (None, self._suggested_model) and self._learn.value:
             model = self._sources.suggest_model(self._learn.value[0])
             self._suggested_model = model if model in self._model.options else ""
@@ -154,17 +143,17 @@ class ExplainTab(CommandTab):
 
     def read_form(self) -> tuple[str, ExplainInputs]:
         learn, check = list(self._learn.value or []), list(self._check.value or [])
-        out = suggested_folder(self._sources, learn, today())
+        out = suggested_folder(self._sources, learn, widgets.today())
         model, rig = self._model.value or "", self._rig.value
         return out.name, explain_inputs(self._sources, learn, check, model, rig, out)
 
     def show_report(self, job: CommandJob) -> None:
         result: Explanation = job.result()
         with ui.card().classes("w-full"):
-            show_title(result.head, f"after {result.seconds:.1f} s")
-            show_html(result.head)
+            widgets.show_title(result.head, f"after {result.seconds:.1f} s")
+            widgets.show_html(result.head)
             self._add_acceptance(job, result)
-            show_section(result.section)
+            widgets.show_section(result.section)
 
     def _add_acceptance(self, job: CommandJob, result: Explanation) -> None:
         with ui.row().classes("items-center w-full"):
@@ -174,7 +163,7 @@ class ExplainTab(CommandTab):
             button.set_enabled(job.accepted_model is None)
             ui.html(self._status(job, result), sanitize=False).props("role=status")
 
-        @show_errors
+        @widgets.show_errors
         async def accept() -> None:
             self.context.claim_control()
             button.disable()

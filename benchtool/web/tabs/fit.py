@@ -28,14 +28,17 @@ from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
 from benchtool.physics.model_file import load_model
 from benchtool.report.numbers import display_unit
 from benchtool.table_fit import MODEL
+from benchtool.web import widgets
 from benchtool.web.cards.data import DataCard
 from benchtool.web.choices import check_rig_choice, model_choices, model_path, rig_choices
 from benchtool.web.command_jobs import CommandJob
 from benchtool.web.command_tab import CommandTab
 from benchtool.web.context import PageContext, RunsListing
+from benchtool.web.drawing import PageSection
 from benchtool.web.entries import FIGURE_WORKER, view_fit
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import show_card, show_errors, show_spinner, titled_card
+from benchtool.web.tabs.runs import add_download, report_download
+from benchtool.web.widgets import show_errors, show_spinner, titled_card
 
 DEFAULT_MODEL = "quad_bench"
 
@@ -176,7 +179,6 @@ class ParameterTable:
         self._container = ui.element("div").classes("w-full wide")
 
     def clear(self) -> None:
-        """Discard the changes before another model is shown."""
         self._parameters, self.changes = {}, {}
         self._container.clear()
         self._on_change()
@@ -245,7 +247,7 @@ class FitTab(CommandTab):
 
     def __init__(self, context: PageContext, listing: RunsListing) -> None:
         super().__init__(context)
-        self._suggested_name = ""
+        self._suggested_name = ui.input().classes("hidden")  # stored, so that a typed name is known
         with self.inputs:
             with ui.element("div").classes("fit-form"):
                 with titled_card("Data"):
@@ -264,6 +266,7 @@ class FitTab(CommandTab):
                 self.add_controls()
         self.show_latest()
         context.persist("fit.model", self._model)
+        context.persist("fit.suggested_name", self._suggested_name)
         context.persist("fit.name", self._name)
 
     def _build_method(self, models: Mapping[str, str]) -> None:
@@ -297,6 +300,7 @@ class FitTab(CommandTab):
     def _on_data_change(self) -> None:
         """Select the single-rotor model for tables, unless the user has selected another model."""
         if self.is_ready:
+            self._failed.set_visibility(False)
             kinds = {self.data.entries[name].kind for name in self.data.names}
             if kinds == {"table"} and self._model.value == DEFAULT_MODEL:
                 self._model.set_value(MODEL)
@@ -309,8 +313,8 @@ class FitTab(CommandTab):
         first = self.data.names[0].rsplit("/", 1)[-1] if self.data.names else "data"
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", first.removesuffix(".csv"))
         name = free_path(self.folder.root / f"fit-{stem}").name
-        if not self._name.value or self._name.value == self._suggested_name:
-            self._suggested_name = name
+        if self._name.value in (None, "", self._suggested_name.value):
+            self._suggested_name.set_value(name)
             self._name.set_value(name)
         model = model_path(self.folder, self._model.value)
         request = FitRequest(
@@ -326,7 +330,13 @@ class FitTab(CommandTab):
         return request.name, inputs
 
     def show_report(self, job: CommandJob) -> None:
-        show_card(job.result())
+        self.show_fit(job.result())
+
+    def show_fit(self, section: PageSection) -> None:
+        with ui.card().classes("w-full"):
+            widgets.show_title(section)
+            add_download(self.context, report_download(section.title, (section.title,)))
+            widgets.show_section(section)
 
     async def done(self, job: CommandJob) -> None:
         self.context.server.forms.store(self.context.tab, RESULT_KEY, job.out.name)
@@ -358,7 +368,7 @@ def build(context: PageContext) -> None:
             await tab.data.select(names)
         if fit_name and any(entry.name == fit_name for entry in listing.entries):
             section = await context.compute(FIGURE_WORKER, view_fit, fit_name)
-            tab.replace_report(partial(show_card, section))
+            tab.replace_report(partial(tab.show_fit, section))
         if names:
             tab.inputs.set_value(True)
 

@@ -21,32 +21,11 @@ from benchtool.data.run.entry import ANSWER_FILE, ENTRY_KINDS, FIT_FILE, SWEEPS,
 from benchtool.data.run.points import TABLES
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.export.targets import TARGETS
+from benchtool.web import entries as views
+from benchtool.web import widgets
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.drawing import PageSection
-from benchtool.web.entries import (
-    FIGURE_WORKER,
-    MOTOR_PART,
-    export_file,
-    report_bytes,
-    table_bytes,
-    view_comparison,
-    view_entry,
-    view_part,
-)
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import (
-    add_section_expansion,
-    add_table_upload,
-    confirm_resume,
-    load_section,
-    notify,
-    open_tab,
-    replace_options,
-    show_errors,
-    show_section,
-    show_spinner,
-    show_title,
-)
 
 EXPORT_WORKER = "reports"  # process that writes downloads
 
@@ -73,12 +52,51 @@ def downloads(entry: Entry) -> Iterator[Download]:
         tables = TABLES if entry.kind in SWEEPS else ("samples",)
         for table, label in (*((table, "CSV") for table in tables), ("samples", "Parquet")):
             suffix = f".{label.lower()}"
-            yield f"{table}, {label}", f"{flat}-{table}{suffix}", table_bytes, (name, table, suffix)
+            yield (
+                f"{table}, {label}",
+                f"{flat}-{table}{suffix}",
+                views.table_bytes,
+                (name, table, suffix),
+            )
 
 
 def report_download(name: str, entries: tuple[str, ...]) -> Download:
     """Return the download of a report."""
-    return "Report, HTML", f"{name}-report.html", report_bytes, (entries,)
+    return "Report, HTML", f"{name}-report.html", views.report_bytes, (entries,)
+
+
+def add_download(context: PageContext, download: Download) -> None:
+    """Add a button that saves a file of an entry."""
+    label, file, function, arguments = download
+
+    async def load() -> tuple[str, bytes | Path]:
+        if function is None:
+            return file, RunsFolder(context.runs).find_file(*arguments)
+        return file, await context.compute(EXPORT_WORKER, function, *arguments)
+
+    _add_save(label, "download", load)
+
+
+def _add_save(
+    label: str, icon: str, load: Callable[[], Awaitable[tuple[str, bytes | Path]]]
+) -> None:
+    """Add a button that saves a file; `load` returns its name and content."""
+    button = ui.button(label, icon=icon).props("outline dense")
+    page = ui.context.client
+
+    @widgets.show_errors
+    async def save() -> None:
+        button.props("loading")
+        try:
+            file, content = await load()
+        finally:
+            button.props(remove="loading")
+        # In the page's slot: opening another entry deletes the button.
+        with page:
+            ui.download(content, file)
+            widgets.notify(f"saved: {file}")
+
+    button.on_click(save)
 
 
 class RunDetail:
@@ -92,56 +110,62 @@ class RunDetail:
         self._container = ui.column().classes("w-full gap-3 scroll-place")
 
     async def open(self, name: str) -> None:
-        """Show one entry."""
         self._propeller = ""
         entry = build_entry(self._folder, name)
-        result = await self._load(f"reading {name}", view_entry, name)
+        result = await self._load(f"reading {name}", views.view_entry, name)
         if result is None:
             return
         section, part_titles = result
-        is_motor_log = MOTOR_PART in part_titles
+        is_motor_log = views.MOTOR_PART in part_titles
         is_stand_log = entry.kind == "table" and is_stand_table(self._folder.find_file(name))
         with self._container, ui.card().classes("w-full"):
-            show_title(section, f"{entry.kind} {entry.state}".strip())
+            widgets.show_title(section, f"{entry.kind} {entry.state}".strip())
             with ui.row().classes("w-full gap-3 items-center"):
                 if is_motor_log:
                     compare = ui.button("Compare", icon="stacked_line_chart").props("dense")
                     compare.on_click(lambda: self._on_compare(name))
                 if entry.can_fit and not is_stand_log:  # a stand has no plate
                     fit = ui.button("Fit", icon="functions").props("dense")
-                    fit.on_click(lambda: open_tab("fit", data=name))
+                    fit.on_click(lambda: widgets.open_tab("fit", data=name))
                 if (entry.kind, entry.state) == ("sweep", "stopped"):
                     resume = ui.button("Resume", icon="play_arrow").props("dense outline")
                     path = self._folder.find_path(name)
-                    resume.on_click(lambda: confirm_resume(self._context, self._container, path))
+                    resume.on_click(
+                        lambda: widgets.confirm_resume(self._context, self._container, path)
+                    )
                 for download in downloads(entry):
-                    self._add_download(download)
+                    add_download(self._context, download)
                 if not entry.problem and (entry.kind in ("fit", *SWEEPS) or is_motor_log):
                     self._add_export(name)
             if is_motor_log:
                 self._add_motor(name)
-            show_section(section)
+            widgets.show_section(section)
             for title in part_titles:
-                if title != MOTOR_PART:
-                    load = partial(self._context.compute, FIGURE_WORKER, view_part, name, title)
-                    add_section_expansion(title, load, f"drawing {title.lower()}")
+                if title != views.MOTOR_PART:
+                    load = partial(
+                        self._context.compute,
+                        views.FIGURE_WORKER,
+                        views.view_part,
+                        name,
+                        title,
+                    )
+                    widgets.add_section_expansion(title, load, f"drawing {title.lower()}")
 
     async def compare(
         self, entries: Sequence[Entry], over: str = "", thrust_N: float | None = None
     ) -> None:
-        """Show a comparison of entries, as `view_comparison`."""
         kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
         has_ratios = kinds <= {*SWEEPS} and not over
         over = over if has_ratios or kinds == {"fit"} else over or "thrust"
         text = f"comparing {len(names)}"
-        section = await self._load(text, view_comparison, names, over, thrust_N)
+        section = await self._load(text, views.view_comparison, names, over, thrust_N)
         if section is None:
             return
         with self._container, ui.card().classes("w-full"):
-            show_title(section)
+            widgets.show_title(section)
             if has_ratios:
-                self._add_download(report_download("compared", names))
-            show_section(section)
+                add_download(self._context, report_download("compared", names))
+            widgets.show_section(section)
 
     async def _load(self, text: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Return the result of a worker function, or None if another entry was opened meanwhile."""
@@ -149,10 +173,10 @@ class RunDetail:
         number = self._request_number
         self._container.clear()
         with self._container:
-            show_spinner(text)
+            widgets.show_spinner(text)
         self._container.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
         try:
-            result = await self._context.compute(FIGURE_WORKER, function, *arguments)
+            result = await self._context.compute(views.FIGURE_WORKER, function, *arguments)
         finally:
             if number == self._request_number:
                 self._container.clear()
@@ -168,54 +192,24 @@ class RunDetail:
         container = ui.column().classes("w-full")
 
         def load() -> Awaitable[PageSection]:
-            arguments = (name, MOTOR_PART, self._propeller)
-            return self._context.compute(FIGURE_WORKER, view_part, *arguments)
+            arguments = (name, views.MOTOR_PART, self._propeller)
+            return self._context.compute(views.FIGURE_WORKER, views.view_part, *arguments)
 
-        fill = partial(load_section, container, load, "fitting the motor constants")
+        fill = partial(widgets.load_section, container, load, "fitting the motor constants")
         button.on_click(lambda: fill())
         ui.timer(0.0, fill, once=True)
-
-    def _add_download(self, download: Download) -> None:
-        label, file, function, arguments = download
-
-        async def load() -> tuple[str, bytes | Path]:
-            if function is None:
-                return file, self._folder.find_file(*arguments)
-            return file, await self._context.compute(EXPORT_WORKER, function, *arguments)
-
-        self._add_save(label, "download", load)
 
     def _add_export(self, name: str) -> None:
         titles = {key: target.title.partition(":")[0] for key, target in TARGETS.items()}
 
         def load() -> Awaitable[tuple[str, bytes]]:
             arguments = (name, target.value, self._propeller)
-            return self._context.compute(EXPORT_WORKER, export_file, *arguments)
+            return self._context.compute(EXPORT_WORKER, views.export_file, *arguments)
 
         with ui.row().classes("items-center gap-1"):
             target = ui.select(titles, value="ardupilot", label="For")
             target.props("dense").classes("w-44")
-            self._add_save("Export", "flight", load)
-
-    def _add_save(
-        self, label: str, icon: str, load: Callable[[], Awaitable[tuple[str, bytes | Path]]]
-    ) -> None:
-        """Add a button that saves a file; `load` returns its name and content."""
-        button = ui.button(label, icon=icon).props("outline dense")
-        page = self._container.client
-
-        @show_errors
-        async def save() -> None:
-            button.props("loading")
-            try:
-                file, content = await load()
-            finally:
-                button.props(remove="loading")
-            # In the page's slot: opening another entry deletes the button.
-            with page:
-                ui.download(content, file)
-
-        button.on_click(save)
+            _add_save("Export", "flight", load)
 
 
 ROWS_PER_PAGE = 10
@@ -228,14 +222,7 @@ REFRESH_INTERVAL_S = 3.0
 (_OVER_FIELD,) = (item for item in items(ReportInputs) if item.name == "over")
 # Horizontal axes of comparisons.
 AXES = {"": "sweeps: thrust ratio"} | {key: f"over {key}" for key in _OVER_FIELD.choices}
-COLUMNS = (
-    ("name", "Name"),
-    ("kind", "Kind"),
-    ("rig", "Rig or model"),
-    ("date", "Date"),
-    ("state", "State"),
-    ("summary", "Summary"),
-)
+COLUMNS = ("name", "kind", "rig", "date", "state", "summary")
 
 _NAME = """
 <q-td :props="props"><button type="button" class="run-name"
@@ -277,10 +264,11 @@ class RunsTab:
             self._table = self._make_table()
             with ui.expansion("Import a table or log").classes("w-full bordered"):
                 self._import = InputForm(ImportInputs, lambda: None)
+                widgets.add_table_upload(context, self._uploaded, self._import.make)
+                ui.label("Options of the import; set them before the upload.").classes("soft")
                 with ui.element("div").classes("fit-form"):
                     self._import.add("flip", "tare", "scale", "air_density", "hover", "over")
                     self._import.add("near_m", "propeller")
-                add_table_upload(context, self._uploaded, self._import.make)
         context.persist("runs.search", self._search)
         context.persist("runs.kind", self._kind)
         self._detail = RunDetail(context, self._select)
@@ -289,9 +277,10 @@ class RunsTab:
     def _make_table(self) -> ui.table:
         table = ui.table(
             columns=[
-                {"name": key, "label": label, "field": key, "align": "left", "sortable": True,
-                 "headerClasses": key, "classes": key}
-                for key, label in COLUMNS
+                {"name": key, "label": "Rig or model" if key == "rig" else key.capitalize(),
+                 "field": key, "align": "left", "sortable": True, "headerClasses": key,
+                 "classes": key}
+                for key in COLUMNS
             ],
             rows=[],
             row_key="name",
@@ -309,7 +298,7 @@ class RunsTab:
         table.on("open", lambda event: self.open(str(event.args)))
         return table
 
-    @show_errors
+    @widgets.show_errors
     async def open(self, name: str) -> None:
         await self._detail.open(name)
         address = json.dumps("?" + urlencode({"tab": "runs", "run": name}))
@@ -321,10 +310,10 @@ class RunsTab:
             field.set_value(value)
         self._table.selected = [row for row in self._table.rows if row["name"] == name]
         self._on_select()
-        notify(f"{name} is selected; select others in the list, then press Compare")
+        widgets.notify(f"{name} is selected; select others in the list, then press Compare")
         ui.run_javascript("window.scrollTo(0, 0)")
 
-    @show_errors
+    @widgets.show_errors
     async def _show_comparison(self) -> None:
         await self._detail.compare(self._comparable(), self._axis.value, self._thrust.value or None)
 
@@ -339,14 +328,14 @@ class RunsTab:
 
     async def _uploaded(self, name: str) -> None:
         await self._refresh()
-        notify(f"saved as {name}")
+        widgets.notify(f"saved as {name}")
         await self.open(name)
 
-    @show_errors
+    @widgets.show_errors
     async def _refresh(self) -> None:
         if await self._listing.refresh():
             tags = sorted({tag for entry in self._listing.entries for tag in entry.tags})
-            replace_options(self._tags, tags)
+            widgets.replace_options(self._tags, tags)
             self._tags.set_visibility(bool(tags))
             self._fill()
 

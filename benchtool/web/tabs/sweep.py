@@ -13,18 +13,12 @@ from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.ratios import RATIO_BASES
 from benchtool.physics.model_file import model_names
 from benchtool.report.palette import GREY, SERIES_STYLES
+from benchtool.web import ratio_plot
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
 from benchtool.web.cards.live import ChartCard
 from benchtool.web.cards.plan import PlanCard
 from benchtool.web.context import PageContext
-from benchtool.web.ratio_plot import (
-    MeasuredRatios,
-    Trace,
-    measured_ratios,
-    model_curves,
-    ratio_figure,
-)
 from benchtool.web.theme import LIGHT_INK
 from benchtool.web.widgets import open_tab, refresh_cards, show_errors
 
@@ -78,7 +72,8 @@ class RunCard:
         self._question.set_text(sweep.question)
         visible = [event for event in events if event.event not in NO_PROGRESS]
         lines = [f"{event.time_s:8.1f} s  {event.event}: {event.text}" for event in visible]
-        self._log.set_text("\n".join(reversed(lines[-MAX_EVENTS:])))
+        text = "\n".join(reversed(lines[-MAX_EVENTS:]))
+        self._log.set_text(text.replace("went_on: ", "").replace("paused: paused", "paused"))
 
     @show_errors
     def _send(self) -> None:
@@ -100,7 +95,7 @@ class RatioCard:
         self._context = context
         self._plot_key: tuple[object, ...] = ()
         self._rig_name = ""
-        self._curves: tuple[Trace, ...] = ()
+        self._curves: tuple[ratio_plot.Trace, ...] = ()
         self._curves_key: tuple[str, ...] = ()
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full"):
@@ -110,7 +105,9 @@ class RatioCard:
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
                 self._model.props("dense").classes("w-44")
-            figure = ratio_figure(MeasuredRatios(), (), empty_text(context.bench), GREY)
+            figure = ratio_plot.ratio_figure(
+                ratio_plot.MeasuredRatios(), (), empty_text(context.bench), GREY
+            )
             self._plot = ui.echart(figure).classes("w-full ratio-plot")
             self._plot.props('role=img aria-label="Thrust, no measured point"')
             self._problem = ui.label().classes("soft")
@@ -129,17 +126,17 @@ class RatioCard:
             return
         self._plot_key = key
         run = partial(self._context.server.run, "plots")
-        points = MeasuredRatios()
+        points = ratio_plot.MeasuredRatios()
         if sweep.run and sweep.n_measured and sweep.kind != "pitch":
-            points = await run(measured_ratios, Path(sweep.run), basis)
+            points = await run(ratio_plot.measured_ratios, Path(sweep.run), basis)
         if rig is not None and self._curves_key != (rig.name, model, ink, basis):
             self._curves_key = rig.name, model, ink, basis
             try:
-                self._curves = await run(model_curves, model, rig, ink, basis)
+                self._curves = await run(ratio_plot.model_curves, model, rig, ink, basis)
             except BenchtoolError as error:
-                self._curves = await run(model_curves, "", rig, ink, basis)
-                points = points if points.rows else MeasuredRatios(problem=str(error))
-        self._plot.options.update(ratio_figure(points, self._curves, text, ink))
+                self._curves = await run(ratio_plot.model_curves, "", rig, ink, basis)
+                points = points if points.rows else ratio_plot.MeasuredRatios(problem=str(error))
+        self._plot.options.update(ratio_plot.ratio_figure(points, self._curves, text, ink))
         self._plot.props(f'aria-label="Thrust, {len(points.rows)} measured points"')
         self._plot.update()
         self._problem.set_text(points.problem)

@@ -80,7 +80,7 @@ def rows(quick: bool) -> Iterator[Row]:
                 page = browser.new_page(viewport={"width": 1280, "height": 900})
                 page.set_default_timeout(60_000)
                 page.goto(url)
-                page.get_by_text("in control", exact=True).wait_for()
+                page.get_by_text("this page controls", exact=True).wait_for()
                 connect(page, "sim:pquad?rate=1000")
                 page.locator(".hold-button:not([disabled])").hover()
                 for hogs in HOGS[: 1 if quick else None]:

@@ -38,7 +38,7 @@ def start(page: Page, web: Web, begun_s: float) -> Iterator[Row]:
     sizes: list[float] = []
     session.on("Network.loadingFinished", lambda event: sizes.append(event["encodedDataLength"]))
     page.goto(web.url)
-    page.get_by_text("in control", exact=True).wait_for()
+    page.get_by_text("this page controls", exact=True).wait_for()
     usable_s = time.time() - begun_s
     page.wait_for_load_state("networkidle")
     session.detach()

@@ -212,7 +212,7 @@ def press_all(count: int, seed: int, notes: Path) -> list[Press]:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(TIMEOUT_MS)
         page.goto(web.url)
-        page.get_by_text("in control", exact=True).wait_for()
+        page.get_by_text("this page controls", exact=True).wait_for()
         scene = Scene(page, device)
         for number, (way, going_on) in enumerate(order_of(count, random.Random(seed))):
             if number < len(presses):

@@ -63,7 +63,7 @@ class Scene:
         self.page: Page = self.browser.new_page(viewport={"width": 1280, "height": 900})
         self.page.set_default_timeout(TIMEOUT_MS)
         self.page.goto(self.web.url)
-        self.page.get_by_text("in control", exact=True).wait_for()
+        self.page.get_by_text("this page controls", exact=True).wait_for()
         connect(self.page, self.device.address, rig)
         self.stop = centre(self.page.locator(".stop-button"))
 

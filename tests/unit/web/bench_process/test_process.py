@@ -129,7 +129,7 @@ def test_what_cannot_be_opened_is_told_in_one_sentence(bench, address, fragment)
 
 
 def test_motors_turn_only_while_the_button_is_reported_as_held(bench):
-    bench.connect("sim:pquad_single")
+    limits = bench.connect("sim:pquad_single").rig_limits
     for _ in range(30):
         bench.send(messages.HoldThrottle("a", 1, 1300.0, (1,)))
         time.sleep(0.05)
@@ -142,6 +142,13 @@ def test_motors_turn_only_while_the_button_is_reported_as_held(bench):
     standing = bench.wait_for(messages.LiveStatus, lambda event: "was seen" in event.standstill)
     assert max(standing.command_pwm_us) == 1000.0
     assert standing.standstill.startswith("rotor 1 was seen to stand")
+    bench.send(messages.TightenLimits(replace(limits, thrust_N=1.0)))
+    for _ in range(30):
+        bench.send(messages.HoldThrottle("a", 2, 1300.0, (1,)))
+        time.sleep(0.05)
+    off = bench.wait_for(messages.ConnectionStatus, lambda event: event.status == "off")
+    assert off.reason.startswith("Thrust limit reached: 1.")
+    assert off.reason.endswith("your limits are removed. Lower the pulse, then connect again.")
 
 
 def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench):

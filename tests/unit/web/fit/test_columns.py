@@ -7,7 +7,7 @@ import pytest
 from benchtool.core.channel import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
 from benchtool.data.run.runs_folder import column_map_path
-from benchtool.web.cards.data import allowed_units, check_columns, load_columns
+from benchtool.web.cards.data import allowed_units, check_columns, displayed_unit, load_columns
 from benchtool.web.entries import store_columns
 
 
@@ -27,6 +27,9 @@ def test_a_header_suggests_columns_and_units_of_the_same_kind(table):
     assert allowed_units("thrust_N")[0] == "N"
     assert {"gf", "lbf"} <= set(allowed_units("thrust_N"))
     assert "mm" not in allowed_units("thrust_N")
+    cells = ("Thrust_kg", "Thrust (bar)", "n (1/s)")
+    channels = ("thrust_N", "thrust_N", "rpm1")
+    assert [*map(displayed_unit, channels, cells)] == ["kgf", None, "1/s"]
 
 
 def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
