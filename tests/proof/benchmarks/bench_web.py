@@ -7,6 +7,7 @@ number, so this is wall time.
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 import time
 from collections.abc import Iterator
@@ -38,7 +39,7 @@ def start(page: Page, web: Web, begun_s: float) -> Iterator[Row]:
     sizes: list[float] = []
     session.on("Network.loadingFinished", lambda event: sizes.append(event["encodedDataLength"]))
     page.goto(web.url)
-    page.get_by_text("this page controls", exact=True).wait_for()
+    page.get_by_text(re.compile("^(this page controls|in control)$")).wait_for()
     usable_s = time.time() - begun_s
     page.wait_for_load_state("networkidle")
     session.detach()

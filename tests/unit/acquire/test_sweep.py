@@ -32,19 +32,8 @@ from benchtool.data.run.run import Run
 from tests.unit.acquire.fake_bench import FakeBench
 
 RIG = load_rig_by_name("pquad_single")
-PLAN = plan_from_toml(
-    """
-repeats = 2
-sample_s = 0.5
-[plate]
-distances_m = [0.1, 0.2]
-[throttle]
-pwm_us = [1400.0]
-[order]
-anchor_every = 2
-""",
-    "plan",
-)
+SETTINGS = "plate.distances_m = [0.1, 0.2]\nthrottle.pwm_us = [1400.0]\norder.anchor_every = 2\n"
+PLAN = plan_from_toml(f"repeats = 2\nsample_s = 0.5\n{SETTINGS}", "plan")
 
 
 class Watcher(RunProgress):

@@ -39,17 +39,8 @@ def drives_1400_us(event: messages.LiveStatus) -> bool:
     return max(event.command_pwm_us, default=0.0) >= 1400.0
 
 
-PLAN = plan_from_toml(
-    """
-repeats = 1
-sample_s = 0.5
-[plate]
-distances_m = [0.1, 0.2]
-[throttle]
-pwm_us = [1400.0]
-""",
-    "plan",
-)
+SETTINGS = "plate.distances_m = [0.1, 0.2]\nthrottle.pwm_us = [1400.0]\n"
+PLAN = plan_from_toml(f"repeats = 1\nsample_s = 0.5\n{SETTINGS}", "plan")
 
 
 class Server:
