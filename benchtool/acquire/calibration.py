@@ -87,7 +87,8 @@ def fit_calibration(
     if abs(gain) <= 5.0 * gain_sd or gain == 0.0:
         raise CalibrationError(
             f"load cell gain {gain:.3g} +- {gain_sd:.2g} counts/N is not significant; "
-            f"check that the masses hang on the load cell and that its channel is connected"
+            f"check that the masses hang on the load cell (a virtual bench has none) and that its "
+            f"channel is connected"
         )
     residual_N = np.empty(len(force))
     for line, rows in zip(lines, by_day.values(), strict=True):

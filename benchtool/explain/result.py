@@ -42,7 +42,7 @@ EXCESS_ERROR = 1.5  # in noise floors; a larger remaining error is reported; ass
 MIN_DETECTABLE = 3.0  # tolerances; an effect with a larger detection limit counts as unjudged
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class Explanation:
     """Missing effects of a model, with probabilities, remaining gap and next experiment."""
 
@@ -73,6 +73,9 @@ class Explanation:
     seed: int = 0  # of all random draws
     seconds: float = 0.0  # computing time
     commands: tuple[str, ...] = ()  # as typed
+
+    def __repr__(self) -> str:
+        return self.sentence
 
     @property
     def request(self) -> Request:

@@ -213,8 +213,9 @@ def _ways_table(fit: MotorFit) -> Table | None:
 
 
 EXPORT = (
-    "benchtool export RUN --motor RUN --to all writes parameters for ArduPilot, PX4, Betaflight, "
-    "Gazebo, MuJoCo and firmware, relative to the pulse width at idle."
+    "benchtool export DATA --to all (with --propeller SIZE for a log that names none) writes "
+    "parameters for ArduPilot, PX4, Betaflight, Gazebo, MuJoCo and firmware, relative to the pulse "
+    "width at idle."
 )
 
 

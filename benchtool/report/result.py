@@ -123,7 +123,7 @@ class Result(Generic[Found]):
 
         parts = [f"<pre style='white-space: pre-wrap'>{escape(self.summary())}</pre>"]
         if self._tables:
-            parts.append(str(self.to_dataframe().head(12).to_html()))
+            parts.append(str(self.to_dataframe().head(12).to_html(float_format="{:.5g}".format)))
         with suppress(InputError):  # nothing to draw
             parts.append(inline_svg(figure_bytes(self.plot()), f"bt{id(self)}"))
         return "<div>" + "\n".join(parts) + "</div>"

@@ -204,7 +204,8 @@ def best_table(comparison: RunComparison) -> Table | None:
     return Table(
         f"At {comparison.thrust_N:.4g} N, the most efficient first "
         f"({TITLES[comparison.ranked_by]}): interpolated from rows within a factor 1.5, ± standard "
-        f"error. Behind: deficit to the first, in standard deviations of the difference.",
+        f"error. Behind: deficit to the first, in standard deviations of the difference; from 2 on "
+        f"it is significant.",
         ("rank", "run", *(TITLES[key] for key in columns), "behind [sd]", "remark"),
         rows,
         text_columns=2,
@@ -244,7 +245,9 @@ def comparison_sentence(comparison: RunComparison) -> str:
     best, result = comparison.found[0], ""
     if comparison.ranked_by in best.values:
         value = value_with_sd(*best.values[comparison.ranked_by])
-        result = f" At {comparison.thrust_N:.4g} N {best.run} is the most efficient: {value} gf/W."
+        rated = [item for item in comparison.found if comparison.ranked_by in item.values]
+        rank = "the most efficient" if len(rated) > 1 else "the only one with a value"
+        result = f" At {comparison.thrust_N:.4g} N {best.run} is {rank}: {value} gf/W."
     unreached = [f"{item.run} ({item.remark})" for item in comparison.found if not item.values]
     if unreached:
         result += f" Not at that thrust: {', '.join(unreached)}."

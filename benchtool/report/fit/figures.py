@@ -54,6 +54,8 @@ def titled(title: str, fit: FitOutput) -> str:
 def ratio(figure: Figure, fit: FitOutput) -> None:
     """Draw T_IGE/T_OGE of the data, the fitted curve and the closed-form formulae."""
     series = ratio_points(fit, name_of_data(fit))
+    if np.isnan(series.sd).all():
+        series = replace(series, label=series.label.partition(",")[0])  # no bars
     z, speeds = curve_distances([series], fit.fitted), _fastest(fit).speed_rad_s
     curves = [fitted_curve(fit, z), *formula_curves(fit.fitted.rig, speeds, z)]
     draw_ratio(figure, [series], curves, shown_basis(fit))

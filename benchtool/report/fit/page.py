@@ -93,7 +93,7 @@ FIT = Page(
         lambda fit: run_sections(fit.data.hashes),
     ],
     title="Fit: {0.recipe.name}",
-    summary=lambda fit: sentence(fit),
+    summary=lambda fit: sentence(fit, short=True),
     highlights=_highlights,
 )
 
