@@ -179,7 +179,7 @@ class Header:
         parts, in_control = status_parts(self._context.bench), self._context.in_control()
         self._known.set_text(f"{', '.join(parts)}.")
         self._state.set_text(" · ".join(parts))
-        self._control.set_text("this page controls" if in_control else "watching")
+        self._control.set_text("this page controls" if in_control else "watching, another controls")
         motors = motors_text(self._context.bench)
         title = "benchtool" if motors == ZERO_THROTTLE_TEXT else f"{motors} – benchtool"
         if title != self._title:
