@@ -248,7 +248,6 @@ def _structure_messages(problem: Problem, rows: Array) -> list[str]:
     return bends + sign_runs + slopes
 
 
-BENCH_EFFECTS = ("load_cell_drift", "tare_offset", "plate_offset")  # of models single_bench, ...
 CLOCK = ("order", "time_s", "elapsed_s")  # time-like columns; repeated anchor points show trends
 
 
@@ -258,11 +257,9 @@ def _hint(problem: Problem, column: str) -> str:
     present = [name for name in names if name in problem.parameters]
     absent = [name.partition(".")[0] for name in names if name not in problem.parameters]
     advice = [f"fit with --free {name}" for name in present if name not in problem.free_names]
-    if in_bench_model := [name for name in absent if name in BENCH_EFFECTS]:
-        models = "--model single_bench, or quad_bench for four rotors"
-        advice.append(f"fit {' and '.join(in_bench_model)} with {models}")
-    if others := [name for name in absent if name not in BENCH_EFFECTS]:
-        advice.append(f"add {' or '.join(others)} to the model")
+    if absent:
+        effects = " or ".join(absent)
+        advice.append(f"fit a model with {effects} (see --model single_bench and quad_bench)")
     if column in CLOCK:
         advice.append("look at the anchor points")
     return ", or ".join(advice) or "look for an effect that depends on it"

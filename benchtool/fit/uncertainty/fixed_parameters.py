@@ -119,7 +119,7 @@ def _prior_uncertainty(
     tolerance = default if item.tolerance is None else item.tolerance
     origin = "assumed by benchtool" if tolerance == default else "stated by the model"
     half_width = tolerance or 0.0
-    return half_width / sqrt(3.0), "uniform", f"{origin}: {item.value:g} ± {half_width:.2g}"
+    return half_width / sqrt(3.0), "uniform", f"{origin}: {item.value:g} ± {half_width:g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

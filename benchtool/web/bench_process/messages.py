@@ -12,7 +12,7 @@ from typing import Literal
 from benchtool.acquire.inputs import RecordInputs, SweepInputs, WeighingInputs
 from benchtool.bench.bench import DeviceInfo
 from benchtool.core.channel import channel_family
-from benchtool.core.errors import BenchtoolError, LimitExceeded
+from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Limits, Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.append import Event
@@ -214,10 +214,8 @@ LIMITED = (
 DECIMALS = {"N": 2, "V": 2, "A": 1, "°C": 1}  # of readings by unit
 
 
-def limit_message(error: BenchtoolError, limits: Limits, rig_limits: Limits) -> str:
-    """Return the text of an error that ended the connection, for a limit under manual throttle."""
-    if not isinstance(error, LimitExceeded):
-        return str(error)
+def limit_message(error: LimitExceeded, limits: Limits, rig_limits: Limits) -> str:
+    """Return the text of a limit that ended the connection under manual throttle."""
     bounds, rig_bounds = limits_by_family(limits), limits_by_family(rig_limits)
     for name, family, unit in LIMITED:
         limit, rig_limit = bounds[family], rig_bounds[family]

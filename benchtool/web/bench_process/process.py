@@ -35,7 +35,13 @@ from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stop_requests import StoppableBench, StopRequested
-from benchtool.core.errors import BenchError, BenchtoolError, InputError, StandstillNotConfirmed
+from benchtool.core.errors import (
+    BenchError,
+    BenchtoolError,
+    InputError,
+    LimitExceeded,
+    StandstillNotConfirmed,
+)
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.run.state import store_state
@@ -190,7 +196,7 @@ class BenchProcess:
                 problem = state.text
         except BenchtoolError as error:
             reason = str(error)
-            if error is not self._runs.sweep_error:
+            if isinstance(error, LimitExceeded) and error is not self._runs.sweep_error:
                 reason = messages.limit_message(error, session.rig.limits, rig.limits)
             problem = reason if isinstance(error, StandstillNotConfirmed) else ""
         finally:

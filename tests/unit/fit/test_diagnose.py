@@ -62,7 +62,7 @@ def test_a_parameter_that_does_nothing_is_named():
     assert "do not determine load_cell_drift.rate_N_per_s" in said
     without = sweep(quad_model(), (0.5, 1.0, 2.0))
     without = replace(without, missing=lambda column: [EFFECTS["load_cell_drift"]])
-    assert _hint(without, "z").startswith("fit load_cell_drift with --model single_bench")
+    assert _hint(without, "z").startswith("fit a model with load_cell_drift (see ")
 
 
 def test_a_model_without_its_body_lift_is_rejected():

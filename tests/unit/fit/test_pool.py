@@ -94,7 +94,7 @@ def fits(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rigs")
     for k in range(4):
         fixed = {"R_m": 0.12 if k < 3 else 0.132, "body_lift.K_b": 1.9}
-        budget_sweep(70 + k, folder / f"{k}.csv", fixed)
+        budget_sweep(80 + k, folder / f"{k}.csv", fixed)
         output = bt.fit(folder / f"{k}.csv", "quad_bench", rig="pquad").found
         (folder / f"bench{k}").mkdir()
         write_result(folder / f"bench{k}", output)
