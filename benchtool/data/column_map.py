@@ -88,8 +88,7 @@ def find_conversion(text: str, target: str) -> Conversion:
 def unit_in_header(text: str, target: str) -> Conversion | None:
     """Return the conversion from a header's text in brackets, or None if it is not a unit.
 
-    Raises:
-        InputError: a unit of another dimension.
+    Raises InputError for a unit of another dimension.
     """
     if not text:
         return None
@@ -177,10 +176,8 @@ class MappedColumn:
 def map_columns(header: Sequence[str], where: str, columns: ColumnMap) -> list[MappedColumn]:
     """Return the source of each channel in a table with this header.
 
-    The default unit is the one in brackets in the column's name, else the channel's.
-
-    Raises:
-        MissingColumn: columns of the map are missing in the header; the error lists all of them.
+    The default unit is the one in brackets in the column's name, else the channel's. Raises
+    MissingColumn, with all columns of the map that are missing in the header.
     """
     sources: dict[str, ColumnSource] = {}
     for name, source in columns.items():

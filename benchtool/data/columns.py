@@ -143,8 +143,7 @@ def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
 def table_to_csv(table: pd.DataFrame | Mapping[str, object]) -> str:
     """Return a data frame or a mapping of arrays as CSV text, units of `attrs` in the header.
 
-    Raises:
-        InputError: columns of different lengths, or a unit that contradicts a channel's name.
+    Raises InputError for columns of different lengths, or a unit that contradicts a channel's name.
     """
     import pandas as pd
 

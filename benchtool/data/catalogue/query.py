@@ -60,8 +60,7 @@ class RunSelection:
     def query(self, sql: str) -> pd.DataFrame:
         """Return the result of a SELECT from the tables runs, settings, points, samples and fits.
 
-        Raises:
-            InputError: DuckDB is not installed, or it rejects the query.
+        Raises InputError if DuckDB is not installed or rejects the query.
         """
         with run_query(self.entries, sql) as result:
             table: pd.DataFrame = result.df()

@@ -28,10 +28,7 @@ class AppendFile:
 
     An incomplete last line of an earlier process is removed on opening; `fragment` is its text,
     for the event log. After a failed write, its data and all later data stay in memory for
-    `copy_to`.
-
-    Raises:
-        InputError: another process has an exclusive file open.
+    `copy_to`. Raises InputError if another process has an exclusive file open.
     """
 
     EXCLUSIVE = False  # True: only one process at a time can open the file

@@ -228,9 +228,7 @@ def load_rig_for_data(paths: Sequence[str]) -> Rig | None:
     """Return the common rig of data files, None if no file has one.
 
     A run folder, a points.csv in one, and a simulated recording (in its JSON file) have a rig.
-
-    Raises:
-        InputError: the rigs differ, so the data cannot share one model.
+    Raises InputError if the rigs differ, so that the data cannot share one model.
     """
     rigs: dict[str, Rig] = {}
     for path in paths:

@@ -150,12 +150,8 @@ class Run:
     ) -> None:
         """Write the run to a new folder, with its open files and changed keys of metadata.json.
 
-        Args:
-            whole: write the whole contents of the files, and use the new folder as the run's path
-                from then on; False writes only the unwritten data.
-
-        Raises:
-            OSError: no space there; the new folder is removed.
+        `whole` writes the whole contents of the files, and makes the new folder the run's path;
+        else only the unwritten data are written. OSError without space: the folder is removed.
         """
         path.mkdir()
         try:
