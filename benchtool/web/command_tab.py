@@ -61,6 +61,7 @@ class CommandTab(ABC):
         """Show the report of a completed job in the current slot."""
 
     def add_controls(self) -> None:
+        """Create start button, hint and equivalent command in the current slot."""
         with ui.row().classes("items-center w-full"):
             self._start = ui.button(self.label, icon=self.icon, on_click=self.start)
             self._hint = ui.label().classes("soft").props("role=status")
@@ -68,6 +69,7 @@ class CommandTab(ABC):
             self._command = CommandRow()
 
     def show_latest(self) -> None:
+        """Show the latest job and the state of the form."""
         self.is_ready = True
         job = self.context.server.jobs.get(self.noun)
         if job is not None and not job.done():
@@ -78,6 +80,7 @@ class CommandTab(ABC):
         ui.timer(REFRESH_INTERVAL_S, self._refresh)
 
     def change(self) -> None:
+        """Show the form's command or its first error."""
         if not self.is_ready:
             return
         hint = ""
@@ -91,6 +94,7 @@ class CommandTab(ABC):
 
     @show_errors
     def start(self) -> None:
+        """Start a job; raise if the previous one is still running."""
         self.context.claim_control()
         name, inputs = self.read_form()
         create = partial(start_command, self.folder.new_path(name), inputs)
@@ -104,6 +108,7 @@ class CommandTab(ABC):
         self._show_progress(job)
 
     async def done(self, job: CommandJob) -> None:
+        """Show the report of a job that was completed while the page was open."""
         self.replace_report(partial(self.show_report, job))
         self.report.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
 

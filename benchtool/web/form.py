@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from nicegui import ui
 
-from benchtool.core.errors import check_name
+from benchtool.core.errors import InputError, check_name
 from benchtool.core.inputs import InputField, Inputs, build_inputs, items, to_arguments
 from benchtool.core.text import format_value
 from benchtool.web.sockets import PAGES
@@ -16,13 +15,16 @@ from benchtool.web.sockets import PAGES
 T = TypeVar("T", bound=Inputs)
 Options = Mapping[str, str] | Sequence[str]
 
-# Validation of a run's name while it is typed, as `check_name`; empty means the default.
-RUN_NAME = {
-    "use letters, digits, '.', '_' and '-', a letter or digit first": lambda text: bool(
-        re.fullmatch(r"([A-Za-z0-9][\w.-]*)?", text.strip(), re.ASCII)
-    )
-}
 MAX_PLACEHOLDER_LENGTH = 22  # that the narrowest field displays; assumed
+
+
+def run_name_error(text: str) -> str | None:
+    """Return what is wrong with the name of a run; an empty one means the default."""
+    try:
+        check_name("run", text.strip() or "run", ascii_only=True)
+    except InputError as error:
+        return str(error)
+    return None
 
 
 class InputForm(Generic[T]):
@@ -34,6 +36,7 @@ class InputForm(Generic[T]):
         self._fields: dict[str, Any] = {}
 
     def add(self, *names: str, options: Options | None = None) -> None:
+        """Create fields in the current slot; `options` are choices, possibly with labels."""
         for name in names:
             element = self._make_field(self._items[name], options)
             self._fields[name] = element.props("dense stack-label")
@@ -64,13 +67,15 @@ class InputForm(Generic[T]):
         element = ui.input(item.label)
         _show_default(element, default)
         if item.name == "name":
-            element.validation = RUN_NAME
+            element.validation = run_name_error
         return element.props("debounce=300 hide-bottom-space")
 
     def choose(self, name: str, options: Mapping[str, str], value: str) -> None:
+        """Replace the options of a field and select one."""
         self._fields[name].set_options(dict(options), value=value)
 
     def values(self) -> dict[str, Any]:
+        """Return the field values by name; None for an empty field."""
         return {name: _parse_empty(field.value) for name, field in self._fields.items()}
 
     def make(self, base: T | None = None) -> T:
@@ -79,6 +84,7 @@ class InputForm(Generic[T]):
         return build_inputs(self._cls, self.values(), source="label", base=base)
 
     def arguments(self, extra: Mapping[str, Any]) -> list[str]:
+        """Return the command-line arguments; `extra` are inputs without a field."""
         return to_arguments(self._cls, {**self.values(), **extra})
 
     def show_defaults(self, texts: Mapping[str, str]) -> None:

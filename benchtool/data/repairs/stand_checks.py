@@ -228,8 +228,8 @@ def inspect_stand(result: ImportResult) -> ImportResult:
     recording = result.recording
     constant = {name for name, source in result.sources.items() if source.startswith("constant ")}
     dead = [finding for finding in constant_channels(recording) if finding.channel not in constant]
-    signs = [check_readings_at_rest(recording, name) for name in ("thrust_N", "torque_Nm")]
-    findings = [*signs[0], *signs[1], *dead, *check_speed_scale(recording)]
+    thrust, torque = (check_readings_at_rest(recording, key) for key in ("thrust_N", "torque_Nm"))
+    findings = [*thrust, *torque, *dead, *check_speed_scale(recording)]
     if len(recording) == 1:
         text = "one row is not a measurement series; no comparison is possible"
         findings.append(Finding("doubt", "single row", text, count=1))

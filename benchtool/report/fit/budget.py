@@ -96,9 +96,11 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
 
 def main_sources(budget: Budget | None) -> list[str]:
     """Return a sentence for each source outside the fit with most of a quantity's variance."""
-    sentences = []
-    for line, parts in zip(budget.lines, budget.parts, strict=True) if budget else ():
-        names = compress(budget.names, 2.0 * parts**2 > budget.combined**2) if budget else ()
+    sentences: list[str] = []
+    if budget is None:
+        return sentences
+    for line, parts in zip(budget.lines, budget.parts, strict=True):
+        names = compress(budget.names, 2.0 * parts**2 > budget.combined**2)
         if (text := ", ".join(names)) and not line.in_fit:
             u = with_unit(f"{line.sd:.2g}", line.unit)
             remedy = "; state its tolerance or prior in a model file" * ("." in line.name)

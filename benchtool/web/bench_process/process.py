@@ -30,7 +30,6 @@ from benchtool.acquire.calibration import (
 )
 from benchtool.acquire.inputs import SweepInputs, resolve_rig
 from benchtool.acquire.operator import CONFIRMATION
-from benchtool.acquire.stop_listener import StopListener
 from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
@@ -66,7 +65,7 @@ def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token:
     if listening is None:
         process.run()
         return
-    listener = StopListener(
+    listener = stop_listener.StopListener(
         listening,
         token,
         lambda source: process.stop(f"stopped from {source}"),

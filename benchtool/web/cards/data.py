@@ -142,13 +142,13 @@ class DataCard:
         await self.refresh()
         widgets.notify(f"saved as {name}")
         if is_stand_table(self._folder.find_file(name)):
-            widgets.open_tab(
-                "runs", run=name
-            )  # motor constants and comparisons; a fit needs a plate
+            # Motor constants and comparisons; a fit needs a plate.
+            widgets.open_tab("runs", run=name)
         else:
             self.choice.set_value([name])
 
     def _add_radius_field(self, name: str) -> None:
+        """Add a field and a button to write a rig file with only the rotor radius."""
         with ui.row().classes("items-end w-full gap-3"):
             radius = ui.number(f"Rotor radius of {name}, m", placeholder="empty: from the table")
             radius.props("dense stack-label step=any").classes("grow")

@@ -132,6 +132,7 @@ class PlanCard:
         self._base_hint = ui.label().classes("soft")
 
     def _select_test(self, event: events.ValueChangeEventArguments[str]) -> None:
+        """Use a library plan without a plate as the base of the form."""
         name = str(event.value or "")
         plan = read_plan(name) if name else Plan()
         self._base, self._file = SweepInputs(plan=plan), name

@@ -23,7 +23,7 @@ from benchtool.web.cards.live import AnnotationRow, ChartCard, QuantitiesCard
 from benchtool.web.cards.manual import LoadCellCard, ThrottleCard
 from benchtool.web.choices import rig_choices
 from benchtool.web.context import PageContext
-from benchtool.web.form import RUN_NAME, InputForm
+from benchtool.web.form import InputForm, run_name_error
 
 REFRESH_INTERVAL_S = 0.25  # of the numbers
 
@@ -196,7 +196,7 @@ class LiveRecordCard:
         send = widgets.show_errors(context.send)
         with widgets.titled_card("Live recording") as self._card:
             with ui.row().classes("items-end w-full"):
-                name = ui.input("Name of the run", value="live", validation=RUN_NAME)
+                name = ui.input("Name of the run", value="live", validation=run_name_error)
                 name.props("dense").classes("grow")
                 self._start = ui.button("Record", icon="fiber_manual_record")
                 self._start.on_click(

@@ -105,6 +105,7 @@ class ExplainTab(CommandTab):
 
     @widgets.show_errors
     async def _select(self, learn: list[str], check: list[str], model: list[str]) -> None:
+        """Read the available choices and select those of the page's address."""
         await self._read_choices()
         for select, names in ((self._learn, learn), (self._check, check)):
             select.set_value([name for name in names if name in select.options])
@@ -135,6 +136,7 @@ class ExplainTab(CommandTab):
 
     @widgets.show_errors
     def _suggest_model(self) -> None:
+        """Select the model for the first recording, unless the user has selected one."""
         if self._model.value in (None, self._suggested_model) and self._learn.value:
             model = self._sources.suggest_model(self._learn.value[0])
             self._suggested_model = model if model in self._model.options else ""

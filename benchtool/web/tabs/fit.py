@@ -179,6 +179,7 @@ class ParameterTable:
         self._container = ui.element("div").classes("w-full wide")
 
     def clear(self) -> None:
+        """Discard the changes before another model is shown."""
         self._parameters, self.changes = {}, {}
         self._container.clear()
         self._on_change()
