@@ -147,8 +147,9 @@ def motor(
     >>> constants.set_index("parameter")["value"].round(2)["T_max"].item()
     6.4
     """
+    stand = read_stand(rig, propeller)
     result = Result(
-        found=fit_motor(saved_paths(runs), mass_kg, *_stand(rig, propeller), rotors, extrapolate),
+        found=fit_motor(saved_paths(runs), mass_kg, *stand, rotors, extrapolate),
         _page=MOTOR, _summary=motor_lines,
         _tables={
             "constants": lambda found: rows_to_frame([estimate_row(e) for e in found.estimates]),
@@ -269,12 +270,13 @@ def export(
     ['rotor.xml']
     """
     (path,) = saved_paths(model)
-    vehicle = build_vehicle(path, saved_paths(motor), permit, *_stand(rig, propeller), extrapolate)
+    stand = read_stand(rig, propeller)
+    vehicle = build_vehicle(path, saved_paths(motor), permit, *stand, extrapolate)
     vehicle = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
     return write_targets(vehicle, to, None if out is None else Path(out))
 
 
-def _stand(
+def read_stand(
     rig: Rig | str | Path | None, propeller: str | Path | None
 ) -> tuple[Rig | None, Propeller | None]:
     """Return rig and propeller of logs."""

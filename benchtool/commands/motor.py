@@ -105,12 +105,12 @@ def export(inputs: ExportInputs) -> None:
     """Export a model for simulators, autopilots and firmware."""
     if not Path(inputs.model).exists():
         read_library_file("model", "models", inputs.model)  # before the imports of an export
-    from benchtool.api.models import _stand
+    from benchtool.api.models import read_stand
     from benchtool.export.targets import TARGETS, write_targets
     from benchtool.export.vehicle import ExportedNumber, build_vehicle
 
     stand = inputs.stand
-    bench = (*_stand(stand.rig, stand.propeller), stand.extrapolate)
+    bench = (*read_stand(stand.rig, stand.propeller), stand.extrapolate)
     vehicle = build_vehicle(inputs.model, inputs.motor, announce_code, *bench)
     vehicle = replace(vehicle, mass_kg=stand.mass_kg, rotors=stand.rotors)
     for path in write_targets(vehicle, inputs.to, inputs.out):
