@@ -68,8 +68,11 @@ class Row:
         return None if self.peer is None else self.ours / self.peer
 
     def limit(self, slowness: float) -> float | None:
-        """Return the limit on a machine so many times slower than the one it was set for."""
-        if self.wanted is None or self.of_peer or self.unit not in OF_PROCESSOR:
+        """Return the limit on a machine so many times slower than the one it was set for.
+
+        On a faster machine the limit stays.
+        """
+        if self.wanted is None or self.of_peer or self.unit not in OF_PROCESSOR or slowness < 1.0:
             return self.wanted
         return self.wanted / slowness if self.is_rate else self.wanted * slowness
 
