@@ -187,7 +187,7 @@ class FlightLoop(Loop):
         self._has_factors = False
 
     def measurements(self, times_s: Sequence[float]) -> Iterator[FlightMeasurement]:
-        read, n = self.numbers("measured").tolist, -self._n_discs
+        read, n = self.view("measured")[:, 0].tolist, -self._n_discs
         for time_s in times_s:
             numbers = read()
             heights_m, coverages = tuple(numbers[n + n : n]), tuple(numbers[n:])
