@@ -34,6 +34,7 @@ SAMPLES = (
     "WHERE phase = 'sample' GROUP BY 1 ORDER BY 1"
 )
 
+PACKAGES = "import duckdb, pandas"  # both sides import them before the measured work
 OURS = "found = bt.runs(arguments[0], **eval(arguments[1])); rows = found.query(arguments[2])"
 
 BY_HAND = (
@@ -90,7 +91,9 @@ def rows(quick: bool) -> Iterator[Row]:
         ):  # fmt: skip
             listed = place / "files"
             listed.write_text(str([str(path) for path in files]), "utf-8")
-            _, ours, memory_MB = alone("import benchtool as bt; bt.read", OURS, root, by, sql)
-            _, peer, _ = alone("import duckdb, pandas", BY_HAND, listed, peer_sql)
+            _, ours, memory_MB = alone(
+                f"{PACKAGES}; import benchtool as bt; bt.read", OURS, root, by, sql
+            )
+            _, peer, _ = alone(PACKAGES, BY_HAND, listed, peer_sql)
             work = f"query, {what}, {count:,} runs"
             yield Row(work, ours, "s", peer, "DuckDB by hand", 1.5, True, memory_MB=memory_MB)
