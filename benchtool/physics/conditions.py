@@ -108,19 +108,16 @@ class Conditions:
         m = z.shape[0]
         given = {name: value for name, value in fields.items() if value is not None}
         defaults = dict.fromkeys(_ROW_FIELDS, 0.0) | {"voltage_V": rig.propulsion.voltage_nominal_V}
-        rows = {
-            name: np.broadcast_to(np.asarray(value, float), (m,)).copy()
-            for name, value in {**defaults, **given}.items()
-        }
+        rows = {name: np.full(m, value, float) for name, value in {**defaults, **given}.items()}
         speed = np.asarray(speed_rad_s, float)
         if speed.ndim == 1:
             speed = speed[:, None]
         if coverage is None:
             coverage = plate_coverage(rig, rows["plate_x_m"])
         return cls(
-            speed_rad_s=np.broadcast_to(speed, (rig.n_rotors, m)).copy(),
+            speed_rad_s=np.full((rig.n_rotors, m), speed),
             plate_z_m=z,
-            coverage=np.broadcast_to(coverage, (rig.n_discs, m)).copy(),
+            coverage=np.full((rig.n_discs, m), coverage),
             past_load=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             past_wash=np.zeros((len(HISTORY_TIME_CONSTANTS_S), m)),
             speed_measured=speed_measured,
