@@ -122,7 +122,7 @@ class TrueThrust:
 
     def _coverage(self, x_m: Array) -> Array:
         """Return the covered fractions (n_discs, m), or (n_discs, 1) for a plate at rest."""
-        if not len(x_m) or np.any(x_m != x_m[0]):
+        if np.any(x_m != x_m[0]):
             return plate_coverage(self._rig, x_m)
         # Cached: the areas are expensive, and the plate seldom moves sideways.
         if self._covered is None or self._covered[0] != x_m[0]:
@@ -306,20 +306,21 @@ class PlateBench:
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
         is_converted = self._due(self._cell.rate_Hz, n)
         zero_N = self._cell.drifting_zero_N(time_s, tick_s, noise[0])[is_converted]
-        position = PlatePosition(*(part[is_converted] for part in positions))
-        speed, angle_rad, _, voltage_V, *_ = (part[..., is_converted] for part in run)
-        at_s = time_s[is_converted]
-        force_N = self._thrust.thrust_N(
-            position, speed_rad_s=speed, voltage_V=voltage_V, elapsed_s=at_s - self._tared_s,
-            time_s=at_s,
-        )  # fmt: skip
-        relative_speed = speed / self._powertrain.top_speed_rad_s
-        vibration = np.sum(relative_speed**2 * np.sin(angle_rad), axis=0)
-        force_N = force_N + self._vibration_N * vibration
-        thrust_N, thrust_raw = np.full(n, np.nan), np.full(n, np.nan)
-        thrust_N[is_converted], thrust_raw[is_converted] = self._cell.convert(
-            force_N + zero_N, noise[1][is_converted]
-        )
+        thrust_N, thrust_raw = np.full((2, n), np.nan)
+        if is_converted.any():  # most blocks of one tick have no new thrust
+            position = PlatePosition(*(part[is_converted] for part in positions))
+            speed, angle_rad, _, voltage_V, *_ = (part[..., is_converted] for part in run)
+            at_s = time_s[is_converted]
+            force_N = self._thrust.thrust_N(
+                position, speed_rad_s=speed, voltage_V=voltage_V, elapsed_s=at_s - self._tared_s,
+                time_s=at_s,
+            )  # fmt: skip
+            relative_speed = speed / self._powertrain.top_speed_rad_s
+            vibration = np.sum(relative_speed**2 * np.sin(angle_rad), axis=0)
+            force_N = force_N + self._vibration_N * vibration
+            thrust_N[is_converted], thrust_raw[is_converted] = self._cell.convert(
+                force_N + zero_N, noise[1][is_converted]
+            )
 
         rows = np.empty((n, len(self.channels)))
         rows[:, :n_rotors] = self._powertrain.pwm_us
