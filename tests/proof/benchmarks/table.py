@@ -164,8 +164,8 @@ def write_page(results: dict[str, Any]) -> None:
     before, begin, rest = PAGE.read_text("utf-8").partition("<!-- bench -->\n")
     after = rest.partition("<!-- end of bench -->")[2]
     head = (
-        f"{results['date']}, commit {results['commit']}, {results['machine']}; "
-        f"{results['slowness']:.2f} times slower than where the limits were set.\n"
+        f"{results['date']}, commit {results['commit']}, {results['machine']}; typer takes "
+        f"{results['slowness']:.2f} times as long to import as where the limits were set.\n"
     )
     text = f"{head}\n{table(results, page=True)}\n\n"
     PAGE.write_text(f"{before}{begin}{text}<!-- end of bench -->{after}", "utf-8")
