@@ -31,7 +31,7 @@ NAMES = sorted(path.stem.removeprefix("bench_") for path in Path(__file__).paren
 RESULTS = TOP / "build" / "bench.json"
 PAGE = TOP / "docs" / "explanation" / "performance.md"
 REPETITIONS = 5
-ONCE = ("hold", "scale", "web")  # take minutes, or count events of their own
+ONCE = ("hold", "scale")  # take minutes, or count events of their own
 
 
 def measure(name: str, product: Path = TOP, *, quick: bool = False) -> tuple[list[Row], str]:
