@@ -221,7 +221,7 @@ def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
                     columns, p.speed_per_us_rad_s, p.pwm_start_us, voltage_V, p.voltage_nominal_V
                 )
             )
-        return np.broadcast_to(columns, (n, len(recording))).copy()
+        return np.full((n, len(recording)), columns)
     raise InputError(
         "the recording has neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us in "
         "the model's [columns] (or a constant: rpm1 = { constant = 6300, unit = 'rpm' })"
